@@ -39,8 +39,8 @@ from air_router.controller.model.mission_context import (
 )
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import low
 from air_router.controller.motion.navigator import Navigator
+from air_router.controller.motion.way_out import way_out
 from air_router.controller.states.explore_state import Exploration
 from air_router.mission.mission import Mission
 from air_router.routing.departure import BRAKING_M_S2, STANDING_M_S, names_of
@@ -132,6 +132,8 @@ class AirspaceUpdate:
         """Why nothing may be put on board any more; None if it may."""
         if self._put_off:
             return "the vehicle is not flown by us any more"
+        if self._context.on_board is OnBoard.REPLACED:
+            return "another ground station has changed what is on board"
         waited_for = self._context.zones is ZoneChange.UPLOADING
         return None if waited_for else "the mission goes on without it"
 
@@ -261,43 +263,51 @@ class AirspaceUpdate:
         if self._way_out is None or context.way.goal is not self._way_out:
             if telemetry.time_s < self._stuck_until_s:
                 return
-            paths, here = context.router.graph.paths, telemetry.position
-            place = paths.nearest(here, reachable_from=context.mission.home)
-            if self._way_out is None:
+            found = way_out(context.router, context.mission, telemetry)
+            if self._way_out is None and inside:
                 context.warn(f"leaving {names_of(inside)}", OUT_OF_ITS_WAY)
-            self._way_out = Goal(here if place is None else place)
+            place = telemetry.position if found is None else found.place
+            context.way_out_router = None if found is None else found.router
+            self._way_out = Goal(place)
             context.zones = ZoneChange.LEAVING
-            self._context.has_to_stop = False
+            context.has_to_stop = False
             motion = navigator.plan_to(self._way_out)
         elif gate.last is None and context.take_retry():
             motion = navigator.again()  # it did not follow
         else:
             motion = navigator.update(telemetry)
-        if isinstance(motion, FlyToNode | FlyToPoint) and low(context.mission, telemetry):
+        if isinstance(motion, FlyToNode | FlyToPoint) and context.way_out_router is not None:
             # What was drawn above it is left below that, not through it; then it climbs. To an item
             # of the plan PX4 would climb at once.
             context.climbs_first = True
             motion = FlyToPoint(motion.position, telemetry.altitude_m)
         if motion is not None:
             gate.send(motion)
-        if context.way.progress is Progress.NO_ROUTE:
-            context.alarm_until_over(
-                NO_WAY_OUT,
-                f"no way out of {names_of(inside)}: {navigator.refusal}",
-                FLY_OUT,
-                lasting=f"no way out of {names_of(inside)}",
-                since_s=context.now_s,
-            )
-            gate.stop()
-            gate.hold("no way out")
-            self._stuck_until_s = telemetry.time_s + STUCK_S
-            self._begin_clearing()
-        elif context.way.progress is Progress.ARRIVED and not inside:
+        progress = context.way.progress
+        if inside and progress in {Progress.NO_ROUTE, Progress.ARRIVED}:
+            refused = progress is Progress.NO_ROUTE
+            self._no_way_out(inside, navigator.refusal if refused else "it is not left there")
+        elif progress is Progress.ARRIVED or (progress is Progress.NO_ROUTE and not inside):
             self._begin_clearing()
             gate.stop()
 
+    def _no_way_out(self, inside: tuple[str, ...], why: str) -> None:
+        """Hover, alarm until it is over, and look again in a moment."""
+        context, now_s = self._context, self._context.heard.time_s
+        context.alarm_until_over(
+            NO_WAY_OUT,
+            f"no way out of {names_of(inside)}: {why}",
+            FLY_OUT,
+            lasting=f"no way out of {names_of(inside)}",
+            since_s=context.now_s,
+        )
+        self._gate.stop()
+        self._gate.hold("no way out")
+        self._stuck_until_s = now_s + STUCK_S
+        self._begin_clearing()
+
     def _begin_clearing(self) -> None:
-        self._way_out = None
+        self._way_out = self._context.way_out_router = None
         self._context.zones = ZoneChange.CLEARING
 
     def plan_renewed(self, event: PlanRenewed) -> None:
@@ -314,7 +324,7 @@ class AirspaceUpdate:
             self._context.say(f"{self._what} is on board")
         else:
             self._context.warn(f"{self._what} is not on board: {event.why_not}", RELOAD_AGAIN)
-            if self._put_off:
+            if self._put_off or self._context.compares is not None:
                 self._context.zones = ZoneChange.CLEARING  # once more when the mission is resumed
                 return
             if self._context.knows(Signal.COME_HOME):

@@ -36,6 +36,7 @@ from air_router.controller.model.requests import (
     SeekNow,
 )
 from air_router.controller.model.states import Requests, Signal, State
+from air_router.controller.standstill import Standstill
 from air_router.controller.states.goto_state import Accepted, GotoValidator
 from air_router.controller.states.table import StateHandlers
 from air_router.vehicle.input_limits import NO_FIX
@@ -62,6 +63,7 @@ class CommandHandler:
         validator: Whether it may be sent somewhere, and comes home from there.
         states: Seek a robot, fly to points, hold and go on with what was held for that.
         airspace_update: Puts the plan on board again.
+        standstill: Why the vehicle does not move, where it should.
 
     Attributes:
         later: Points that wait until the vehicle flies on; None: none do.
@@ -73,6 +75,7 @@ class CommandHandler:
     _validator: GotoValidator
     _states: StateHandlers
     _airspace_update: AirspaceUpdate
+    _standstill: Standstill
     later: GoTo | None = None
     _until_s: float = math.inf  # they wait, vehicle's clock
 
@@ -88,7 +91,7 @@ class CommandHandler:
             context.actions.append(CommandAck(number, by, False, str(refused), refused.code))
             return
         # A hold is begun at once, and a plan that is put on board says so itself.
-        moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude
+        moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude | LandNow
         sets_out = isinstance(request, moves) or (isinstance(request, GoOn) and not request.upload)
         if sets_out and context.zones is not None and context.in_air:
             plans = context.zones is ZoneChange.PLANNING
@@ -231,6 +234,9 @@ class CommandHandler:
             if context.in_air:
                 self._check_heard()
             upload = request.upload
+            if upload and context.on_board is OnBoard.REPLACED:
+                reading = "the plan on board is being read: ask again in a moment"
+                raise RequestRefusedError(Refusal.BUSY, reading)
             if upload and self._authority.why_not_back(flies_plan=False) is None:
                 self._airspace_update.upload_again()
             why = self._authority.resume(upload=upload)
@@ -257,7 +263,8 @@ class CommandHandler:
         if state is State.HOME and self._states.home.go_by_one_altitude(request.by):
             return Accepted("it comes home by a way that is clear at the autopilot's altitude")
         if state in {State.HOME, State.LAND}:
-            return Accepted(f"it {'comes home' if state is State.HOME else 'lands'} already")
+            does = "comes home" if state is State.HOME else "lands"
+            return Accepted(self._unless_it_stands(f"it {does} already"))
         not_ours = context.held is not None or not context.in_charge
         if context.in_air and not_ours and state is not State.DONE:
             self._check_heard()
@@ -273,7 +280,7 @@ class CommandHandler:
     def _asked_to_land(self, request: LandNow) -> Accepted:
         context, state = self._context, self._context.state
         if state is State.LAND:
-            return Accepted("it lands already")
+            return Accepted(self._unless_it_stands("it lands already"))
         self._check_may_move()
         if state is not State.HOLD:
             raise RequestRefusedError(Refusal.BUSY, "it lands where it hovers: have it hold first")
@@ -285,6 +292,11 @@ class CommandHandler:
         context.ending = Ending(f"{request.by} asked to land here", place=place)
         context.signal(Signal.LAND_HERE)
         return Accepted("it lands where it hovers")
+
+    def _unless_it_stands(self, what: str) -> str:
+        """What it does already, and why it does not, where it stands."""
+        why = self._standstill.why
+        return what if why is None else f"{what}, and does not move: {why}"
 
     def _how_it_comes_home(self) -> str:
         """What follows when it is told to, in words."""

@@ -40,6 +40,7 @@ from air_router.vehicle.vehicle import (
     LinkSilent,
     PlanCompared,
     PlanReplaced,
+    PlanTried,
     Telemetry,
     WrongVehicle,
 )
@@ -335,6 +336,12 @@ class ControlAuthority:
                 context.stopped_why = what
             self._gate.stop()
             self._gate.hold(what)
+
+    def plan_tried(self, event: PlanTried) -> None:
+        """Another station wants to put a plan on board, and PX4 does not take it: not yet."""
+        self._context.warn(
+            f"{event.who} tries to put a plan on board, and PX4 does not take it now", NO_UPLOADS
+        )
 
     def plan_compared(self, event: PlanCompared) -> None:
         """Go on if it flies as ours does; otherwise hands off."""

@@ -50,6 +50,7 @@ from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
+from air_router.controller.standstill import Standstill
 from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.goto_state import GotoValidator
 from air_router.controller.states.search_points import Search
@@ -72,6 +73,7 @@ from air_router.vehicle.vehicle import (
     LinkSilent,
     PlanCompared,
     PlanReplaced,
+    PlanTried,
     Telemetry,
     WrongVehicle,
 )
@@ -126,6 +128,7 @@ class Controller:
         self._monitor = SafetyMonitor(context, gate, plan)
         self._envelope = Envelope(context, gate, self._home)
         self.returns = ReturnMonitor(context, states.reachability)
+        self._standstill = Standstill(context)
         self._deviations = Deviations(context, gate, self.returns)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
@@ -137,6 +140,7 @@ class Controller:
             GotoValidator(context, navigator, gate),
             states,
             self.airspace_update,
+            self._standstill,
         )
         # Who takes which event in; others (links of others, metrics) only concern the record.
         self._reactions: dict[type, Callable[[Any], None]] = {
@@ -158,6 +162,7 @@ class Controller:
             FlownBefore: self._flown_before,
             PeerFault: lambda event: context.warn(event.words, CHECK_PEER),
             PlanReplaced: authority.plan_replaced,
+            PlanTried: authority.plan_tried,
             PlanCompared: authority.plan_compared,
             WrongVehicle: authority.another_vehicle,
             **dict.fromkeys(get_args(AnyRequest), commands.asked),
@@ -212,6 +217,7 @@ class Controller:
             self._envelope.forget()
         elif ours:
             self._go_on(telemetry, moved)
+        self._standstill.look(telemetry, ours=flies and context.in_charge)
 
     def _with_believed_charge(self, telemetry: Telemetry) -> Telemetry:
         """The same, with the charge that is believed; one that jumps is told."""

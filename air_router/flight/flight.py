@@ -45,6 +45,7 @@ from air_router.vehicle.vehicle import (
     LinkSilent,
     PlanCompared,
     PlanReplaced,
+    PlanTried,
     Telemetry,
     Vehicle,
     VehicleEvent,
@@ -140,13 +141,13 @@ class Flight:
             mission.frame,
             self.controller,
             self.loop.decide,
-            lambda: self.loop.reloader.latest,
+            lambda: self.loop.reloader.report,
             view.tell,
         )
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
-        self._early: list[PlanReplaced | PlanCompared] = []  # likewise
+        self._early: list[PlanReplaced | PlanTried | PlanCompared] = []  # likewise
         self._starts: FlightMode | None = None  # of before, once it was told to take off
         self._interrupted = False  # by a signal of the operating system
         self._admitted = False  # the vehicle may be flown: decisions begin
@@ -294,7 +295,7 @@ class Flight:
             self._newest = event
             if not self._first.done():
                 self._first.set_result(event)
-        elif isinstance(event, PlanReplaced | PlanCompared):
+        elif isinstance(event, PlanReplaced | PlanTried | PlanCompared):
             self._early.append(event)
         elif isinstance(event, WrongVehicle) and event.why_not is not None:
             self.loop.end(f"refused: {event.why_not}; {SET_UP}", ExitCode.REFUSED)

@@ -18,6 +18,7 @@ from air_router.controller.airspace_change import widened_router
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import ReadAgain, RenewPlan, WidenRoutes
 from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed, RoutesWidened
+from air_router.controller.model.mission_context import OnBoard
 from air_router.errors import (
     AirRouterError,
     ExitCode,
@@ -161,6 +162,19 @@ class MissionReloader:
         self._idle.set()
         self._at_work = 0  # readings and uploads under way
         self._uploads = 0  # begun; the newest counts
+
+    @property
+    def report(self) -> ReloadReport | None:
+        """What became of the latest reading, as things are on board now; None before the first."""
+        if self.latest is None or not self.latest.good:
+            return self.latest
+        if self._controller.context.on_board is OnBoard.OURS:
+            return self.latest
+        why = (
+            "the flight keeps to the changed fences and zones, but another plan is on board: "
+            "'resume upload' puts this mission's there"
+        )
+        return ReloadReport(under_way=False, why=why)
 
     def plan_on_board(self) -> None:
         """The plan itself is on board: what has changed since may follow."""

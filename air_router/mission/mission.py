@@ -279,6 +279,15 @@ class Mission(MissionAreas):
             return _between(self.climb_airspace, altitude_m, math.inf)
         return self.airspace
 
+    def airspace_off_cruise(self, altitude_m: float) -> Airspace:
+        """The same, for what is flown from there: an altitude is good to the vertical margin."""
+        margin_m = self.planner.vertical_margin_m
+        if altitude_m < self.cruise.lower_m:
+            return self.airspace_at(altitude_m - margin_m)
+        return self.airspace_at(
+            altitude_m + margin_m if altitude_m > self.cruise.upper_m else altitude_m
+        )
+
     @property
     def altitudes_m(self) -> tuple[float, float]:
         """The lowest and the highest above home that it flies at, or may be sent to."""

@@ -136,8 +136,9 @@ class Router:
     def off_cruise(self, altitude_m: float, swept: Sequence[Point]) -> NoRoute | None:
         """Why a leg is not clear that begins off the cruise altitudes; None if it is.
 
-        The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
-        all of it counts, but for zones that it is in already: it leaves them.
+        The vehicle climbs or sinks on its way to the cruise altitudes: which part of the leg is
+        low, or high, is not known, so whatever applies from there to them counts over all of it,
+        but for zones that it is in already: it leaves them.
 
         Args:
             altitude_m: how high above home the vehicle is.
@@ -145,7 +146,7 @@ class Router:
         """
         mission = self._mission
         low = altitude_m < mission.cruise.lower_m
-        airspace = mission.climb_airspace if low else mission.airspace_at(altitude_m)
+        airspace = mission.airspace_off_cruise(altitude_m)
         if len(airspace.zones) == len(mission.airspace.zones):
             return None
         inside = frozenset(airspace.holders(swept[0]))

@@ -31,6 +31,9 @@ WATCH_HEIGHT: Final = Instruction("Pilot: judge its height by eye, and be ready 
 WATCH_FAILSAFE: Final = Instruction(
     "Pilot: watch what PX4 does, and take over if it nears a zone or people"
 )
+HOME_OR_TAKE_OVER: Final = Instruction(
+    "Operator: 'home'. Pilot: or take over in Position mode and fly it by hand"
+)
 TAKE_FROM_HERE: Final = Instruction("Pilot: take over, or let PX4 return it")
 CHOOSE_AGAIN: Final = Instruction("Pilot: choose your flight mode again if you want it")
 IN_YOUR_HANDS: Final = Instruction(

@@ -160,6 +160,21 @@ class PlanReplaced:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanTried:
+    """Another sender tries to put a plan, or a fence, on board, and PX4 does not take it.
+
+    Only what PX4 answers on our own link can be seen, and that PX4 is busy with such a transfer.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        who: Which sender, in words.
+    """
+
+    time_s: float
+    who: str
+
+
+@dataclass(frozen=True, slots=True)
 class PlanCompared:
     """A plan that was replaced was read back and compared with the one that we put on board.
 
@@ -200,7 +215,9 @@ class WrongVehicle:
     why_not: str | None
 
 
-VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilent | WrongVehicle
+VehicleEvent = (
+    Telemetry | ItemReached | PlanReplaced | PlanTried | PlanCompared | LinkSilent
+) | WrongVehicle
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,6 +49,7 @@ class Kind(NamedTuple):
         words: Its line in the report.
         flights: How many of it a whole rehearsal has; 0: only one with the real programs has any.
         course: What happens.
+        turns: Or one of these, by turns: each seed the next.
         phase: Where it begins, if that is not to be drawn.
         loss: Share of packets that are lost.
         late_s: By so much commands come late, from arming on.
@@ -76,6 +77,7 @@ class Kind(NamedTuple):
     terms: bool = False
     streams: Mapping[str, float] = MappingProxyType({})
     parameters: Mapping[str, float] = MappingProxyType({})
+    turns: tuple[Course, ...] = ()
 
 
 class Fault(Enum):
@@ -147,6 +149,11 @@ class Fault(Enum):
     ZONE_ABOVE = Kind(
         "a zone is drawn above its climb, given back low", 5, takeovers.zone_above, "SEARCH"
     )
+    ZONE_AT = Kind(
+        "a zone is drawn below, above, around or across it, whatever it does",
+        *(len(takeovers.ZONES_AT), steps(), "SEARCH"),
+        turns=takeovers.ZONES_AT,
+    )
     TAKEN_IN_HASTE = Kind(
         "pilot takes over while commands of ours wait", 16, takeovers.taken_in_haste
     )
@@ -174,6 +181,10 @@ class Fault(Enum):
     )
     SPEED = Kind("another speed by a station", 6, one("speed", choice(2.0, 8.0, 12.0)))
     PLAN_REPLACED = Kind("another mission put on board", 14, on_board("plan", "other"))
+    PLAN_IN_RENEWAL = Kind(
+        "another mission put on board while ours is being renewed",
+        *(8, takeovers.plan_in_renewal, "INIT"),
+    )
     RESTARTED_ON_ANOTHER = Kind(
         "another mission put on board while no companion runs", 8, takeovers.replaced_alone, "INIT"
     )
@@ -354,6 +365,7 @@ _ALONE: Final = frozenset(
         *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
+        *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL),
     }
 )
 """Two things at once already, or nothing: not combined with others."""
@@ -401,7 +413,9 @@ class Scene:
         for fault in sorted(self.faults, key=lambda fault: fault.name):
             dice = self.chance(f"when {fault.name}")
             phase, later_s = self._begin(fault, dice)
-            happen += placed(fault.value.course(dice), phase, later_s)
+            turns = fault.value.turns
+            course = turns[self.seed % len(turns)] if turns else fault.value.course
+            happen += placed(course(dice), phase, later_s)
         return happen
 
     def _begin(self, fault: Fault, dice: random.Random) -> tuple[str, float]:

@@ -211,20 +211,28 @@ class Pilot:
 
     def do_plan(self, which: str) -> None:
         """A station puts the same mission on board, another one, or none."""
+        if not self._put(which):
+            self._operator.wait_for(lambda: self._put(which))
+
+    def _put(self, which: str) -> bool:
+        """Put a plan on board, if PX4 takes it now; the station tries again."""
         stations, autopilot = self._flight.stations, self._flight.autopilot
+        if not stations.may_upload:
+            return False
         if not autopilot.armed or autopilot.failsafe.acting:
-            return
+            return True
         lands = autopilot.mode is FlightMode.AUTO_LAND
         match which:
             case "same":
                 stations.same_plan()
-                return  # what is flown is ours still
+                return True  # what is flown is ours still
             case "other":
                 stations.other_plan()
             case _:
                 stations.delete(MissionType.MISSION)
         if not lands:  # a landing needs no plan: it is ours still
             self._taken("plan")
+        return True
 
     def do_fence(self, ahead_m: float | None) -> None:
         """A station adds a zone so far ahead, or deletes the fence."""

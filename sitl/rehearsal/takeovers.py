@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 from typing import Final
 
-from sitl.rehearsal.courses import Row, chain, choice, often, steps, uniform
+from sitl.rehearsal.courses import Course, Row, chain, choice, often, steps, uniform
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
@@ -28,6 +28,9 @@ hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(5.0, 24.0), "
 paused: Final = often("pause", 60, uniform(1.0, 3.0), lambda d: d.randrange(8) == 0)
 disarmed: Final = steps((choice(0.0, 0.2, 1.0), "disarm", False))
 plan_at_start: Final = steps((choice(0.0, 1.0, 2.0, 4.0), "plan", choice("same", "other")))
+plan_in_renewal: Final = steps((0.0, "reload", 25.0), (uniform(2.5, 8.0), "plan", "other"))
+"""A station puts its plan on board while ours is being put there anew."""
+
 restart_taken: Final = chain(
     (0.0, "kill"),
     (uniform(0.5, 4.0), "pilot", choice(*SURE[1:])),
@@ -54,6 +57,31 @@ hand_back_moving: Final = steps(
     (30.0, "hand back"),
 )
 """The pilot has it low, flies it elsewhere, and the operator asks for it while it moves."""
+
+ZONE_KINDS: Final = ("below", "above", "around", "across")
+"""Where a zone applies, by the height of the vehicle that it is drawn over: everywhere the last."""
+
+_ZONE_AT: Final[dict[str, tuple[Row, ...]]] = {
+    "climb": ((0.0, "pilot", "AUTO_LAND"), (uniform(14.0, 20.0), "hand back")),
+    "cruise": (),
+    "hold": ((0.0, "ask", "hold"),),
+    "home": ((0.0, "ask", "home"),),
+    "descent": ((0.0, "ask", "hold"), (8.0, "ask", "land")),
+    "landing": ((0.0, "ask", "hold"), (8.0, "ask", "land")),
+}
+"""What a vehicle does when a zone is drawn over it, and what has it do that."""
+
+
+def _zone_at(moment: str, kind: str) -> Course:
+    """A zone is drawn at such a moment; the pilot takes what hovers over a landing place."""
+    lands = moment in {"descent", "landing"}
+    ends: tuple[Row, ...] = ((50.0, "pilot", "AUTO_RTL"),) if lands else ()
+    drawn = (16.0 if moment == "climb" else 9.0, "zone at", (moment, kind))
+    return steps(*_ZONE_AT[moment], drawn, *ends)
+
+
+ZONES_AT: Final = tuple(_zone_at(moment, kind) for moment in _ZONE_AT for kind in ZONE_KINDS)
+"""A zone below, above, around or across the vehicle, in each part of a flight."""
 
 hand_back_high: Final = steps(
     (0.0, "pilot", "AUTO_RTL"),

@@ -24,6 +24,9 @@ _READ_S: Final = 4.0
 _ABOVE_M, _BELOW_M, _CLIMBS_M_S = 8.0, 8.0, 0.5
 """Zones begin, or end, so far above or below a vehicle that climbs or lands."""
 
+_LANDING_M: Final = 15.0
+"""Lower than this a landing is nearly over."""
+
 _STOPS_M: Final = 13.0
 """A vehicle of 5 m/s stops within it."""
 
@@ -118,6 +121,42 @@ class ZoneDrawing:
             return True
 
         self._operator.wait_for(draw)
+
+    def do_zone_at(self, what: tuple[str, str]) -> None:
+        """Draw a zone over it at a moment: below it, above it, around its height, or at any."""
+        moment, kind = what
+
+        def draw() -> bool:
+            if not self._operator.ours or not self._is_at(moment):
+                return False
+            above_m = self._above_m
+            limits_m = {
+                "below": {"upper_m": above_m - _BELOW_M},
+                "above": {"lower_m": above_m + _ABOVE_M},
+                "around": {"lower_m": above_m - _BELOW_M, "upper_m": above_m + _ABOVE_M},
+                "across": {},
+            }
+            radius_m = self._operator.haste.uniform(9.0, 13.0)
+            self._draw_circle(self._flight.place, radius_m, **limits_m[kind])
+            return True
+
+        self._operator.wait_for(draw)
+
+    def _is_at(self, moment: str) -> bool:
+        """Whether the vehicle does what a moment is named by."""
+        above_m, autopilot = self._above_m, self._flight.autopilot
+        speed_m_s = math.hypot(*self._operator.velocity_m_s)
+        level_m = self._flight.mission.altitude_above_home_m
+        match moment:
+            case "climb":
+                climbs = autopilot.situation.velocity_m_s[2] > _CLIMBS_M_S
+                return climbs and above_m < level_m - 2 * _ABOVE_M
+            case "hold":
+                return speed_m_s < _CLIMBS_M_S
+            case "descent" | "landing":
+                low_m = _LANDING_M if moment == "landing" else level_m - _BELOW_M
+                return autopilot.mode is FlightMode.AUTO_LAND and above_m < low_m
+        return speed_m_s > FAST_M_S
 
     def do_zone_beyond(self, away_m: float) -> None:
         """Draw a zone so far away that applies just above where it cruises."""

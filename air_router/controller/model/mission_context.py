@@ -154,6 +154,8 @@ class MissionContext:
     Attributes:
         mission: With the zones and fences of now.
         router: Plans among these; with the altitude in doubt, among those of the other one too.
+        way_out_router: Plans the way out of a zone among what applies from the vehicle's height to
+            the cruise altitudes; None: `router` does.
         by_one_altitude: Plans by the autopilot's altitude alone while `router` does not.
         trusts_altitude: The autopilot's altitude counts, whatever the satellites say.
         signal: Tells the state machine that something has happened to the mission.
@@ -199,6 +201,7 @@ class MissionContext:
     mission: Mission
     router: Router
     signal: Callable[[Signal], None] = _no_machine
+    way_out_router: Router | None = None
     by_one_altitude: Router | None = None
     trusts_altitude: bool = False
     state: State = State.READY
@@ -245,6 +248,12 @@ class MissionContext:
     def layer_top_m(self) -> float:
         """Higher above home it would be in the layer of another UAV; nor do they change that."""
         return self.mission.layer_top_m
+
+    @property
+    def flown_router(self) -> Router:
+        """By what the leg under way, and the next one, are planned and checked."""
+        way_out = self.way_out_router if self.zones is ZoneChange.LEAVING else None
+        return self.router if way_out is None else way_out
 
     @property
     def in_air(self) -> bool:

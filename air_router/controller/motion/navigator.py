@@ -19,6 +19,7 @@ from shapely import Point as ShapelyPoint
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.mission_context import Goal, MissionContext, Progress, Way
 from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.initial_climb import low
 from air_router.routing.departure import STANDING_M_S, Momentum, PendingSetpoint, names_of
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
@@ -226,7 +227,7 @@ class Navigator:
         target = goal.position if goal.node is None else goal.node
         here, momentum = telemetry.position, gate.momentum(telemetry)
         pending = gate.setpoints.pending(telemetry)
-        route = self._context.router.route(here, target, momentum=momentum, pending=pending)
+        route = self._context.flown_router.route(here, target, momentum=momentum, pending=pending)
         if (
             isinstance(route, Route)
             and pending
@@ -250,6 +251,9 @@ class Navigator:
                 return None
             way.legs = legs
             refusal = self._height_refusal(telemetry, legs[0].to)
+            if refusal is not None and low(self._context.mission, telemetry):
+                # Where it is low the gate has it climb instead, or says why it cannot.
+                self._context.climbs_first, refusal = True, None
             if refusal is None:
                 return self._command(legs.popleft(), telemetry, momentum, pending)
             route = refusal
@@ -264,7 +268,7 @@ class Navigator:
 
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
         """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
-        after = self._context.router.route(stopping, target)
+        after = self._context.flown_router.route(stopping, target)
         spare_m = STOP_S * self._context.mission.speed_m_s
         return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
@@ -320,16 +324,21 @@ class Navigator:
         momentum = self._gate.momentum(telemetry, age_s)
         pending = self._gate.setpoints.pending(telemetry)
         return (
-            self._context.router.check_leg(telemetry.position, target, momentum, pending)
+            self._context.flown_router.check_leg(telemetry.position, target, momentum, pending)
             and self._height_refusal(telemetry, target, age_s) is None
         )
 
     def _height_refusal(
         self, telemetry: Telemetry, target: Point, age_s: float = 0.0
     ) -> NoRoute | None:
-        """Why a leg is not clear that begins off the cruise altitudes, where other zones count."""
-        cruise, altitude_m = self._context.mission.cruise, telemetry.altitude_m
-        if cruise.lower_m <= altitude_m <= cruise.upper_m:
+        """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
+
+        On the way out of a zone these are all that it is planned among.
+        """
+        context, altitude_m = self._context, telemetry.altitude_m
+        cruise = context.mission.cruise
+        cruises = cruise.lower_m <= altitude_m <= cruise.upper_m
+        if cruises or context.flown_router is context.way_out_router:
             return None
         here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)
         places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry)]

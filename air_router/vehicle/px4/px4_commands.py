@@ -19,8 +19,8 @@ from typing import Any, Final, NamedTuple, Self
 
 from air_router.errors import NotConfirmedError, NotSentError
 from air_router.vehicle.clock import loop_s
+from air_router.vehicle.px4.plan_guard import PlanIds
 from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
-from air_router.vehicle.px4.px4_messages import PlanIds
 from air_router.vehicle.px4.px4_mode_check import ModeCheck
 from air_router.vehicle.px4.px4_order import Px4Order
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry

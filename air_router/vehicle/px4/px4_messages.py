@@ -7,7 +7,7 @@ import math
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirect,
@@ -33,14 +33,6 @@ _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_in
 
 SILENT_S: Final = 3.0
 """A vehicle that is not heard for so long, wall-clock time, is told to be silent."""
-
-
-class PlanIds(NamedTuple):
-    """By which a PX4 tells one plan on board from another; 0: not told."""
-
-    mission_id: int
-    fence_id: int
-    rally_points_id: int
 
 
 GAP_S: Final = 0.2

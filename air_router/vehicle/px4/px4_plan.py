@@ -3,7 +3,9 @@
 An accepted upload means *stored*: whether PX4 finds the mission feasible shows later, and only
 in MISSION_CURRENT.mission_state, or before PX4 1.17 in its arming checks. So what is on board is
 read back, compared, and waited for. When a ground station uploads another afterwards, it is read
-back again, to tell whether it flies as ours does.
+back again, to tell whether it flies as ours does. While we put ours there, PX4 is asked before each
+list whether what is on board is still what we know of: nothing of another station is written over
+that the operator does not want to be.
 """
 
 import asyncio
@@ -18,8 +20,8 @@ from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan, Frame, PlanItem
 from air_router.vehicle.clock import loop_s
 from air_router.vehicle.px4.mavsdk_bridge import MISSION, call, from_raw, to_raw
+from air_router.vehicle.px4.plan_guard import LISTS, PlanIds
 from air_router.vehicle.px4.px4_connection import Plugins
-from air_router.vehicle.px4.px4_messages import PlanIds
 from air_router.vehicle.px4.px4_requests import arming_report
 from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, MISSION_UNKNOWN, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
@@ -45,6 +47,14 @@ CHECKS_AGAIN_S: Final = 0.5
 BUSY_ATTEMPTS: Final = 3
 BUSY_S: Final = 5.5
 """PX4 ignores uploads for five seconds after a transfer that was not finished."""
+
+TOLD_S: Final = 5.0
+"""Wall-clock limit for PX4 to say which plan is on board, which it does once a second."""
+
+REPLACED: Final = "another ground station has changed what is on board"
+
+_BUSY: Final = frozenset({MissionRawResult.BUSY, MissionRawResult.ERROR, MissionRawResult.DENIED})
+"""What PX4 answers while it takes, or gives, a list of another sender."""
 
 _PASSING: Final = frozenset(
     {
@@ -99,6 +109,7 @@ class OnboardPlan:
         self.lock = asyncio.Lock()
         self._plan: FlightPlan | None = None  # what we put, or found, on board last
         self._objection: Callable[[], str | None] = _none  # why nothing more is put on board
+        self._kept: dict[int, Sequence[PlanItem]] = {}  # what we put on board last, by list
         self._once_more = False  # it changed while it was compared
         self._comparing: asyncio.Task[None] | None = None  # reads and compares
         self.mission = _ItemList(
@@ -117,7 +128,15 @@ class OnboardPlan:
     async def upload(self, plan: FlightPlan) -> None:
         """Put a plan on board, and notice from now on when it is another. See `Vehicle.upload`."""
         async with self.lock:
-            self._guard(plan, await self.put(plan))
+            self._kept.clear()  # whatever is on board, we replace it
+            self._telemetry.guard.begin(self._telemetry.plan_ids)
+            try:
+                await self.put(plan)
+            finally:
+                self._telemetry.guard.transfer_ends()
+            self._object()
+            self._keep(plan)
+            self._telemetry.watch_plan()
 
     async def recognise(self, plan: FlightPlan) -> None:
         """Make sure that a plan is on board, and notice when it is another."""
@@ -129,15 +148,17 @@ class OnboardPlan:
         async with self.lock:
             if (why := objection()) is not None:
                 raise PlanRefusedError(why)
-            self._telemetry.leave_plan_alone()
-            found: PlanIds | None = None
+            if self._telemetry.guard.changed:
+                # Known, and told, by now: what is there is replaced because the operator wants it.
+                self._kept.clear()
+                self._telemetry.guard_plan(self._telemetry.plan_ids)
             self._objection = objection
             try:
-                found = await self._renew(plan)
-                self._plan = plan
+                await self._renew(plan)
+                self._keep(plan)
             finally:
                 self._objection = _none
-                self._telemetry.guard_plan(found)
+                self._telemetry.guard.transfer_ends()
 
     def replaced(self) -> None:
         """It changed: compare; once more if that is under way, which may have read the one before.
@@ -154,8 +175,12 @@ class OnboardPlan:
             self._comparing.cancel()
 
     def _guard(self, plan: FlightPlan, found: PlanIds | None) -> None:
-        self._plan = plan
+        self._keep(plan)
         self._telemetry.guard_plan(found)
+
+    def _keep(self, plan: FlightPlan) -> None:
+        self._plan = plan
+        self._kept = dict(zip(LISTS, (plan.items, plan.fence, plan.rally), strict=True))
 
     async def _compare_until_same(self) -> None:
         difference: str | None = "no plan is ours"
@@ -198,8 +223,9 @@ class OnboardPlan:
             await self.compare(plan)  # it has all that was sent
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
             # was switched on: it judges a mission anew only if it is another.
-            await self._may_change()
+            await self._may_change(MISSION)
             await _transfer("no mission", self._plugins.raw.clear_mission_async)
+            self._put(MISSION, ())
             await self._upload(self.mission, plan.items)
             await self._feasible(len(plan.items))
         return await self.compare(plan)  # last: reports have come that tell which plan is read
@@ -257,9 +283,10 @@ class OnboardPlan:
 
     async def _clear_fence(self) -> None:
         """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""
-        await self._may_change()
+        await self._may_change(FENCE)
         clear = self._plugins.geofence.clear_geofence_async
         (result,) = await _transfer("no fence", clear)
+        self._put(FENCE, () if result == GeofenceResult.SUCCESS else None)
         if result != GeofenceResult.SUCCESS:
             said = self._telemetry.said()
             raise PlanRefusedError(f"the fence on board stays: {result.name}{said}")
@@ -271,8 +298,9 @@ class OnboardPlan:
         """
         for _ in range(BUSY_ATTEMPTS):
             if not await self.download(self.rally):
+                self._put(RALLY, ())
                 return
-            await self._may_change()
+            await self._may_change(RALLY)
             fault = self._telemetry.send("MISSION_CLEAR_ALL", {"mission_type": RALLY})
             if fault is not None:
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
@@ -280,18 +308,64 @@ class OnboardPlan:
             said = self._telemetry.said()
             raise PlanRefusedError(f"rally points of another mission stay on board{said}")
 
-    async def _may_change(self) -> None:
-        """Nothing is put on board of what a pilot flies: who flies it shows in its mode of now."""
-        if not await self._received():
+    async def _may_change(self, kind: int) -> None:
+        """Have PX4 say what is on board, and begin to change a list if that is what we know of.
+
+        Raises:
+            PlanRefusedError: it is not, or PX4 does not say so, or nothing more is to be put there.
+        """
+        self._object()
+        telemetry = self._telemetry
+        fresh = telemetry.mission_reports + 1
+        if not await telemetry.shows(lambda: telemetry.mission_reports >= fresh, TOLD_S):
+            raise PlanRefusedError("PX4 does not say which plan is on board")
+        ids = telemetry.plan_ids
+        if ids is None or not ids.told:  # an older PX4, or an empty one
+            await self._look_whether_kept()
+        if not await self._received():  # of what a pilot flies nothing is changed
             raise PlanRefusedError("nothing is put on board: no flight mode of now was received")
+        self._object()
+        telemetry.guard.transfer_begins(kind)
+
+    def _object(self) -> None:
         if (why := self._objection()) is not None:
             raise PlanRefusedError(why)
+        if self._telemetry.guard.changed:
+            raise PlanRefusedError(REPLACED)
+
+    async def _look_whether_kept(self) -> None:
+        """Read back what we have put there. Raises PlanRefusedError: it is another now."""
+        for of in (self.mission, self.fence, self.rally):
+            if of.kind not in self._kept:
+                continue
+            kept, found = list(self._kept[of.kind]), await self.download(of)
+            if of.kind != MISSION:
+                kept, found = [*map(_place, kept)], [*map(_place, found)]
+            _compare(of.what, kept, found)
+
+    def _put(self, kind: int, items: Sequence[PlanItem] | None, *, lost: bool = False) -> None:
+        """A transfer of ours is over; None: PX4 has not taken it."""
+        if items is not None:
+            self._kept[kind] = items
+        self._telemetry.guard.transfer_ends(lost=lost)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
+        """Send a list, again where PX4 is busy with one of another sender."""
         raw_items = [to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
-        result, *_ = await _patiently(to.what, to.upload, raw_items, before=self._may_change)
-        if result == MissionRawResult.SUCCESS:
-            return
+        for attempt in range(BUSY_ATTEMPTS):
+            if attempt:
+                await asyncio.sleep(BUSY_S)
+            await self._may_change(to.kind)
+            result, *_ = await _transfer(to.what, to.upload, raw_items)
+            stored = result == MissionRawResult.SUCCESS
+            lost = result == MissionRawResult.TIMEOUT
+            self._put(to.kind, items if stored else None, lost=lost)
+            if stored:
+                return
+            if result not in _PASSING:
+                break
+            if result in _BUSY and not self._telemetry.refusals:
+                self._telemetry.plan_refused()
         hint = ""
         if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and to.kind == FENCE:
             count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
@@ -375,27 +449,13 @@ class OnboardPlan:
         )
 
 
-async def _always() -> None:
-    """It may always begin."""
-
-
-async def _patiently(
-    what: str,
-    method: Callable[..., None],
-    *arguments: Any,
-    before: Callable[[], Awaitable[None]] = _always,
-) -> tuple[Any, ...]:
-    """A transfer that is begun again where another is under way, or too many packets were lost.
-
-    `before` raises where it may not begin.
-    """
+async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
+    """A transfer that is begun again where another is under way, or too many packets were lost."""
     for _ in range(BUSY_ATTEMPTS - 1):
-        await before()
         answer = await _transfer(what, method, *arguments)
         if answer[0] not in _PASSING:
             return answer
         await asyncio.sleep(BUSY_S)
-    await before()
     return await _transfer(what, method, *arguments)
 
 

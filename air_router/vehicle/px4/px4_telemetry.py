@@ -10,7 +10,9 @@ from air_router.vehicle.airframe import AirframeWatch
 from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_messages import MODES, Handler, PlanIds, Px4Messages
+from air_router.vehicle.px4.plan_guard import FENCE, PlanGuard, PlanIds
+from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
+from air_router.vehicle.px4.px4_messages import MODES, Handler, Px4Messages
 from air_router.vehicle.px4.px4_streams import (
     LIFTED_M,
     Continuity,
@@ -24,6 +26,7 @@ from air_router.vehicle.vehicle import (
     ItemReached,
     LinkSilent,
     PlanReplaced,
+    PlanTried,
     Telemetry,
     VehicleEvent,
     WrongVehicle,
@@ -36,6 +39,7 @@ IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, la
 PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 MISSION_UNKNOWN: Final = 0  # MISSION_STATE_UNKNOWN: it is not told, as before PX4 1.17
 MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
+MISSION_ACCEPTED: Final = 0  # MAV_MISSION_RESULT: stored, or cleared
 UNKNOWN: Final = 65535  # of a field of 16 bits
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
 GPS_OLD_S: Final = 1.5
@@ -56,7 +60,7 @@ class Px4Telemetry(Px4Messages):
         self._frame = frame
         self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
         self.plan_ids: PlanIds | None = None  # as said last
-        self._guarded: PlanIds | None = None  # the ids of what was found to be ours
+        self.guard = PlanGuard()  # of the plan on board
         self._guarding = False  # changes of the plan are told
         self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
         self._continuity = Continuity()
@@ -105,6 +109,7 @@ class Px4Telemetry(Px4Messages):
             "SYSTEM_TIME": self._on_system_time,
             "HOME_POSITION": self._on_home,
             "MISSION_CURRENT": self._on_mission_current,
+            "MISSION_ACK": self._on_mission_ack,
             "MISSION_ITEM_REACHED": self._on_item_reached,
             "GPS_RAW_INT": self._on_gps,
             "WIND_COV": self._on_wind,
@@ -142,13 +147,17 @@ class Px4Telemetry(Px4Messages):
         """Where it flies to or hovers in its present mode, as it reports."""
         return self._target if self.mode in TARGETED else None
 
-    def leave_plan_alone(self) -> None:
-        """The plan on board is about to be another, by our own hand."""
-        self._guarding = False
+    def plan_refused(self) -> None:
+        """PX4 takes no list of ours: it is busy with one of another sender."""
+        self._emit(PlanTried(self.time_s, "another ground station"))
 
     def guard_plan(self, ids: PlanIds | None) -> None:
         """From now on report when the plan on board is another; None: than the one said next."""
-        self._guarded = ids
+        self.guard.begin(ids)
+        self.watch_plan()
+
+    def watch_plan(self) -> None:
+        """The same, than what the guard knows of."""
         self._guarding = True
 
     @property
@@ -307,13 +316,19 @@ class Px4Telemetry(Px4Messages):
         self.mission_state = fields.get("mission_state", 0)
         self.mission_reports += 1
         self.item = fields["seq"]
-        ids = self.plan_ids = PlanIds(*(fields.get(name, 0) for name in PlanIds._fields))
-        if not self._guarding:
-            return
-        before, self._guarded = self._guarded or ids, ids
-        if ids != before:
-            only_fence = ids == before._replace(fence_id=ids.fence_id)
-            self._emit(PlanReplaced(self.time_s, only_fence=only_fence))
+        self.plan_ids = PlanIds(*(fields.get(name, 0) for name in PlanIds._fields))
+        changed = self.guard.told(self.plan_ids)
+        if changed and self._guarding:
+            self._emit(PlanReplaced(self.time_s, only_fence=changed == {FENCE}))
+
+    def _on_mission_ack(self, fields: dict[str, Any]) -> None:
+        kind, stored = fields.get("mission_type", 0), fields["type"] == MISSION_ACCEPTED
+        sender = fields["target_system"], fields["target_component"]
+        if sender in {(self.system_id, COMPANION_COMPONENT), (0, 0)}:
+            if stored:
+                self.guard.stored(kind, fields.get("opaque_id"))
+        elif not stored:
+            self._emit(PlanTried(self.time_s, f"ground station {sender[0]}"))
 
     def _on_item_reached(self, fields: dict[str, Any]) -> None:
         # PX4 repeats the report once or twice a second while it holds; once is enough.

@@ -168,6 +168,8 @@ ACCEPTED: Final = MappingProxyType(
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_MOVING": _row(End.LANDED, End.PILOT),
         "ZONE_ABOVE": _row(End.LANDED, End.PILOT),
+        # A zone drawn into a landing is a breach: hands off, and the pilot takes it.
+        "ZONE_AT": _row(End.LANDED, End.ASKED, End.PILOT),
         "HANDED_BACK_HIGH": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
         "LAYERS": _row(End.LANDED, End.PILOT),
@@ -183,6 +185,9 @@ ACCEPTED: Final = MappingProxyType(
         "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
         "PLAN_REPLACED": _row(
+            *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
+        ),
+        "PLAN_IN_RENEWAL": _row(
             *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
         ),
         "PLAN_AT_START": _row(

@@ -28,7 +28,7 @@ from sitl.rehearsal.judge.evidence import (
     target_of,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.space import DRIFT_M, leaves_below, room_m
+from sitl.rehearsal.judge.space import DRIFT_M, leaves_low, room_m
 
 _NEVER: Final = frozenset({SET_HOME, RETURN, TERMINATE, 16, 17, 22, 34, 252})
 _ON_BOARD_M: Final = 3.0
@@ -156,7 +156,7 @@ def speeds_and_heights_are_the_plans(case: Case) -> Iterator[Violation]:
             yield Violation(message.time_s, "speed", text)
         above_m = number(fields, "z" if "z" in fields else "param7") - case.ground_m
         low_m, high_m = min(mission.altitudes_m) - slack_m, max(mission.altitudes_m) + slack_m
-        below = above_m < low_m and not leaves_below(case, case.at(message.time_s))
+        below = above_m < low_m and not leaves_low(case, case.at(message.time_s))
         if command == REPOSITION and (below or above_m > high_m):
             text = f"sent to {above_m:.1f} m, the plan flies {mission.altitudes_m[0]:.1f} m"
             yield Violation(message.time_s, "height", text)
@@ -208,7 +208,7 @@ def no_leg_begins_low(case: Case) -> Iterator[Violation]:
         index = case.at(message.time_s)
         above_m, off_m = float(case.above_m[index]), float(case.off_m[index])
         on_m = math.dist(case.place(index), target) - off_m
-        away = on_m > _STRAIGHT_UP_M + case.row.room_m and not leaves_below(case, index)
+        away = on_m > _STRAIGHT_UP_M + case.row.room_m and not leaves_low(case, index)
         if case.flying[index] and above_m < low_m and away:
             text = f"a leg of {on_m:.0f} m at {above_m:.1f} m, {low_m:.1f} m and more are flown"
             yield Violation(message.time_s, "altitude", text)

@@ -20,7 +20,7 @@ from sitl.rehearsal.judge.evidence import (
     number,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.space import leads_home
+from sitl.rehearsal.judge.space import leads_home, rooms_of
 
 _BRAKED_S: Final = 4.0
 """What the vehicle has on top of that to stand still."""
@@ -78,6 +78,10 @@ _SEVERITIES: Final = {"": 6, "WARNING": 4, "ALARM": 2}
 
 _SENT_S: Final = 1.0
 """It is sent so long before or after the line, at most."""
+
+_DEEP_M, _MOVED_M, _STANDS_S, _TOLD_S = 0.5, 4.0, 25.0, 12.0
+"""So deep in a zone, and so little moved in so long, a vehicle hovers there; an alarm that was
+given so long before counts."""
 
 _NOT_ON_BOARD: Final = re.compile(" is not on board: ")
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
@@ -320,6 +324,27 @@ def changed_files_that_are_left_are_told(case: Case) -> Iterator[Violation]:
         if not any(map(_NOT_TAKEN.search, said)):
             text = f"not a word why {new[0].name} of a changed file is not applied"
             yield Violation(left.time_s, "told", text)
+
+
+def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
+    """A vehicle that is ours, in a zone, and does not move: the pilot is told to fly it out."""
+    for rooms in rooms_of(case):
+        since: int | None = None
+        for index, room_m in enumerate(rooms.metres.tolist(), rooms.first):
+            if room_m > -_DEEP_M or not case.cruises(index):
+                since = None
+                continue
+            if since is None or math.dist(case.place(since), case.place(index)) > _MOVED_M:
+                since = index
+            begun_s, now_s = float(case.time_s[since]), float(case.time_s[index])
+            if now_s - begun_s < _STANDS_S + case.reacts_s or not case.answers(begun_s, now_s):
+                continue
+            alarms = (each for each in case.announced if each.label.startswith("ALARM"))
+            if not any(begun_s - _TOLD_S <= each.time_s <= now_s for each in alarms):
+                text = f"in {rooms.area.name} since {begun_s:.1f} s, and not a word to the pilot"
+                yield Violation(now_s, "told", text)
+                return
+            since = index  # again and again
 
 
 def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:

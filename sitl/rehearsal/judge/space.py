@@ -33,6 +33,9 @@ _BESIDE_HOME_M: Final = 3.0
 """So far beyond the acceptance radius it may climb, and begin to land."""
 
 
+_TAKEN_S: Final = 0.5
+"""So much sooner than it is seen to count a changed file may be flown by."""
+
 _INSIDE_M: Final = 1.0
 """By so much a vehicle may be deeper in a zone than it knows."""
 
@@ -147,16 +150,19 @@ def leads_home(mission: RawMission, place: Pair) -> bool:
     return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)
 
 
-def leaves_below(case: Case, index: int) -> bool:
-    """Whether a changed file has drawn a zone above the vehicle there: it leaves that lower."""
-    version = case.version_at(float(case.time_s[index]))
+def leaves_low(case: Case, index: int) -> bool:
+    """Whether a changed file has drawn a zone over, or above, the vehicle there: it leaves it low.
+
+    That is one that applies at its height, or higher.
+    """
+    version = case.version_at(float(case.time_s[index]) + _TAKEN_S)
     if version is case.versions[0]:
         return False
     here, height_m = shapely.Point(case.place(index)), float(case.above_m[index]) + case.ground_m
     before = case.versions[case.versions.index(version) - 1].mission.areas
     new = (area for area in version.mission.areas if not any(map(area.same, before)))
-    above = (area for area in new if area.lower_m > height_m)
-    return any(room_m(area, here) < area.clearance_m + DRIFT_M for area in above)
+    higher = (area for area in new if area.upper_m > height_m)
+    return any(room_m(area, here) < area.clearance_m + DRIFT_M for area in higher)
 
 
 def keeps_its_room(case: Case) -> Iterator[Violation]:
@@ -235,7 +241,7 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
             stops_s = float(case.time_s[index]) + STOP_S if landing and not lands else stops_s
             stopped = before is not Responsible.OURS or case.time_s[index] < stops_s
             # Farther off than here it may not get then.
-            if beyond_m and (stopped or (excuse_m and leaves_below(case, index))):
+            if beyond_m and (stopped or (excuse_m and leaves_low(case, index))):
                 excuse_m, back_at = beyond_m + DRIFT_M, index
             home_m, allowed_m = case.from_home_m(index), near_m + case.off_m[index]
             here = case.landing_place is not None and lands  # `duties` look where

@@ -115,7 +115,12 @@ class Stations:
         station.choose(mode)
         return self._vehicle.autopilot.intended is mode
 
-    # Plans: stored as an upload has stored them in the end
+    # Plans: stored as an upload has stored them in the end; PX4 takes one at a time
+
+    @property
+    def may_upload(self) -> bool:
+        """Whether PX4 takes a plan now: while it takes another it answers with an error."""
+        return not self._vehicle.autopilot.plan.transferring
 
     def same_plan(self) -> None:
         """The mission on board again, its coordinates rounded otherwise."""

@@ -21,7 +21,7 @@ from air_router.controller.model.states import State
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.instructions import FLY_OUT_OR_RELOAD, Severity
-from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced
+from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced, PlanTried
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
@@ -148,7 +148,7 @@ def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend, others):
     assert clear_of(flight, zone, since) >= 5.0
 
 
-def test_a_way_out_by_nodes_of_the_plan_stays_below_what_is_drawn_above_it_too(pretend):
+def test_a_way_out_past_another_zone_stays_below_what_is_drawn_above_it_too(pretend):
     """In Mission mode PX4 would climb to the altitude of its item."""
     flight = climbing(pretend)
     band, (east_m, north_m) = Band(20.0, 60.0), flight.position
@@ -157,8 +157,7 @@ def test_a_way_out_by_nodes_of_the_plan_stays_below_what_is_drawn_above_it_too(p
     commanded = len(flight.motions)
     change(flight, above, beside)
     flight.fly_until(lambda: boarding(flight) == 1, 120.0)
-    places = [motion.position for motion in moves(flight, commanded)]
-    assert set(places) & {waypoint.position for waypoint in flight.mission.waypoints}
+    assert moves(flight, commanded) != []
     for motion in moves(flight, commanded):
         assert isinstance(motion, FlyToPoint)
         assert motion.altitude_m < 20.0
@@ -805,3 +804,41 @@ def test_a_way_that_is_not_there_is_said_once(airborne):
     before = len(flight.said)
     flight.give(PlanRenewed())
     assert sum("no way to io" in text for text in flight.said[before:]) == 1
+
+
+def test_another_stations_plan_during_a_renewal_ends_that_and_is_a_takeover(pretend):
+    flight, _ = drawn_over(pretend)
+    update = flight.controller.airspace_update
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    assert update.objection() is None
+    flight.give(PlanReplaced(flight.now_s))
+    assert "another ground station" in update.objection()
+    commanded = len(flight.motions)
+    flight.give(PlanRenewed("another ground station has changed what is on board"))
+    assert flight.controller.context.zones is ZoneChange.CLEARING  # once more when it is resumed
+    flight.give(PlanCompared(flight.now_s, "8 items"))
+    flight.fly_for(20.0)
+    assert flight.controller.state is State.PASSIVE
+    assert moves(flight, commanded) == []
+    assert any("hands off: another plan is on board" in text for text in flight.said)
+    assert not any("coming home" in text for text in flight.said)
+    refused = flight.operator_asks(GoOn())
+    assert not refused.accepted
+    assert "resume upload" in refused.why
+
+
+def test_while_another_plan_is_read_ours_is_not_put_over_it_on_request(pretend):
+    flight = cruising(pretend)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.pilot_chooses(FlightMode.POSITION)
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.fly_for(3.0)
+    answer = flight.operator_asks(GoOn(upload=True))
+    assert not answer.accepted
+    assert "is being read" in answer.why
+
+
+def test_every_try_of_another_station_that_shows_is_told(pretend):
+    flight = cruising(pretend)
+    flight.give(PlanTried(flight.now_s, "ground station 255"))
+    assert any("ground station 255 tries to put a plan on board" in text for text in flight.said)

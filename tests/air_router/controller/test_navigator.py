@@ -177,7 +177,7 @@ def test_below_the_cruise_altitudes_it_is_reckoned_with_that_it_swings_beyond_it
     mission = bend.mission.with_areas((), (mast,))
     low = at(190.0, 0.0, velocity_m_s=(3.5, 0.0), target=Point(200.0, 0.0))
     flight = type(bend)(mission)
-    for altitude_m, clear in ((40.0, True), (30.0, False)):
+    for altitude_m, clear in ((40.0, True), (30.0, True), (22.0, False)):
         _, _, navigator = navigating(flight, dataclasses.replace(low, altitude_m=altitude_m))
         telemetry = navigator._context.heard
         assert navigator.clear(telemetry, Point(190.0, 60.0)) is clear

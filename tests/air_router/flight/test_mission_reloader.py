@@ -13,6 +13,7 @@ import pytest
 
 from air_router.controller.model.actions import ReadAgain, RenewPlan
 from air_router.controller.model.events import PlanRenewed
+from air_router.controller.model.mission_context import OnBoard
 from air_router.controller.model.requests import Reload
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
@@ -25,6 +26,7 @@ from air_router.routing.router import Router
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from mocha_link.team.document import DocumentError
+from tests.air_router.conftest import MISSIONS
 from tests.air_router.flight.whole_flight import WholeFlight, at_once
 
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation"
@@ -350,3 +352,14 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
     (answer,) = answers
     assert answer.accepted
     assert verb == "upload" or answer.why.endswith("what has changed goes on board after the plan")
+
+
+@pytest.mark.parametrize("whose", list(OnBoard))
+def test_a_reload_is_good_only_while_this_missions_plan_is_on_board(whose):
+    controller = SimpleNamespace(context=SimpleNamespace(mission=None, on_board=whose))
+    controller.context.mission = load_mission(MISSIONS / "pennovation" / "mission.yaml")
+    reader = rereading.MissionReloader(controller, None, [].append, [].append)
+    assert reader.report is None
+    reader.latest = ReloadReport(under_way=False, good=True, why="the flight keeps to them")
+    assert reader.report.good is (whose is OnBoard.OURS)
+    assert ("another plan is on board" in reader.report.why) is (whose is not OnBoard.OURS)

@@ -12,6 +12,7 @@ from air_router.errors import PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_plan, px4_requests
 from air_router.vehicle.px4.mavsdk_bridge import to_raw
+from air_router.vehicle.px4.plan_guard import FENCE, MISSION, RALLY, PlanGuard, PlanIds
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_events import (
     ARMING_SUMMARY,
@@ -22,6 +23,7 @@ from air_router.vehicle.px4.px4_events import (
 )
 from air_router.vehicle.px4.px4_plan import OnboardPlan
 from air_router.vehicle.px4.px4_requests import RUN_PREARM_CHECKS
+from air_router.vehicle.vehicle import FlightMode
 
 
 def identity(items):
@@ -47,6 +49,11 @@ class Board:
         self.after_read = lambda: None
         self.in_air = False
         self.tells_mode = True
+        self.mode = FlightMode.HOLD
+        self.guard = PlanGuard()
+        self.plan_ids = None  # as an older PX4, which tells none
+        self.tried = 0
+        self.after = lambda _kind: None  # called after each list that was stored
 
     def onboard(self):
         return OnboardPlan(Plugins(self, self, self), self, self.received, self.told.append)
@@ -60,18 +67,27 @@ class Board:
     def said(self):
         return ""
 
-    plan_ids = None
-
     def guard_plan(self, ids):
+        self.guard.begin(ids)
         self.guarded = ids
 
-    def leave_plan_alone(self):
+    def watch_plan(self):
         pass
+
+    def plan_refused(self):
+        self.tried += 1
+
+    def numbered(self):
+        """From now on it tells ids, as PX4 does since 1.15."""
+        self.plan_ids = PlanIds(*map(hash, map(repr, (self.items, self.fence, self.rally))))
 
     async def shows(self, condition, _limit_s):
         for _ in range(10):
             self.mission_reports += 1
             self.time_s += 1.0
+            if self.plan_ids is not None:
+                self.numbered()
+                self.guard.told(self.plan_ids)
             self.item_total = len(self.items)
             await asyncio.sleep(0)
             if condition():
@@ -97,7 +113,13 @@ class Board:
             self.mission_state = (2 if self.good else 1) if self.tells_state else 0
             self.left = self.judges_after
             self.refusals += [] if self.good else ["plan item 3 lies in a no-fly zone"]
+        self._stored(MISSION, items)
         answer(MissionRawResult.SUCCESS, None)
+
+    def _stored(self, kind, items):
+        if self.plan_ids is not None:
+            self.guard.stored(kind, hash(repr(items)))
+        self.after(kind)
 
     def clear_mission_async(self, answer):
         self.items, self.judged = [], None
@@ -105,10 +127,17 @@ class Board:
 
     def upload_geofence_async(self, items, answer):
         self.fence = items
+        self._stored(FENCE, items)
         answer(MissionRawResult.SUCCESS, None)
+
+    def clear_geofence_async(self, answer):
+        self.fence = []
+        self._stored(FENCE, [])
+        answer(GeofenceResult.SUCCESS, None)
 
     def upload_rally_points_async(self, items, answer):
         self.rally = items
+        self._stored(RALLY, items)
         answer(MissionRawResult.SUCCESS, None)
 
     def download_mission_async(self, answer):
@@ -294,10 +323,8 @@ def test_what_is_objected_to_is_not_put_on_board_any_more(pennovation, before):
         )
     )
     other = dataclasses.replace(plan, items=plan.items[:-1], rally=plan.rally[:-1])
-    board.clear_geofence_async = lambda answer: (
-        begun.append(1),
-        answer(GeofenceResult.SUCCESS, None),
-    )
+    clear = board.clear_geofence_async
+    board.clear_geofence_async = lambda answer: (begun.append(1), clear(answer))
     with pytest.raises(PlanRefusedError, match="a pilot has it"):
         asyncio.run(
             onboard.renew(other, lambda: "a pilot has it" if len(begun) >= before else None)
@@ -315,3 +342,62 @@ def test_a_plan_that_is_not_waited_for_any_more_reads_nothing_and_leaves_the_wat
     with pytest.raises(PlanRefusedError, match="the mission goes on without it"):
         asyncio.run(onboard.renew(plan, lambda: "the mission goes on without it"))
     assert board.guarded == "ours"
+
+
+@pytest.mark.parametrize("ids", [True, False])  # an older PX4 tells none: it is read back
+@pytest.mark.parametrize("after", [FENCE, RALLY])
+@pytest.mark.parametrize("first", [True, False])
+def test_what_another_station_changes_meanwhile_is_written_over_by_no_list(
+    pennovation, ids, after, first
+):
+    """From the first list to the last, in the first upload and when the plan is renewed."""
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard = board.onboard()
+    if ids:
+        board.numbered()
+    if not first:
+        asyncio.run(onboard.upload(plan))
+    theirs = [*board.fence[:4]]
+
+    def change(kind):
+        if kind == after:
+            board.fence, theirs[:] = board.fence[:5], board.fence[:5]
+
+    board.after = change
+    other = dataclasses.replace(plan, fence=plan.fence[:-4], rally=plan.rally[:-1])
+    transfer = onboard.upload(plan) if first else onboard.renew(other, lambda: None)
+    with pytest.raises(PlanRefusedError):
+        asyncio.run(transfer)
+    assert board.fence == theirs
+
+
+def test_a_plan_that_was_changed_before_its_renewal_is_not_written_over(pennovation):
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard = board.onboard()
+    board.numbered()
+    asyncio.run(onboard.upload(plan))
+    uploads, board.items = board.uploads, board.items[:-1]
+    other = dataclasses.replace(plan, items=plan.items[:-2])
+    with pytest.raises(PlanRefusedError, match="another ground station has changed"):
+        asyncio.run(onboard.renew(other, lambda: None))
+    assert board.uploads == uploads
+    asyncio.run(onboard.renew(other, lambda: None))  # the operator was told, and wants it
+    assert board.uploads == uploads + 1
+
+
+def test_that_px4_is_busy_with_a_transfer_of_another_is_told(pennovation, monkeypatch):
+    monkeypatch.setattr(px4_plan, "BUSY_S", 0.0)
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard = board.onboard()
+    upload, refused = onboard.fence.upload, [1]
+
+    def begin(items, answer):
+        if refused:
+            refused.pop()
+            answer(MissionRawResult.ERROR, None)
+        else:
+            upload(items, answer)
+
+    onboard.fence = onboard.fence._replace(upload=begin)
+    asyncio.run(onboard.upload(plan))
+    assert board.tried == 1

@@ -1,0 +1,237 @@
+"""The watchdog over all that may keep the vehicle from moving: where it should, an alarm says so.
+
+Whatever holds a motion back (zones that change, a plan that is compared, a way that is not there,
+an input that is missing, a fault of this program), the vehicle hovers then, and a battery ends.
+So beside all of that one rule looks only at what shows: the vehicle is in a zone, or wanted
+elsewhere, and has not moved for some time. `WATCHES` has what is looked at, the gravest first;
+`CAUSES` what may keep it, in the order in which that counts. The alarm has the cause, and what the
+pilot does; it is repeated as long as that lasts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from air_router.controller.model.mission_context import MissionContext, Progress, ZoneChange
+from air_router.controller.model.states import State
+from air_router.routing.departure import names_of
+from air_router.vehicle.instructions import (
+    FLY_OUT,
+    HOME_OR_TAKE_OVER,
+    LAND_BY_HAND,
+    Instruction,
+)
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import Point
+
+MOVED_M: Final = 3.0
+"""A vehicle that has come so far, in any direction, has moved: one that hovers wanders by less, and
+the slowest landing (0.3 m/s) comes so far in 10 s."""
+
+IN_ZONE_S: Final = 15.0
+"""To stop takes 4 s, a lost order is given again after 3 s, a way is planned in 2 s, and the first
+`MOVED_M` are flown in 2 s: what has not begun to leave a zone after so long will not."""
+
+ELSEWHERE_S: Final = 30.0
+"""Each wait of a flight that is well ends sooner: a leg that is not followed after 15 s, a jump of
+the altitude after 30 s."""
+
+PLAN_S: Final = 90.0
+"""A plan is put on board, and read back, within 10 s; over a poor link within a minute."""
+
+STANDSTILL: Final = "the vehicle stands where it should not"
+"""What the alarm is about."""
+
+
+LOOK_S: Final = 1.0
+"""How often a vehicle that does not move is looked at."""
+
+Cause = Callable[[MissionContext], str | None]
+"""What may keep the vehicle from moving, in words, where it does."""
+
+
+def _if(what: str, holds: Callable[[MissionContext], object]) -> Cause:
+    return lambda context: what if holds(context) else None
+
+
+def _zones(context: MissionContext) -> str | None:
+    return None if context.zones is None else context.zones.value
+
+
+def _refusal(context: MissionContext) -> str | None:
+    return None if context.way.refusal is None else context.way.refusal.reason
+
+
+CAUSES: Final[tuple[Cause, ...]] = (
+    lambda context: None if context.held is None else context.held.why,
+    _if("nothing is heard of it", lambda context: context.silent_s > 0.0),
+    lambda context: next(iter(context.inputs.stopped), None),
+    _if("its altitude has jumped", lambda context: context.jumped),
+    _if("an order shows that is not ours", lambda context: context.doubts),
+    lambda context: context.giving_up and f"hands off in a moment: {context.giving_up}",
+    lambda context: context.compares and f"{context.compares}, and is being compared",
+    _if("it has to stop first", lambda context: context.has_to_stop),
+    _zones,
+    _refusal,
+)
+"""The first that holds is said."""
+
+UNKNOWN: Final = "it does not follow what it is told"
+
+
+def cause_of(context: MissionContext) -> str:
+    """Why the vehicle does not move, in words."""
+    found = (cause(context) for cause in CAUSES)
+    return next((words for words in found if words), UNKNOWN)
+
+
+class Watch(NamedTuple):
+    """Something that a vehicle which does not move must not last in.
+
+    Attributes:
+        words: What that is.
+        holds: Whether it is so: more words about it, perhaps none; None: it is not.
+        after_s: For how long it has not moved.
+        instruction: What the pilot does.
+    """
+
+    words: str
+    holds: Callable[[MissionContext, Telemetry], str | None]
+    after_s: float
+    instruction: Instruction
+
+
+def _in_zone(context: MissionContext, telemetry: Telemetry) -> str | None:
+    holders = context.mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+    return names_of(holders) if holders else None
+
+
+def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
+    charge = telemetry.battery
+    low = charge is not None and charge <= context.mission.battery_reserve
+    return f"{charge:.0%}" if low else None
+
+
+def _waits_for_plan(context: MissionContext, telemetry: Telemetry) -> str | None:
+    """A plan is put on board, or compared, which has an end of its own."""
+    del telemetry
+    waits = context.zones in {ZoneChange.UPLOADING, ZoneChange.PLANNING} or context.compares
+    return "" if waits else None
+
+
+def _in(state: State) -> Callable[[MissionContext, Telemetry], str | None]:
+    def holds(context: MissionContext, telemetry: Telemetry) -> str | None:
+        waits = _waits_for_plan(context, telemetry) is not None
+        return "" if context.state is state and not waits else None
+
+    return holds
+
+
+def _elsewhere(context: MissionContext, telemetry: Telemetry) -> str | None:
+    """Its mission goes on elsewhere; where it hovers for a robot, or on request, it does not."""
+    rests = {State.HOLD, State.COMM} | ({State.READY} if context.held else set())
+    if context.state in rests or _waits_for_plan(context, telemetry) is not None:
+        return None
+    flies = context.way.progress in {Progress.FLYING, Progress.NO_ROUTE}
+    waits = context.spec.explores and context.retry_at_s is not None
+    return "" if flies or waits or context.zones is not None else None
+
+
+WATCHES: Final = (
+    Watch("it is in a zone", _in_zone, IN_ZONE_S, FLY_OUT),
+    Watch("the battery is at its reserve", _at_reserve, IN_ZONE_S, LAND_BY_HAND),
+    Watch("it should come home", _in(State.HOME), ELSEWHERE_S, LAND_BY_HAND),
+    Watch("it should land", _in(State.LAND), ELSEWHERE_S, LAND_BY_HAND),
+    Watch("its mission is to go on", _elsewhere, ELSEWHERE_S, HOME_OR_TAKE_OVER),
+    Watch("its mission waits", _waits_for_plan, PLAN_S, HOME_OR_TAKE_OVER),
+)
+"""The first that is so for long enough is the alarm."""
+
+
+class _Anchor(NamedTuple):
+    """Where the vehicle was when it had moved last, or was to move first."""
+
+    time_s: float
+    position: Point
+    altitude_m: float
+
+    def left_by(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle has moved since."""
+        up_m = telemetry.altitude_m - self.altitude_m
+        return math.hypot(math.dist(self.position, telemetry.position), up_m) > MOVED_M
+
+
+@dataclass(slots=True, eq=False)
+class Standstill:
+    """Watches over one flight.
+
+    Args:
+        context: What it reads; where the alarm goes.
+    """
+
+    _context: MissionContext
+    _anchor: _Anchor | None = None
+    _looked_s: float = -math.inf  # when it was looked at last, vehicle's clock
+    _told: Watch | None = None  # what it stands in now
+
+    def look(self, telemetry: Telemetry, *, ours: bool) -> None:
+        """Take a telemetry in, after all that was decided on it.
+
+        Args:
+            telemetry: Of now.
+            ours: The vehicle is in the air, and flies by our commands.
+        """
+        now_s, anchor = telemetry.time_s, self._anchor
+        if not ours:
+            self._anchor = None
+            self._over()
+            return
+        if anchor is not None and not anchor.left_by(telemetry) and now_s < self._looked_s + LOOK_S:
+            return
+        self._looked_s = now_s
+        here = _Anchor(now_s, telemetry.position, telemetry.altitude_m)
+        if anchor is None or anchor.left_by(telemetry):
+            self._anchor = here
+            self._over("it moves again")
+            return
+        found = {watch: watch.holds(self._context, telemetry) for watch in WATCHES}
+        lasts = [(watch, more) for watch, more in found.items() if more is not None]
+        if not lasts:
+            self._anchor = here  # it is where it is wanted
+            self._over()
+        stands_s = now_s - anchor.time_s
+        graves = [(watch, more) for watch, more in lasts if stands_s >= watch.after_s]
+        if graves:
+            self._alarm(*graves[0], anchor.time_s)
+
+    def _alarm(self, watch: Watch, more: str, since_s: float) -> None:
+        """Alarm of it until it is over, unless another alarm has the pilot take the vehicle."""
+        context = self._context
+        if watch is not self._told:
+            self._over()
+            self._told = watch
+        if set(context.alarms.shown) - {STANDSTILL}:
+            return
+        what = f"{watch.words} ({more})" if more else watch.words
+        stands = f"{what}, and has not moved"
+        context.alarm_until_over(
+            STANDSTILL,
+            f"{stands} for {self._looked_s - since_s:.0f} s: {cause_of(context)}",
+            watch.instruction,
+            lasting=stands,
+            since_s=since_s,
+        )
+
+    def _over(self, words: str = "") -> None:
+        self._told = None
+        self._context.over(STANDSTILL, words)
+
+    @property
+    def why(self) -> str | None:
+        """Why the vehicle does not move, and what to do, where an alarm lasts; None: none does."""
+        if self._told is None:
+            return None
+        return f"{cause_of(self._context)}; {self._told.instruction}"

@@ -1,0 +1,82 @@
+"""Whose change of the plan on board is whose: ours, or that of another ground station.
+
+A PX4 tells the three lists on board apart by an id each, once a second, and says the id of a list
+that we have sent in its MISSION_ACK. An id that is neither the one before nor the one of our own
+transfer is that of another sender. Older PX4 (before 1.15) have no ids, and tell 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
+
+
+class PlanIds(NamedTuple):
+    """By which a PX4 tells one plan on board from another; 0: not told, or none."""
+
+    mission_id: int
+    fence_id: int
+    rally_points_id: int
+
+    @property
+    def told(self) -> bool:
+        """Whether the autopilot has ids, and a plan."""
+        return any(self)
+
+
+LISTS: Final = (MISSION, FENCE, RALLY)
+"""The lists, in the order of their ids."""
+
+
+@dataclass(slots=True)
+class PlanGuard:
+    """Follows the ids of one PX4.
+
+    Attributes:
+        newest: The ids as they were told last; None before.
+        changed: The lists that another sender has changed since `begin`.
+    """
+
+    newest: PlanIds | None = None
+    changed: frozenset[int] = frozenset()
+    _known: dict[int, int] = field(default_factory=dict)  # by list: its id; none: the next told is
+    _under_way: int | None = None  # the list that we transfer
+
+    def begin(self, known: PlanIds | None) -> None:
+        """From now on what is another than this is a change; None: than what is told next."""
+        self._known = {} if known is None else dict(zip(LISTS, known, strict=True))
+        self.changed = frozenset()
+
+    def transfer_begins(self, kind: int) -> None:
+        """We send a list, or clear it."""
+        self._under_way = kind
+
+    def stored(self, kind: int, identifier: int | None) -> None:
+        """The autopilot has stored our list, under this id; None: it does not say which."""
+        if kind != self._under_way:
+            return
+        if identifier is None:
+            self._known.pop(kind, None)
+        else:
+            self._known[kind] = identifier
+
+    def transfer_ends(self, *, lost: bool = False) -> None:
+        """It is over; `lost`: it may be stored though we were not told so."""
+        if lost and self._under_way is not None:
+            self._known.pop(self._under_way, None)
+        self._under_way = None
+
+    def told(self, ids: PlanIds) -> frozenset[int]:
+        """The autopilot tells its ids; which lists another sender has changed since the last."""
+        self.newest = ids
+        found = set()
+        for kind, identifier in zip(LISTS, ids, strict=True):
+            if kind == self._under_way:
+                continue  # the answer may be lost; PX4 takes no other list meanwhile
+            if self._known.setdefault(kind, identifier) != identifier:
+                self._known[kind] = identifier
+                found.add(kind)
+        self.changed |= found
+        return frozenset(found)

@@ -1,0 +1,208 @@
+"""The watchdog: what should move, and does not, is an alarm, whatever the reason."""
+
+import math
+
+import pytest
+
+from air_router.controller.model.actions import Announce, FlyToPoint
+from air_router.controller.model.mission_context import ZoneChange
+from air_router.controller.model.requests import ComeHome, HoldNow, LandNow
+from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
+from air_router.controller.model.states import State
+from air_router.controller.standstill import (
+    CAUSES,
+    ELSEWHERE_S,
+    IN_ZONE_S,
+    PLAN_S,
+    UNKNOWN,
+    WATCHES,
+    cause_of,
+)
+from air_router.vehicle.instructions import (
+    FLY_OUT,
+    HOME_OR_TAKE_OVER,
+    LAND_BY_HAND,
+    TAKE_OVER_NOW,
+    Severity,
+)
+from geo.airspace.zone import Band, Circle, Zone
+from tests.air_router.controller.test_airspace_update import (
+    boarding,
+    box,
+    change,
+    climbing,
+    cruising,
+    goes_on_board,
+)
+
+
+def alarms(flight, words="has not moved for"):
+    return [
+        a
+        for a in flight.actions
+        if isinstance(a, Announce) and a.severity is Severity.ALARM and words in a.text
+    ]
+
+
+def stuck(pretend, **changes):
+    """A vehicle that commands do not move any more, though each is confirmed."""
+    flight = cruising(pretend, duration_s=None, **changes)
+    held = flight.position
+
+    def stays():
+        flight.position, flight.velocity = held, (0.0, 0.0)
+
+    move = flight.move
+    flight.move = lambda: (move(), stays())
+    return flight
+
+
+@pytest.mark.parametrize("kind", ["below", "above", "around", "across"])
+@pytest.mark.parametrize("moment", ["climb", "cruise", "hold", "home"])
+def test_a_zone_at_any_height_is_left_at_any_height(pretend, moment, kind):
+    flight = climbing(pretend) if moment == "climb" else cruising(pretend)
+    if moment == "hold":
+        flight.operator_asks(HoldNow())
+        flight.fly_for(6.0)
+    if moment == "home":
+        flight.operator_asks(ComeHome())
+        flight.fly_for(2.0)
+    here_m = flight.altitude_m
+    band = {
+        "below": Band(-100.0, here_m - 6.0),
+        "above": Band(here_m + 6.0, 500.0),
+        "around": Band(here_m - 6.0, here_m + 6.0),
+        "across": None,
+    }[kind]
+    zone = Zone("new", Circle(flight.position, 9.0), band=band)
+    change(flight, zone)
+    goes_on_board(flight)
+    now = flight.mission.with_areas(flight.mission.fences, (*flight.mission.zones, zone))
+    assert now.airspace_at(flight.altitude_m).holders(flight.position) == ()
+    if moment == "hold":
+        flight.operator_asks(ComeHome())
+    flight.lands(600.0)
+    assert alarms(flight) == []
+
+
+def test_a_zone_below_cruise_that_is_drawn_over_a_low_climb_is_left_there(pretend):
+    flight = climbing(pretend)
+    zone = Zone("new", Circle(flight.position, 15.0), band=Band(0.0, 20.0))
+    commanded = len(flight.motions)
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    moved = [m for m in flight.motions[commanded:] if isinstance(m, FlyToPoint)]
+    assert moved != []
+    assert all(m.altitude_m < 20.0 for m in moved)  # out of it first, then up
+    assert math.dist(flight.position, zone.shape.centre) > 20.0
+    goes_on_board(flight)
+    flight.fly_until(lambda: flight.altitude_m > 37.0, 60.0)
+
+
+def test_what_ends_below_the_vehicle_keeps_it_from_no_climb(pretend):
+    flight = climbing(pretend)
+    flight.fly_until(lambda: flight.altitude_m > 25.0, 60.0)
+    change(flight, Zone("new", Circle(flight.position, 15.0), band=Band(0.0, 8.0)))
+    goes_on_board(flight)
+    flight.fly_until(lambda: flight.altitude_m > 37.0, 60.0)
+
+
+def test_a_vehicle_that_is_wanted_elsewhere_and_does_not_move_is_an_alarm_again_and_again(pretend):
+    flight = stuck(pretend)
+    flight.fly_for(ELSEWHERE_S - 6.0)
+    assert alarms(flight) == []
+    flight.fly_for(8.0 + ESCALATES_S + 2 * REPEATED_S)
+    found = alarms(flight)
+    assert len(found) == 4
+    assert [each.instruction for each in found] == [HOME_OR_TAKE_OVER, *[TAKE_OVER_NOW] * 3]
+    assert "its mission is to go on" in found[0].text
+
+
+def test_on_the_way_home_it_is_to_be_landed_and_home_says_why_it_does_not_come(pretend):
+    flight = stuck(pretend)
+    assert flight.operator_asks(ComeHome()).why == "it comes home"
+    flight.fly_for(ELSEWHERE_S + 3.0)
+    assert alarms(flight)[0].instruction == LAND_BY_HAND
+    assert "it should come home" in alarms(flight)[0].text
+    answer = flight.operator_asks(ComeHome())
+    assert answer.accepted
+    assert "it comes home already, and does not move: " in answer.why
+    assert LAND_BY_HAND in answer.why
+
+
+def test_the_reserve_of_the_battery_is_an_alarm_of_its_own_where_nothing_moves(pretend):
+    flight = stuck(pretend)
+    flight.shown["battery"] = flight.mission.battery_reserve
+    flight.fly_for(IN_ZONE_S + 3.0)
+    assert flight.controller.state is State.HOME
+    assert "the battery is at its reserve (25%)" in alarms(flight)[0].text
+    assert alarms(flight)[0].instruction == LAND_BY_HAND
+
+
+def test_it_says_that_it_moves_again(pretend):
+    flight = stuck(pretend)
+    flight.fly_for(ELSEWHERE_S + 3.0)
+    del flight.move
+    flight.fly_for(20.0)
+    assert "it moves again" in flight.said
+    count = len(alarms(flight))
+    flight.fly_for(2 * REPEATED_S)
+    assert len(alarms(flight)) == count
+
+
+def test_in_a_zone_that_no_way_leads_out_of_the_pilot_is_told_within_seconds(pretend):
+    flight = cruising(pretend, duration_s=None)
+    here = flight.position
+    change(flight, box(here, 300.0, "everywhere"))
+    flight.fly_for(IN_ZONE_S + 10.0)
+    told = alarms(flight, "no way out") + alarms(flight)
+    assert told != []
+    assert told[0].instruction == FLY_OUT
+    assert {each.instruction for each in told[1:]} == {TAKE_OVER_NOW}
+    assert flight.operator_asks(ComeHome()).accepted
+    flight.fly_for(IN_ZONE_S + 5.0)
+    assert "does not move" in flight.operator_asks(ComeHome()).why
+    assert "not left" not in flight.operator_asks(LandNow()).why
+
+
+@pytest.mark.parametrize("rests", [HoldNow(), None])
+def test_where_it_hovers_because_it_is_to_hover_it_is_no_alarm(pretend, rests):
+    flight = cruising(pretend, duration_s=None)
+    if rests is not None:
+        flight.operator_asks(rests)
+    else:
+        flight.robots = {}
+        flight.fly_to_state(State.SEARCH)
+    flight.fly_for(100.0)
+    assert alarms(flight) == []
+
+
+def test_a_plan_that_does_not_get_on_board_is_an_alarm_after_longer(pretend):
+    flight = cruising(pretend, duration_s=None)
+    change(flight, box(flight.position, half_m=8.0))
+    flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 60.0)
+    flight.fly_for(PLAN_S - 10.0)
+    assert alarms(flight) == []
+    flight.fly_for(20.0)
+    assert "its mission waits" in alarms(flight)[0].text
+    assert "being put on board" in alarms(flight)[0].text
+
+
+def test_a_pilots_vehicle_may_stand_wherever_it_is(pretend):
+    flight = stuck(pretend)
+    flight.pilot_chooses(flight.mode.__class__.POSITION)
+    flight.fly_for(100.0)
+    assert alarms(flight) == []
+
+
+def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
+    limits = [watch.after_s for watch in WATCHES]
+    assert limits == sorted(limits)
+    flight = cruising(pretend)
+    context = flight.controller.context
+    assert cause_of(context) == UNKNOWN
+    context.zones = ZoneChange.UPLOADING
+    assert cause_of(context) == ZoneChange.UPLOADING.value
+    context.jumped = True  # what counts sooner is said
+    assert cause_of(context) == "its altitude has jumped"
+    assert len(CAUSES) > 5
