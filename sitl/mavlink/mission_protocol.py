@@ -143,13 +143,16 @@ class MissionProtocol:
             Notice.of(event),
         ]
 
-    def _on_ack(self, message: Any, sender: tuple[int, int], _: float) -> list[Reply]:
+    def _on_ack(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if sender != self._partner:
             return [Notice.of("mavlink_mission_partner_id_mismatch")]
         if self._state is _State.SENDING and message.mission_type == self._type:
             self._state = _State.IDLE
         elif (self._state, message.type) == (_State.RECEIVING, UploadResult.OPERATION_CANCELLED):
             self._finish()
+        elif (self._state, message.type) == (_State.RECEIVING, UploadResult.UNSUPPORTED):
+            self._requests_int = not self._requests_int  # the partner knows only the other one
+            return [self._request(now_s)]
         return []
 
     # Uploads

@@ -251,6 +251,39 @@ def test_a_stored_plan_that_cannot_be_flown_is_refused(standing, monkeypatch):
     run(mission, udp_port, script)
 
 
+@pytest.mark.parametrize("version", ["1.15", "1.16", "1.18"])
+def test_another_version_of_px4_takes_the_plan_and_refuses_one_that_cannot_be_flown(
+    shared_mission, version
+):
+    """Before 1.17 its arming checks say whether a mission can be flown."""
+    mission, port = load_mission(shared_mission), free_port()
+    links = f"--api-to=127.0.0.1:{port}", "--no-gcs", f"--truth-to=127.0.0.1:{free_port()}"
+    over = Zone("over", Circle(mission.waypoints[4].position, 3.0))
+    drawn = with_zones(mission, *mission.zones[1:], over)
+
+    async def script(vehicle):
+        info = await vehicle.connect()
+        assert info.version.startswith(f"{version}.")
+        log = Log(vehicle)
+        with pytest.raises(PlanRefusedError, match="be flown: plan item 8 lies in a no-fly"):
+            await vehicle.upload(FlightPlan.of(drawn))
+        await vehicle.upload(FlightPlan.of(mission))
+        await vehicle.arm()
+        await vehicle.start()
+        await log.until(lambda: log.telemetry.in_air)
+        await vehicle.hold()
+        with pytest.raises(PlanRefusedError, match="be flown: plan item 8 lies in a no-fly"):
+            await vehicle.renew(_fence_of(drawn, FlightPlan.of(mission)), lambda: None)
+        await vehicle.land()
+
+    with simulated_vehicle(shared_mission, "--speed=20", *links, f"--px4-version={version}"):
+        run(mission, port, script)
+
+
+def _fence_of(mission, plan):
+    return dataclasses.replace(plan, fence=FlightPlan.of(mission).fence)
+
+
 def test_a_fence_with_too_many_points_says_how_many_px4_takes(standing):
     mission, udp_port = standing
     east_m, north_m = mission.waypoints[4].position

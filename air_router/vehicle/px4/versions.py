@@ -90,7 +90,7 @@ FACTS: Final = (
         "mavlink_mission.h, _int_mode",
         "mission-upload-and-download",
         before=(1, 17),
-        instead="MAVSDK answers both requests by MISSION_ITEM_INT",
+        instead="MAVSDK answers MISSION_ACK UNSUPPORTED, and PX4 requests by MISSION_REQUEST_INT",
     ),
     VersionFact(
         "a parameter that it does not have is answered by PARAM_ERROR",
