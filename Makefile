@@ -16,7 +16,7 @@ PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --n
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa experiments experiments-verify lint film bench bench-goals bench-link bench-route dist docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench bench-goals bench-link bench-route dist docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -42,7 +42,7 @@ test: setup
 docs-test: setup
 	$(BIN)/python -m pytest -o 'python_files=test_*.py walk_*.py' tests/docs tests/test_readme.py tests/mocha_link/test_docs_embedding.py tests/mocha_link/bridges/test_docs.py tests/air_router/test_docs_routes.py tests/air_router/control/test_control.py
 
-# 1202 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
+# 1337 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
 rehearse: setup
 	$(BIN)/python -m sitl rehearse $(MISSION) $(REHEARSE)
 
@@ -61,6 +61,10 @@ SLICE = "every leg is clear" "no clearance" "straight lines" "the loader drops a
 	"a leg is not checked again when it leaves"
 sabotage-slice: setup
 	$(BIN)/python -m benchmarks.sabotage $(SLICE)
+
+# Each number of the rehearsal's judge moved up and down: a test must notice
+tolerances: setup
+	$(BIN)/python -m benchmarks.tolerances $(TOLERANCES)
 
 # The code behind each cell of the table in docs/safety.md broken: the test that it names must fail. make stpa STPA="test_a test_b"
 stpa: setup

@@ -129,7 +129,7 @@ MUTANTS = (
          "database storage node_storage"),
     _row("flight level as it stands", "air_router.limits", "metres * _COLDEST - _LOWEST_M",
          "metres", "airspace_files"),
-    _row("arcs turn one way", "air_router.openair", "clockwise=zone.clockwise", "clockwise=True",
+    _row("arcs turn one way", "air_router.openair", "clockwise=zone.clockwise)[1:-1]", "clockwise=True)[1:-1]",
          "airspace_files"),
     # Beside those of the review: the controller,
     _row("take-off anywhere", "air_router.ready_state", "away_m > HOME_TOLERANCE_M", "away_m > 1e4",

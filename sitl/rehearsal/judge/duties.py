@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+import shapely
 
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.evidence import (
@@ -20,7 +21,7 @@ from sitl.rehearsal.judge.evidence import (
     number,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.space import leads_home, rooms_of
+from sitl.rehearsal.judge.space import leads_home, open_space, rooms_of
 
 _BRAKED_S: Final = 4.0
 """What the vehicle has on top of that to stand still."""
@@ -66,6 +67,8 @@ _LEADS_TO: Final = {
 """The state that an accepted request leads to at once."""
 
 _BESIDE_M, _STANDS_M_S = 3.0, 1.5
+_MARGIN_M: Final = 1.5
+"""What ways keep on top of the clearance."""
 
 _ENDS: Final = re.compile("coming home|hands off|leaving ")
 _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HOLD"})
@@ -195,7 +198,7 @@ def answered(case: Case) -> Iterator[tuple[SceneEvent, Answer | None]]:
         asked_s = request.time_s
         while answers and answers[0][0] < asked_s:
             answers.pop(0)  # of one that waited
-        own = bool(answers) and answers[0][0] <= asked_s + _ANSWERED_S
+        own = bool(answers) and answers[0][0] <= asked_s + _ANSWERED_S * case.evidence.speed
         found = answers.pop(0)[1] if own else None
         yield request, Answer(found[1] or "", found[2] or "") if found else None
 
@@ -276,11 +279,14 @@ def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
         for request, answer in [each for each in sent if each[0].time_s < end_s][-1:]:
             first, until = case.at(request.time_s), case.at(end_s) + 1
             for count, place in enumerate(places_of(case, request), 1):
-                if case.has_said(f"point {count} left out", request.time_s, end_s):
+                clear = open_space(case.version_at(end_s).mission.cruised, _MARGIN_M)
+                away = clear.distance(shapely.Point(place))  # how far from there it may be
+                if away and case.has_said(f"point {count} left out", request.time_s, end_s):
                     continue
                 of = rf"point(?: {count})?: (?:(?!point).)* so ([\d.]+) m beside"
                 beside = re.search(of, answer.words)
-                near_m = case.mission.acceptance_m + _BESIDE_M + float(beside[1] if beside else 0)
+                near_m = case.mission.acceptance_m + _BESIDE_M
+                near_m += min(float(beside[1]) if beside else 0.0, 2.0 * away + _BESIDE_M)
                 away_m = np.hypot(*(case.places[first:until] - place).T)
                 hits = np.flatnonzero(away_m <= near_m + case.off_m[first:until])
                 if not len(hits):

@@ -198,11 +198,23 @@ def _has_to_settle(case: Case, version: MissionVersion) -> bool:
     end_s = version.from_s + _SETTLES_S
     flying = bool(case.flying[case.at(end_s)]) and case.time_s[-1] >= end_s
     taken = any(given.begin_s < end_s for given in case.given)
-    # PX4 takes no other items while it flies them: that is said, and the flight comes home.
-    told = any(
+    # A transfer that the vehicle refuses, or does not answer, is said, and the flight comes home.
+    left = any(
         version.from_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said
     )
-    return flying and not (taken or told) and version.until_s > end_s
+    left = left and (_was_refused(case, version.from_s, end_s) or case.state(end_s) == "HOME")
+    listens = case.answers(end_s - 1.0, end_s, ours=False)  # a companion is there at all
+    return flying and listens and not (taken or left) and version.until_s > end_s
+
+
+def _was_refused(case: Case, from_s: float, until_s: float) -> bool:
+    """Whether the vehicle refused a transfer, or answered none, in that time."""
+    acks = [
+        int(m.fields["type"])
+        for m in case.evidence.messages
+        if m.name == "MISSION_ACK" and m.component == AUTOPILOT and from_s <= m.time_s < until_s
+    ]
+    return not acks or any(acks)
 
 
 def _differs(items: tuple[WireMessage, ...], frame: Frame, mission: RawMission) -> str:

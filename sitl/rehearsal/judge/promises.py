@@ -12,9 +12,11 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+import shapely
 
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.evidence import SceneEventKind, number
+from sitl.rehearsal.judge.space import leads_home, open_space
 
 _CHANGE: Final = re.compile(r"\b([A-Z]+) -> ([A-Z]+)$")
 _ENDS: Final = frozenset({"HOLD", "SEARCH", "EXPL", "GOTO", "HOME", "PASSIVE", "DONE"})
@@ -171,7 +173,7 @@ def explored(case: Case, until_s: float) -> int:
         if spell.state in {"INIT", "EXPL"}:
             exploring |= (case.time_s >= spell.begin_s) & (case.time_s <= min(spell.end_s, until_s))
     said = "\n".join(text for at_s, text in case.said if at_s <= until_s)
-    left_out = set(map(int, re.findall(r"waypoint (\d+) left out", said)))
+    left_out = {n for n in _said_left_out(said) if is_kept_out(case, n, until_s)}
     near_m, first = case.mission.acceptance_m + _BESIDE_M + case.off_m, 0
     for number_, waypoint in enumerate(case.mission.waypoints, 1):
         there = np.hypot(*(case.places - waypoint).T) <= near_m
@@ -180,6 +182,27 @@ def explored(case: Case, until_s: float) -> int:
             return number_ - 1
         first += int(hits[0]) if number_ not in left_out else 0
     return len(case.mission.waypoints)
+
+
+def _said_left_out(said: str) -> set[int]:
+    """The waypoints that it says are left out: "waypoint 3", "waypoints 3, 4 left out"."""
+    lists = re.findall(r"waypoints? ([\d, ]+) left out", said)
+    return {int(number_) for text in lists for number_ in re.findall(r"\d+", text)}
+
+
+def is_kept_out(case: Case, number_: int, until_s: float) -> bool:
+    """Whether a zone or fence keeps it from a waypoint, or from the way there, by then."""
+    waypoints = case.mission.waypoints
+    if not 1 <= number_ <= len(waypoints):
+        return False
+    place = waypoints[number_ - 1]
+    for version in (v for v in case.versions if v.from_s <= until_s):
+        mission = version.mission
+        margin_m = mission.tracking_margin_m + _BESIDE_M
+        clear = open_space((a for a in mission.cruised if not a.periods), margin_m)
+        if not clear.covers(shapely.Point(place)) or not leads_home(mission, place, margin_m):
+            return True
+    return False
 
 
 def _met(case: Case) -> list[tuple[float, str]]:
@@ -297,7 +320,8 @@ def the_charge_covers_the_way_home(case: Case) -> Iterator[Violation]:
 def the_report_is_what_happened(case: Case) -> Iterator[Violation]:
     """Its states, times, meetings and distances are those of the flight; of one companion's."""
     report, said = case.evidence.report, "\n".join(text for _, text in case.said)
-    if not report or not case.evidence.faults <= _CALM or "in the air for" in said:
+    lives = len(list(case.evidence.told(SceneEventKind.STARTED)))
+    if not report or not case.evidence.faults <= _CALM or lives > 1:
         return
     armed_s = float(np.ptp(case.time_s[case.armed])) if case.armed.any() else 0.0
     steps_m = np.hypot(*np.diff(case.places[case.flying], axis=0).T)

@@ -139,12 +139,14 @@ def open_space(areas: Iterable[Area], more_m: float = 0.0) -> BaseGeometry:
     return shapely.intersection_all([everywhere, *fences]).difference(shapely.union_all(zones))
 
 
-def leads_home(mission: RawMission, place: Pair) -> bool:
+def leads_home(mission: RawMission, place: Pair, more_m: float = 0.0) -> bool:
     """Whether zones and fences, and what is to be kept from them, leave a way home from there.
+
+    With so much more than the clearance kept, in metres.
 
     Those that do not apply where it cruises, or not always, count as no obstacle.
     """
-    free = open_space(area for area in mission.cruised if not area.periods)
+    free = open_space((area for area in mission.cruised if not area.periods), more_m)
     parts = [part for part in shapely.get_parts(free) if part.area > 0.0]
     here, home = shapely.Point(place), shapely.Point(0.0, 0.0)
     return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.sim.ports import free_port
+from sitl.mavlink.codec import Sender
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.courses import Agenda, ScheduledFault, carry_out
@@ -28,6 +29,7 @@ from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WireScene
 from sitl.rehearsal.stand_ins.link import StreamFault
 from sitl.rehearsal.stand_ins.stations import Station, intrusion
+from sitl.rehearsal.strangers import VehicleState, false_words
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200
@@ -52,6 +54,8 @@ _RESTS_S: Final = 0.5
 _NEED: Final = frozenset({Fault.PILOT, Fault.TWO_STATIONS, Fault.DISARMED, Fault.KILLED_IN_AIR})
 """Scenes that are none where the vehicle refused what was tried."""
 _OLD_S: Final = 2.0
+_LEFT_S: Final = 12.0
+"""A file that is not taken is left so long after it was to be read."""
 _STATE: Final = re.compile(r"-> ([A-Z]+)")
 
 
@@ -93,7 +97,7 @@ class RealFlight:
             contextlib.ExitStack() as stack,
         ):
             folder = Path(name)
-            file = self._file = hurry(self.path, folder)
+            file = self._file = hurry(self.path, folder, self.scene)
             port = free_port()
             programs = self._programs = Programs(self.scene, file.path, self.speed, self.px4)
             stack.callback(programs.end_vehicles)
@@ -107,6 +111,8 @@ class RealFlight:
                 *(str(file.path), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
             ]
+            if file.mission.layers:
+                self._arguments.append(f"--uav={file.mission.uav}")
             if self.companion == OURS and not self.scene.deafens:
                 self._arguments.append(f"--pace-from={programs.pace_source},{self.speed:g}")
             if self.scene.meets:
@@ -135,6 +141,8 @@ class RealFlight:
             mission_text=text,
             exit_code=code,
             outcome=self._companion.outcome,
+            uav=self._file.mission.uav,
+            map_files={name: Path(name).read_text("utf-8") for name in self._file.map_files},
             reaction_s=1.0 + _REACTS_S * self.speed,
             speed=self.speed,
             tells_meetings=False,
@@ -164,6 +172,8 @@ class RealFlight:
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return
             if (self._companion.ended and not waits) or self._is_left_alone():
+                if gone_s is None and self._companion.ended:
+                    self._note(SceneEventKind.ENDED)
                 gone_s = now_s if gone_s is None else gone_s
                 down = not self._seen.armed and self._seen.above_m < 0.3
                 if (down and now_s > gone_s + 3.0) or now_s > gone_s + LET_GO_S:
@@ -329,6 +339,39 @@ class RealFlight:
         draw_zone(self._file, self.scene.chance("zone"))
         self._note(SceneEventKind.MISSION_FILE, self._file.text)
         self.do_ask("reload")
+
+    def do_draw(self, _value: object) -> None:
+        """The operator draws a zone while no companion is there to read it."""
+        draw_zone(self._file, self.scene.chance("zone"))
+        self._note(SceneEventKind.MISSION_FILE, self._file.text)
+
+    def do_change(self, value: str) -> None:
+        """The operator changes a number of the file and draws a zone, and has it read again."""
+        self._file.rewrite(lambda document: document.update({value: document[value] * 2}))
+        draw_zone(self._file, self.scene.chance("zone"))
+        asked_s, text = self._seen.time_s, self._file.text
+        self.do_ask("reload")
+        self._agenda.add(asked_s + _LEFT_S, ScheduledFault(_LEFT_S, "left", (asked_s, text, value)))
+
+    def do_left(self, value: tuple[float, str, str]) -> None:
+        """What was not taken of the file is taken out of it."""
+        asked_s, text, key = value
+        self._note(SceneEventKind.FILE_LEFT, (asked_s, text))
+        self._file.undo()
+        self._file.rewrite(lambda document: document.update({key: document[key] / 2}))
+
+    def do_claim(self, value: tuple[str, tuple[int, int]]) -> None:
+        """Another system or component speaks on the vehicle's link as its autopilot does."""
+        words, sender = value
+        seen = self._seen.samples[-1]
+        state = VehicleState(
+            latitude_e7=round(seen.latitude_deg * 1e7),
+            longitude_e7=round(seen.longitude_deg * 1e7),
+            amsl_mm=round(seen.altitude_amsl_m * 1e3),
+            boot_ms=round(self._seen.clock_s * 1e3),
+            mode=self._seen.mode,
+        )
+        self._relay.claim(Sender(*sender).pack_values(*false_words(state)[words]))
 
     def do_second_vehicle(self, _value: object) -> None:
         """Another vehicle's messages come over the same radio."""

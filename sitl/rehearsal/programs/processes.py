@@ -19,13 +19,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import yaml
+
 from air_router.sim.ports import free_port
 from air_router.sim.sim_world import Child
 from mocha_link import Team
 from sitl.process.end_with_parent import ending_with_us
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Line
-from sitl.rehearsal.mission_file import MissionFile, hurried
+from sitl.rehearsal.mission_file import ANOTHER, MissionFile, hurried
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
 from sitl.rehearsal.zone_terms import with_terms
@@ -38,6 +40,7 @@ OURS: Final = (sys.executable, "-m", "air_router.cli.cli")
 """How the `air-router` of this installation begins."""
 
 _FROM_HOME_M, _ZONE_M = 25.0, 6.0
+_SECOND_PORT, _PORTS = 30_000, 10
 _TIMERS: Final = {"init_s": 12, "explore_s": 10, "search_s": 6, "communicate_s": 20}
 
 
@@ -162,12 +165,29 @@ def port_of(url: str) -> int:
     return int(url.rpartition(":")[2])
 
 
-def hurry(path: Path, folder: Path) -> MissionFile:
+def hurry(path: Path, folder: Path, scene: WireScene) -> MissionFile:
     """A copy of the mission in a hurry, low, with a team of its own, in a folder."""
     derive_team(Team.load(path.parent / "team.yaml"), folder)
-    document = {**hurried(path), "team": "team.yaml", "altitude_m": 20, "timers": _TIMERS}
-    # As many corners as PX4 stores, one drawn circle included.
-    return MissionFile(folder / "mission.yaml", with_terms(document, hours=False), masts=False)
+    team = str(folder / "team.yaml")
+    document = {**hurried(path), "team": team, "altitude_m": 20, "timers": _TIMERS}
+    draw, uav = scene.fault.value.document, None
+    if draw is None:
+        # As many corners as PX4 stores, one drawn circle included.
+        document = with_terms(document, hours=False)
+    else:
+        document = draw(document, folder, scene.chance("document"))
+    if scene.fault is Fault.SECOND_UAV:
+        uav = ANOTHER
+        _give_ports(folder, scene.seed)
+    return MissionFile(folder / "mission.yaml", document, uav=uav, masts=False)
+
+
+def _give_ports(folder: Path, seed: int) -> None:
+    """The second UAV gets ports that no flight beside this one has."""
+    path = folder / "team.yaml"
+    team = yaml.safe_load(path.read_text(encoding="utf-8"))
+    team["robots"][ANOTHER]["base_port"] = _SECOND_PORT + _PORTS * seed
+    path.write_text(yaml.safe_dump(team), encoding="utf-8")
 
 
 def draw_zone(file: MissionFile, dice: random.Random) -> None:
@@ -208,6 +228,8 @@ class Programs:
             dice = self.scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
+        if self.scene.fault is Fault.SECOND_UAV:
+            more.append(f"--uav={ANOTHER}")
         self._start_ours(
             *(f"--seed={self.scene.seed}", f"--epoch={EPOCH}", *more),
             f"--truth-to=127.0.0.1:{self.relay.truth_port}",

@@ -144,6 +144,10 @@ class LossyRelay:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
             intruder.sendto(data, self._companion)
 
+    def claim(self, data: bytes) -> None:
+        """Send something to the companion from where the vehicle is heard."""
+        self._outside.sendto(data, self._companion)
+
     def move(self) -> None:
         """From now on the vehicle is heard from another port, as after a radio's restart."""
         old = self._outside

@@ -29,6 +29,7 @@ from sitl.rehearsal.courses import (
     uniform,
 )
 from sitl.rehearsal.faults import Fault, Scene
+from sitl.rehearsal.inspections import SAID, SENDERS
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 FLIGHT_S: Final = 80.0
@@ -133,6 +134,20 @@ def _bursts(dice: random.Random) -> Iterator[Row]:
         at_s += 3.0
 
 
+def _landed(dice: random.Random) -> Iterator[Row]:
+    """Held, asked to land there, and on if that may not be."""
+    yield 0.0, "ask", "hold"
+    yield 8.0, "ask", "land"
+    yield 12.0 + dice.uniform(0.0, 3.0), "ask", "resume"
+
+
+def _asked(dice: random.Random) -> Iterator[Row]:
+    """Everything that needs no place, one after the other."""
+    verbs = ["hold", "seek io", "explore", "resume", "land", "reload", "home"]
+    dice.shuffle(verbs)
+    yield from ((6.0 * turn, "ask", verb) for turn, verb in enumerate(verbs))
+
+
 class WireKind(NamedTuple):
     """How one fault comes in flights of the real programs.
 
@@ -188,9 +203,26 @@ WIRE: Final[Mapping[Fault, WireKind]] = MappingProxyType(
         ),
         Fault.RELOAD: WireKind(10, one("reload"), uniform(1.0, 30.0), "INIT"),
         Fault.TWO_VEHICLES: WireKind(4, one("second vehicle")),
+        # Classes of errors: docs/rehearsal.md.
+        Fault.MAP_FILES: WireKind(4),
+        Fault.LOCAL_METRES: WireKind(2),
+        Fault.CLAIMS: WireKind(
+            8, steps(*[(_AT_ANY_TIME, "claim", lambda d: (d.choice(SAID), d.choice(SENDERS)))] * 30)
+        ),
+        Fault.RESUMED_AMONG: WireKind(
+            *(4, steps((0.0, "kill"), (1.0, "draw"), (uniform(3.0, 8.0), "restart"))),
+            uniform(12.0, 40.0),
+            "INIT",
+        ),
+        Fault.FILE_CHANGED: WireKind(
+            *(4, one("change", choice("speed_m_s", "altitude_m"))), uniform(2.0, 15.0), "INIT"
+        ),
+        Fault.LANDED_AT: WireKind(4, _landed, uniform(4.0, 12.0), "INIT"),
+        Fault.SECOND_UAV: WireKind(4, _landed, uniform(4.0, 12.0), "INIT"),
+        Fault.ASKED_EVERYWHERE: WireKind(8, _asked, uniform(1.0, 4.0), "INIT"),
     }
 )
-"""About three hundred flights."""
+"""About three hundred and forty flights."""
 
 
 class WireScene(Scene):

@@ -97,8 +97,17 @@ def test_what_is_asked_is_answered_and_done_or_not(verb, answer, after, words):
     assert any(words in text for text in texts) if words else not any("was" in t for t in texts)
 
 
-@pytest.mark.parametrize(("east_m", "note"), [(60, False), (80, False), (80, True)])
-def test_all_points_are_flown_to(east_m, note):
+@pytest.mark.parametrize(
+    ("east_m", "note", "zone", "wrong"),
+    [
+        (60, False, False, False),
+        (80, False, False, True),
+        (80, True, False, True),  # no zone is there, whatever the answer says
+        (80, True, True, False),
+        (80, False, True, True),
+    ],
+)
+def test_all_points_are_flown_to(east_m, note, zone, wrong):
     points = [FRAME.degrees(east, north) for east, north in ((east_m, 0), (60, 60))]
     beside = "; point 1: it is too close to a zone, so 20.0 m beside it" if note else ""
     said = [
@@ -109,18 +118,25 @@ def test_all_points_are_flown_to(east_m, note):
     ]
     verb = "goto " + " ".join(f"{lat},{lon}" for lat, lon in points)
     scene = [SceneEvent(70.0, SceneEventKind.REQUEST, verb)]
-    texts = found(said, scene, TEXT, more=[goto(71.0, 60, 0)])
-    assert any("says that it is at the last one" in text for text in texts) == (
-        east_m == 80 and not note
-    )
+    there = "  - {circle: {centre: [80, 0], radius_m: 8}}\n" if zone else ""
+    texts = found(said, scene, TEXT + there, more=[goto(71.0, 60, 0)])
+    assert any("says that it is at the last one" in text for text in texts) == wrong
 
 
 def test_waypoints_are_visited_in_their_turn_or_told_as_left_out():
     text = TEXT.replace("[0, 60]]", "[90, 90], [0, 60]]")
     told = (70.0, "70.0 s  waypoint 3 left out: no clear way leads there")
-    for more, good in (([], False), ([told], True)):
+    over = "  - {circle: {centre: [90, 90], radius_m: 4}}\n"
+    wall = "  - {polygon: [[70, -99], [76, -99], [76, 199], [70, 199]], crosses_fence: true}\n"
+    several = (70.0, "70.0 s  waypoints 2, 3 left out: no clear way leads there")
+    for more, drawn, good in (
+        ([], over, False),
+        ([told], "", False),  # nothing keeps it from there
+        ([told], over, True),
+        ([several], wall, True),
+    ):
         said = [(20.0, "20.0 s  READY -> INIT"), *more]
-        flown = evidence(faults=("EXPLORED",), said=said, text=text)
+        flown = evidence(faults=("EXPLORED",), said=said, text=text + drawn)
         assert ("waypoint 3 was neither visited" in str(judge(flown).violations)) != good
 
 

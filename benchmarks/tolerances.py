@@ -1,0 +1,179 @@
+"""`make tolerances`: whether a test notices when a tolerance of the rehearsal's judge is moved.
+
+The tests of the judge are run once, and every flight that they have judged is kept. Then each
+number at the top of a module of the judge is made larger and smaller by a factor, and the flights
+are judged again by the rules that use it. A number that may be moved either way without another
+verdict on any flight is a tolerance that no test holds. Prints a table; the exit code is 1 if there
+is one that is not listed in `LOOSE`, with the reason.
+"""
+
+import argparse
+import ast
+import importlib
+import pkgutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import MappingProxyType, ModuleType
+from typing import Any, Final, NamedTuple
+
+import pytest
+
+from benchmarks.patched import ROOT
+from sitl.rehearsal import judge as room
+from sitl.rehearsal.judge import verdict
+from sitl.rehearsal.judge.case import Case, Rule
+from sitl.rehearsal.judge.evidence import Evidence, EvidenceError
+from sitl.rehearsal.judge.space import rooms_of
+
+TESTS: Final = "tests/sitl/rehearsal/judge"
+FACTOR: Final = 3.0
+
+LOOSE: Final = MappingProxyType(
+    {
+        "space._FAR_M": "no fence: any number that is far enough",
+        "mission_reader._SIDE_M": "corners on long sides: any number that is short enough",
+        "mission_reader._SIDE_DEG": "the same",
+        "verdict._LAST_WORDS": "letters of the report",
+        "duties._SECOND": "samples of a second: how often it is looked",
+        "plan._FAR_M": "where no fence is: any number that is far enough",
+    }
+)
+"""Numbers of the judge that are no tolerances, and why."""
+
+
+class Number(NamedTuple):
+    """A number at the top of a module of the judge."""
+
+    module: ModuleType
+    name: str
+
+    @property
+    def words(self) -> str:
+        """As in `LOOSE`."""
+        return f"{self.module.__name__.rpartition('.')[2]}.{self.name}"
+
+
+def modules() -> list[ModuleType]:
+    """Those of the judge."""
+    names = [info.name for info in pkgutil.iter_modules(room.__path__)]
+    return [importlib.import_module(f"{room.__name__}.{name}") for name in names]
+
+
+def numbers() -> Iterator[Number]:
+    """The tolerances: numbers, and tuples of numbers, that a module gives a name."""
+    for module in modules():
+        tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+        for node in tree.body:
+            targets = node.targets if isinstance(node, ast.Assign) else []
+            targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
+            for name in (n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)):
+                value = getattr(module, name, None)
+                whole = name.isupper() and name.rpartition("_")[2] in _UNITS
+                if whole and isinstance(value, float | int | tuple) and moved(value, 2.0) != value:
+                    yield Number(module, name)
+
+
+_SHARED: Final = frozenset({"case", "space", "duties", "evidence", "mission_reader", "map_reader"})
+"""Modules whose numbers the rules of others use."""
+
+_UNITS: Final = frozenset(
+    {
+        *("M", "S", "DEG", "S2", "SHARE", "NUMBER", "POINTS"),
+        *("MARGIN", "SLACK", "LEFT", "EARLY", "CRUISES", "RESERVE"),
+    }
+)
+"""How names of tolerances end: in a unit, or in what they are a share of."""
+
+
+def moved(value: Any, factor: float) -> Any:
+    """A number, or the numbers of a tuple, times a factor."""
+    if isinstance(value, tuple):
+        return tuple(moved(each, factor) for each in value)
+    plain = isinstance(value, float | int) and not isinstance(value, bool)
+    return value * factor if plain else value
+
+
+def flights() -> list[Evidence]:
+    """All that the tests of the judge have judged."""
+    kept: list[Evidence] = []
+    judged = verdict.judge
+
+    def keeping(evidence: Evidence) -> verdict.Verdict:
+        kept.append(evidence)
+        return judged(evidence)
+
+    verdict.judge = keeping
+    try:
+        code = pytest.main(["-n", "0", "-q", "-p", "no:cacheprovider", str(ROOT / TESTS)])
+    finally:
+        verdict.judge = judged
+    if code:
+        raise SystemExit("the tests of the judge fail with the code as it is")
+    return kept
+
+
+class Findings(NamedTuple):
+    """What is found in a flight: which rules find what, and how it ended."""
+
+    of_rules: frozenset[tuple[str, str]]
+    end: str
+
+
+def found(evidence: Evidence, rules: tuple[Rule, ...]) -> Findings:
+    """What these rules find in a flight."""
+    rooms_of.cache_clear()
+    try:
+        case = Case(evidence)
+        kinds = ((rule.__name__, violation.kind) for rule in rules for violation in rule(case))
+        return Findings(frozenset(kinds), verdict.end_of(case).value)
+    except (EvidenceError, ArithmeticError, IndexError, ValueError) as error:
+        return Findings(frozenset(), type(error).__name__)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.tolerances", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="MODULE.NAME", help="only these")
+    arguments = parser.parse_args()
+    kept = flights()
+    before = [found(evidence, verdict.RULES) for evidence in kept]
+    print(f"{len(kept)} flights", file=sys.stderr)
+    print("| number | larger | smaller |\n|---|---|---|", flush=True)
+    loose = []
+    for number in numbers():
+        if arguments.names and number.words not in arguments.names:
+            continue
+        cells = [bites(number, factor, kept, before) for factor in (FACTOR, 1.0 / FACTOR)]
+        print(f"| {number.words} | {' | '.join(cells)} |", flush=True)
+        if not any(cells) and number.words not in LOOSE:
+            loose.append(number.words)
+    for words in loose:
+        print(f"{words} may be moved by a factor of {FACTOR:g} unnoticed", file=sys.stderr)
+    return 1 if loose else 0
+
+
+def bites(number: Number, factor: float, kept: list[Evidence], before: list[Findings]) -> str:
+    """The rule that finds something else in a flight with a moved number; empty: none."""
+    value, own = getattr(number.module, number.name), number.module.__name__
+    users = [m for m in modules() if vars(m).get(number.name) is value]
+    alone = own.rpartition(".")[2] not in _SHARED
+    rules = tuple(rule for rule in verdict.RULES if not alone or rule.__module__ == own)
+    names = {rule.__name__ for rule in rules}
+    for user in users:
+        setattr(user, number.name, moved(value, factor))
+    try:
+        for evidence, known in zip(kept, before, strict=True):
+            now = found(evidence, rules)
+            other = now.of_rules ^ {each for each in known.of_rules if each[0] in names}
+            if other:
+                return min(other)[0]
+            if now.end != known.end:
+                return "the end of the flight"
+    finally:
+        for user in users:
+            setattr(user, number.name, value)
+    return ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())
