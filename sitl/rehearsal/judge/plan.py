@@ -203,8 +203,14 @@ def _has_to_settle(case: Case, version: MissionVersion) -> bool:
         version.from_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said
     )
     left = left and (_was_refused(case, version.from_s, end_s) or case.state(end_s) == "HOME")
-    listens = case.answers(end_s - 1.0, end_s, ours=False)  # a companion is there at all
-    return flying and listens and not (taken or left) and version.until_s > end_s
+    return flying and _flies_on(case, end_s) and not (taken or left) and version.until_s > end_s
+
+
+def _flies_on(case: Case, time_s: float) -> bool:
+    """Whether a companion has the vehicle by then: one that was started anew has commanded it."""
+    begun_s = [h.time_s for h in case.evidence.told(SceneEventKind.STARTED) if h.time_s < time_s]
+    resumed_s = begun_s[-1] if len(begun_s) > 1 else -math.inf
+    return any(resumed_s <= m.time_s < time_s for m in case.commands if is_motion(m))
 
 
 def _was_refused(case: Case, from_s: float, until_s: float) -> bool:

@@ -214,9 +214,7 @@ WIRE: Final[Mapping[Fault, WireKind]] = MappingProxyType(
             uniform(12.0, 40.0),
             "INIT",
         ),
-        Fault.FILE_CHANGED: WireKind(
-            *(4, one("change", choice("speed_m_s", "altitude_m"))), uniform(2.0, 15.0), "INIT"
-        ),
+        Fault.FILE_CHANGED: WireKind(*(4, one("change", "speed_m_s")), uniform(2.0, 15.0), "INIT"),
         Fault.LANDED_AT: WireKind(4, _landed, uniform(4.0, 12.0), "INIT"),
         Fault.SECOND_UAV: WireKind(4, _landed, uniform(4.0, 12.0), "INIT"),
         Fault.ASKED_EVERYWHERE: WireKind(8, _asked, uniform(1.0, 4.0), "INIT"),
