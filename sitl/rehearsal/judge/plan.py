@@ -209,8 +209,9 @@ def _has_to_settle(case: Case, version: MissionVersion) -> bool:
 def _flies_on(case: Case, time_s: float) -> bool:
     """Whether a companion has the vehicle by then: one that was started anew has commanded it."""
     begun_s = [h.time_s for h in case.evidence.told(SceneEventKind.STARTED) if h.time_s < time_s]
-    resumed_s = begun_s[-1] if len(begun_s) > 1 else -math.inf
-    return any(resumed_s <= m.time_s < time_s for m in case.commands if is_motion(m))
+    if len(begun_s) < 2:
+        return True
+    return any(begun_s[-1] <= m.time_s < time_s for m in case.commands if is_motion(m))
 
 
 def _was_refused(case: Case, from_s: float, until_s: float) -> bool:
