@@ -29,6 +29,7 @@ from air_router.vehicle.instructions import (
     LAND_BY_HAND,
     NO_UPLOADS,
     RESUME_AGAIN,
+    SEPARATE_TWINS,
     TAKE_OVER_NOW,
     TAKE_WHERE_IT_HOLDS,
     UPLOAD_OURS,
@@ -306,14 +307,16 @@ class ControlAuthority:
                 context.say("a multicopter with PX4 is on the link again, and nothing else")
             return
         if context.state is State.READY and not context.in_air:
-            context.alarm(why, CONNECT_ANOTHER)
+            instruction = SEPARATE_TWINS if event.twins else CONNECT_ANOTHER
+            context.alarm(why, instruction)
             context.stayed_why = why
             context.signal(Signal.GROUNDED)
             return
+        instruction = SEPARATE_TWINS if event.twins else LAND_BY_HAND
         if before is None:
-            context.alarm(why, LAND_BY_HAND)
+            context.alarm(why, instruction)
         if context.in_charge:
-            self.take_over(ControlHolder.PILOT, why, LAND_BY_HAND)
+            self.take_over(ControlHolder.PILOT, why, instruction)
 
     # The plan on board.
 

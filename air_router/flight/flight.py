@@ -39,7 +39,13 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.airframe import SET_UP
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.instructions import TAKE_FROM_HERE, TAKE_OVER, Instruction, Severity
+from air_router.vehicle.instructions import (
+    SEPARATE_TWINS,
+    TAKE_FROM_HERE,
+    TAKE_OVER,
+    Instruction,
+    Severity,
+)
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
@@ -298,7 +304,8 @@ class Flight:
         elif isinstance(event, PlanReplaced | PlanTried | PlanCompared):
             self._early.append(event)
         elif isinstance(event, WrongVehicle) and event.why_not is not None:
-            self.loop.end(f"refused: {event.why_not}; {SET_UP}", ExitCode.REFUSED)
+            do = SEPARATE_TWINS if event.twins else SET_UP
+            self.loop.end(f"refused: {event.why_not}; {do}", ExitCode.REFUSED)
 
     def _too_late(self, telemetry: Telemetry) -> bool:
         """Whether it did not take off while its zones were the right ones; ends then."""

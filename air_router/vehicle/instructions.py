@@ -43,6 +43,9 @@ TAKE_WHERE_IT_HOLDS: Final = Instruction(
     "Pilot: take over where it hovers. Operator: 'resume' takes it back once that is possible"
 )
 LAND_BY_HAND: Final = Instruction("Pilot: fly the vehicle by hand, and land it")
+SEPARATE_TWINS: Final = Instruction(
+    "Pilot: fly both by hand. Operator: give each vehicle a MAV_SYS_ID and a link of its own"
+)
 CONNECT_ANOTHER: Final = Instruction(
     "Operator: connect a multicopter, or choose its airframe (MAV_TYPE) in PX4"
 )

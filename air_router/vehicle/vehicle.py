@@ -209,10 +209,12 @@ class WrongVehicle:
     Attributes:
         time_s: Seconds on the vehicle's clock.
         why_not: Why no mission is flown with it; None: that is over.
+        twins: Two autopilots answer under one system id.
     """
 
     time_s: float
     why_not: str | None
+    twins: bool = False
 
 
 VehicleEvent = (

@@ -130,6 +130,9 @@ class Fault(Enum):
         "what is on the link says that it is another type of vehicle",
         *(8, one("airframe", choice(*takeovers.NO_MULTICOPTERS))),
     )
+    TWINS = Kind(
+        "another autopilot with the same system id on the link", 8, one("twin", value=True)
+    )
     BUSY = Kind("jumps dropped while a station downloads the plan", 8, courses.busy, "INIT")
     # The pilot and other stations.
     PILOT = Kind("pilot takes over", 48, one("pilot", choice(*takeovers.ON_MODE)))

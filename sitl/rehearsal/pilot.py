@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
-from typing import Final
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final
 
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.operator import FAST_M_S, Operator
 from sitl.rehearsal.scenario import Scenario
+from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
 STICKS_S: Final = 3.0
 _RESUME_S: Final = 2.0
 MOVING_M_S: Final = 1.0
 CLOSE_M, FAR_M = (5.2, 8.0), 30.0
 """So near to a zone it is sent towards it, to a place so far away."""
+
+
+_TWIN: Final[Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]]] = {
+    "GLOBAL_POSITION_INT": lambda fields: {
+        "time_boot_ms": fields["time_boot_ms"] + 600_000,
+        "lat": fields["lat"] + 5_000,
+        "relative_alt": 0,
+        "vx": 0,
+        "vy": 0,
+        "vz": 0,
+    },
+    "HEARTBEAT": lambda fields: {
+        "base_mode": fields["base_mode"] & ~128,
+        "custom_mode": 0x03040000,
+        "system_status": 3,
+    },
+}
+"""What another vehicle on the ground says otherwise: it stands 55 m north, switched on earlier."""
 
 
 class Pilot:
@@ -60,6 +81,24 @@ class Pilot:
         flight.autopilot.parameters.change("MAV_TYPE", kind)
         if flight.companion is not None and self._operator.flies:
             self._taken("airframe")
+
+    def do_twin(self, _: bool) -> None:
+        """Every second position and HEARTBEAT is of a vehicle that stands elsewhere, disarmed."""
+        flight = self._flight
+        for name, others in _TWIN.items():
+            turns = itertools.count()
+
+            def take_turns(
+                fields: dict[str, Any],
+                _dice: object,
+                turns: Iterator[int] = turns,
+                others: Callable[[dict[str, Any]], dict[str, Any]] = others,
+            ) -> dict[str, Any]:
+                return {**fields, **(others(fields) if next(turns) % 2 else {})}
+
+            flight.link.trouble(Way.DOWN, name, StreamFault.WRONG, math.inf, wrong=take_turns)
+        if flight.companion is not None and self._operator.flies:
+            self._taken("twin")
 
     def do_busy(self, on: bool) -> None:
         """A station begins to download the plan, and leaves it at that until it is over."""

@@ -79,6 +79,7 @@ SAID = {
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
     ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
     ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
+    ("another_vehicle", "SEPARATE_TWINS"): ["two autopilots answer with the same system id …"],
     ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
     ("look", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }

@@ -16,6 +16,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 )
 
 from air_router.vehicle.clock import VehicleClock, loop_s
+from air_router.vehicle.px4.boot_clock import BootClock
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
 from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event
 
@@ -155,6 +156,7 @@ class Px4Messages:
         self._arrived_s: dict[str, float] = {}  # by message, monotonic
         self._watchers: list[Watcher] = []  # of all that is said, in order
         self._backlog = Backlog()
+        self._boot_clock = BootClock()
         self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
@@ -251,6 +253,10 @@ class Px4Messages:
         def on_message(received: Received) -> None:
             if received.sender != (self.system_id, AUTOPILOT):
                 return
+            if (told_ms := received.fields.get("time_boot_ms")) is not None:
+                whole_ms = self._boot_clock.whole_ms(told_ms)
+                fields = {**received.fields, "time_boot_ms": whole_ms}
+                received = received._replace(fields=fields)
             old = self._is_old(name, received)
             if old and name not in _ONCE:
                 return

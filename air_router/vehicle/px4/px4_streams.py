@@ -233,6 +233,10 @@ class Streams:
             return False
         return math.hypot(last["vx"], last["vy"], last["vz"]) >= MOVING_CM_S
 
+    def height_m(self) -> float:
+        """Above the autopilot's home, by its last position; 0 before the first."""
+        return 0.0 if self._position is None else float(self._position["relative_alt"]) / 1e3
+
     def in_air(self, word: bool, *, armed: bool) -> bool:
         """Whether it is in the air: as it reports, and by its height where that is missing."""
         if self._age_s("EXTENDED_SYS_STATE") <= IN_AIR_S:

@@ -9,12 +9,15 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 from air_router.vehicle.airframe import AirframeWatch
 from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
+from air_router.vehicle.px4.boot_clock import TwinWatch
 from air_router.vehicle.px4.mavsdk_bridge import Received
 from air_router.vehicle.px4.plan_guard import FENCE, PlanGuard, PlanIds
 from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle.px4.px4_messages import MODES, Handler, Px4Messages
 from air_router.vehicle.px4.px4_streams import (
+    ARMED,
     LIFTED_M,
+    TERMINATED,
     Continuity,
     ModeState,
     ReportedPosition,
@@ -48,6 +51,9 @@ GPS_OLD_S: Final = 1.5
 CLOCK_S: Final = 2.0
 """Near the clock that positions tell, SYSTEM_TIME keeps it going where they are missing."""
 
+SURELY_FLIES_M: Final = 15.0
+"""What says once, at such a height, that it is disarmed, is waited for once more."""
+
 TELL_S: Final = 0.5
 """So often, of the vehicle's time, it is told how it is while no position comes."""
 
@@ -64,6 +70,9 @@ class Px4Telemetry(Px4Messages):
         self._guarding = False  # changes of the plan are told
         self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
         self._continuity = Continuity()
+        self._twins = TwinWatch()  # of positions
+        self._uids: set[int] = set()  # of the autopilots that answered
+        self._disarmed_once = False  # by the latest HEARTBEAT, which may be another's
         self._target: Point | None = None  # of POSITION_TARGET, in the mission frame
         self._target_amsl_m: float | None = None  # its height; None: not told
         self._unix: tuple[float, float] | None = None  # Unix time, when heard
@@ -120,8 +129,10 @@ class Px4Telemetry(Px4Messages):
         self.take(handlers)
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
-        """Hand every event to `callback`."""
+        """Hand every event to `callback`; what stands against the vehicle already, at once."""
         self._callbacks.append(callback)
+        if self._are_twins:
+            callback(self._wrong_vehicle())
 
     def complete(self) -> bool:
         """Whether everything that a flight rests on was heard once."""
@@ -236,12 +247,44 @@ class Px4Telemetry(Px4Messages):
 
     def _on_heartbeat(self, fields: dict[str, Any]) -> None:
         if self.airframes.heartbeat(fields):  # before its mode, whose numbers may be another's
-            self._emit(WrongVehicle(self.time_s, self.airframes.why_not))
+            self._emit(self._wrong_vehicle())
+        if self._may_be_a_twins(fields):
+            return
         self._note_mode(changed=self._mode.heartbeat(fields))
 
     def _on_current_mode(self, fields: dict[str, Any]) -> None:
         now_s = self.arrived_s("CURRENT_MODE")
         self._note_mode(changed=self._mode.current_mode(fields, now_s))
+
+    def _wrong_vehicle(self) -> WrongVehicle:
+        """Whether something stands against what is on the link; two autopilots before a wrong one.
+
+        A vehicle among two of one system id may be any of them, whatever is announced of it.
+        """
+        if not self._are_twins:
+            return WrongVehicle(self.time_s, self.airframes.why_not)
+        apart_s = self._twins.apart_s
+        how = "" if apart_s is None else f" (their clocks are {apart_s:.0f} s apart)"
+        return WrongVehicle(
+            self.time_s,
+            f"two autopilots answer with the same system id{how}: what they say is mixed up",
+            twins=True,
+        )
+
+    @property
+    def _are_twins(self) -> bool:
+        return self._twins.apart_s is not None or len(self._uids) > 1
+
+    def _may_be_a_twins(self, fields: dict[str, Any]) -> bool:
+        """Whether a HEARTBEAT may be of another vehicle, which stands on the ground.
+
+        One that flies high and is disarmed says so in every HEARTBEAT; two that take turns do not.
+        """
+        disarmed = not fields["base_mode"] & ARMED and fields["system_status"] != TERMINATED
+        high = self._streams.height_m() >= SURELY_FLIES_M
+        waits = self.armed and disarmed and high and not self._disarmed_once
+        self._disarmed_once = waits
+        return waits
 
     def _note_mode(self, *, changed: bool) -> None:
         state = self._mode
@@ -259,6 +302,8 @@ class Px4Telemetry(Px4Messages):
             _log.warning("a position of the vehicle is left out: %s", error)
             self._streams.void("GLOBAL_POSITION_INT")
             return
+        if self._twins.take(boot_s, self.arrived_s("GLOBAL_POSITION_INT"), self.clock.rate):
+            self._emit(self._wrong_vehicle())
         reported = ReportedPosition(boot_s, position)
         if not self._continuity.believes(reported, loop_s(), self.clock.rate):
             _log.info("a position that does not follow from the one before waits for others")
@@ -375,5 +420,9 @@ class Px4Telemetry(Px4Messages):
         self.told_flight = True
 
     def _on_version(self, fields: dict[str, Any]) -> None:
+        if (uid := fields.get("uid") or 0) and uid not in self._uids:
+            self._uids.add(uid)
+            if len(self._uids) > 1:
+                self._emit(self._wrong_vehicle())
         number = fields["flight_sw_version"]
         self.version = ".".join(str((number >> shift) & 0xFF) for shift in (24, 16, 8))

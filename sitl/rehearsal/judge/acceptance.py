@@ -153,6 +153,7 @@ ACCEPTED: Final = MappingProxyType(
             *(End.LANDED, End.PILOT, End.FAILSAFE), says="Mission was chosen low and away"
         ),
         "WRONG_VEHICLE": _row(End.STAYED, says="multicopter"),
+        "TWINS": _row(End.PILOT, End.FAILSAFE, notice_s=3.0, says="two autopilots"),
         "TYPE_CHANGES": _row(End.PILOT, End.LANDED, End.STAYED, says="multicopter"),
         "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
         # One message stream alone, for ever: it holds, or commands nothing, until the pilot or a

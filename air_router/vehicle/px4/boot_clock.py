@@ -1,0 +1,103 @@
+"""Whose clock a message tells: one that wraps is no restart, and two are two autopilots. Pure.
+
+`time_boot_ms` has 32 bits: after 49.7 days it begins again at 0, of a vehicle that flies on.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+WRAP_MS: Final = 2**32
+
+WRAPS_WITHIN_MS: Final = 120_000
+"""A clock that was so near its end, and has gone on by no more, has wrapped. A vehicle that was
+silent for half of that is lost, and what restarts tells a time that is as small only then."""
+
+APART_S: Final = 15.0
+"""A message that is farther off what a clock should tell is of another: the streams of one vehicle
+are late by less, and what a socket has kept is not told by turns with what is new."""
+
+TURNS: Final = 4
+AMONG: Final = 60
+"""Two clocks that have taken so many turns among the latest messages are two vehicles'."""
+
+GONE: Final = 100
+"""The other is gone after so many messages without it."""
+
+
+@dataclass(slots=True, eq=False)
+class BootClock:
+    """Counts `time_boot_ms` on where it wraps."""
+
+    _epoch: int = 0  # how often it has wrapped
+    _last_ms: int | None = None  # the newest, counted on
+
+    def whole_ms(self, time_boot_ms: int) -> int:
+        """Milliseconds since the vehicle booted, in more than 32 bits."""
+        told_ms = time_boot_ms + self._epoch * WRAP_MS
+        last_ms = self._last_ms
+        if last_ms is not None:
+            if 0 <= told_ms + WRAP_MS - last_ms <= WRAPS_WITHIN_MS:
+                self._epoch += 1
+                told_ms += WRAP_MS
+            elif self._epoch and told_ms - last_ms >= WRAP_MS - WRAPS_WITHIN_MS:
+                return told_ms - WRAP_MS  # late: of before
+        self._last_ms = told_ms
+        return told_ms
+
+
+@dataclass(slots=True)
+class _Track:
+    """One clock: what it told last, and when that came on ours, seconds."""
+
+    boot_s: float
+    arrived_s: float
+
+
+@dataclass(slots=True, eq=False)
+class TwinWatch:
+    """Looks whether two clocks tell the same message by turns.
+
+    Attributes:
+        apart_s: How far the clocks of two autopilots are apart; None: there is one.
+    """
+
+    apart_s: float | None = None
+    _tracks: list[_Track] = field(default_factory=list)  # the one that was heard last is last
+    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=AMONG))
+    _alone: int = 0  # messages of one clock, one after the other
+
+    def take(self, boot_s: float, arrived_s: float, rate: float) -> bool:
+        """Take a position's time; whether there are two autopilots is other than before.
+
+        Args:
+            boot_s: Since the boot, as told.
+            arrived_s: On our clock.
+            rate: Of the vehicle's time against ours.
+        """
+        before, heard = self.apart_s, self._turns[-1] if self._turns else None
+        track = self._track_of(boot_s, arrived_s, rate)
+        self._alone = self._alone + 1 if track is heard else 1
+        self._turns.append(track)
+        turns = list(self._turns)
+        took = [b for a, b in pairwise(turns) if a is not b]
+        if len(took) >= TURNS and len({id(each) for each in took[-TURNS:]}) == 2:
+            one, other = took[-2:]
+            passed_s = (one.arrived_s - other.arrived_s) * rate
+            self.apart_s = abs(one.boot_s - other.boot_s - passed_s)
+        elif self._alone >= GONE:
+            self.apart_s = None
+        return (self.apart_s is None) != (before is None)
+
+    def _track_of(self, boot_s: float, arrived_s: float, rate: float) -> _Track:
+        def off_s(track: _Track) -> float:
+            return abs(boot_s - track.boot_s - (arrived_s - track.arrived_s) * rate)
+
+        track = min(self._tracks, key=off_s, default=None)
+        if track is None or off_s(track) > APART_S * max(rate, 1.0):
+            track = _Track(boot_s, arrived_s)
+            self._tracks = [*self._tracks[-1:], track]
+        else:
+            track.boot_s, track.arrived_s = boot_s, arrived_s
+        return track
