@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 import shapely
 
+from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.duties import (
     Answer,
@@ -25,7 +26,7 @@ from sitl.rehearsal.judge.duties import (
 )
 from sitl.rehearsal.judge.evidence import LAND, SceneEvent, command_of, is_motion
 from sitl.rehearsal.judge.inputs import blind, gaps
-from sitl.rehearsal.judge.space import open_space, room_m
+from sitl.rehearsal.judge.space import STOP_M, open_space, room_m
 
 _BRAKES_S, _STANDS_S = 1.0, 12.0
 """A hold is sent within the one, and looked at for so long."""
@@ -43,6 +44,7 @@ _WAITS_S: Final = 100.0
 _MOVES_M_S: Final = 0.7
 _DETOUR, _TURNS_S, _NEAR_M = 2.5, 20.0, 5.0
 _OVER_M: Final = 12.0
+_READ_S: Final = 0.5
 _IN_M: Final = 3.0
 _MOVING: Final = frozenset({"home", "goto", "seek", "explore", "resume", "land", "altitude"})
 _ENDS: Final = re.compile("coming home: |hands off")
@@ -218,7 +220,7 @@ def points_that_wait_are_answered(case: Case) -> Iterator[Violation]:
 
 def what_is_said_of_coming_home_is_so(case: Case) -> Iterator[Violation]:
     """After "coming home" it comes home, unless something else is asked for and accepted."""
-    if not case.evidence.heard:
+    if not case.evidence.heard or End.NOT in case.row.ends:
         return
     asked_s = [d.at_s for d in _duties(case) if d.verb in _MOVING | {"hold"}]
     lost = blind(gaps(case))
@@ -236,11 +238,12 @@ def what_is_said_of_leaving_is_so(case: Case) -> Iterator[Violation]:
     for at_s, text in case.said if case.evidence.heard else ():
         if not re.search(r" s  leaving ", text):
             continue
-        version = case.version_at(at_s)
+        version = case.version_at(at_s + _READ_S)  # of which the scene says so a moment later
         before = [v for v in case.versions if v.until_s <= version.from_s][-1:]
         here = shapely.Point(case.place(case.at(at_s)))
         known = before[0].mission.areas if before else ()
         new = [a for a in version.mission.areas if not any(map(a.same, known))]
         near_m = min((room_m(area, here) for area in new), default=math.inf)
-        if near_m > _IN_M + float(case.off_m[case.at(at_s)]) + case.row.room_m:
+        reach_m = STOP_M + max((area.clearance_m for area in new), default=0.0)
+        if near_m > reach_m + float(case.off_m[case.at(at_s)]) + case.row.room_m:
             yield Violation(at_s, "told", f"'{text.strip()}', but nothing new is near")

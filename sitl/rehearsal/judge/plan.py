@@ -202,7 +202,8 @@ def _has_to_settle(case: Case, version: MissionVersion) -> bool:
     left = any(
         version.from_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said
     )
-    left = left and (_was_refused(case, version.from_s, end_s) or case.state(end_s) == "HOME")
+    home = case.state(end_s) in {"HOME", "LAND", "DONE"}
+    left = left and (_was_refused(case, version.from_s, end_s) or home)
     return flying and _flies_on(case, end_s) and not (taken or left) and version.until_s > end_s
 
 
@@ -216,9 +217,10 @@ def _flies_on(case: Case, time_s: float) -> bool:
 
 def _was_refused(case: Case, from_s: float, until_s: float) -> bool:
     """Whether the vehicle refused a transfer, or answered none, in that time."""
+    told = case.evidence.heard or case.evidence.messages  # as it came to the companion
     acks = [
         int(m.fields["type"])
-        for m in case.evidence.messages
+        for m in told
         if m.name == "MISSION_ACK" and m.component == AUTOPILOT and from_s <= m.time_s < until_s
     ]
     return not acks or any(acks)
