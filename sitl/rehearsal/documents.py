@@ -35,6 +35,9 @@ _CORNERS: Final = 34
 _FROM_LANDINGS_M: Final = 18.0
 _SPARE_M: Final = 2.0
 _HOMES_M: Final = 12.0
+_OFF_M, _REACHES_M = 5.0, 1.0
+"""How far a vehicle may be off its layer, and by how much of that a zone holds for it."""
+
 _FLOWN: Final = 8
 """So many waypoints surely are flown to."""
 
@@ -426,7 +429,11 @@ def over_low_zones(document: Document, folder: Path, dice: random.Random) -> Doc
 
 
 def of_second_uav(document: Document, folder: Path, dice: random.Random) -> Document:
-    """A mission of two UAVs, of which the second is judged: above or below, from a higher home."""
+    """A mission of two UAVs, of which the second is judged: above or below, from a higher home.
+
+    Zones have limits above the sea, that hold for its layer by a metre: counted from the home of
+    the first, as much higher or lower as they are, one or the other would not.
+    """
     uav = document["uav"]
     document = with_another_uav(document, folder, dice)
     higher_m = dice.choice((7.0, 12.0, -7.0))
@@ -434,6 +441,7 @@ def of_second_uav(document: Document, folder: Path, dice: random.Random) -> Docu
     places = {name: h["position"] if isinstance(h, dict) else h for name, h in homes.items()}
     second = document["uavs"][ANOTHER]
     second["home"] = {"position": places[ANOTHER], "altitude_amsl_m": _HOME_AMSL_M + higher_m}
+    document = _in_layer(document, _HOME_AMSL_M + second["altitude_m"])
     second["altitude_m"] -= higher_m
     team = yaml.safe_load(Path(document["team"]).read_text(encoding="utf-8"))
     met = team["robots"][uav]["clients"]
@@ -442,6 +450,24 @@ def of_second_uav(document: Document, folder: Path, dice: random.Random) -> Docu
         team["robots"][robot]["clients"].append(ANOTHER)
     Path(document["team"]).write_text(yaml.safe_dump(team), encoding="utf-8")
     return _at_home(document)
+
+
+def _in_layer(document: Document, level_m: float) -> Document:
+    """Its zones up to a layer, or from there on, above the sea: by a metre of what it may be off.
+
+    Every third is as it was.
+    """
+    off_m = (document.get("planner") or {}).get("vertical_margin_m", _OFF_M) - _REACHES_M
+    limits: tuple[Document, ...] = (
+        {"altitude": {"upper_m": level_m - off_m, "reference": "amsl"}},
+        {"altitude": {"lower_m": level_m + off_m, "reference": "amsl"}},
+        {},
+    )
+    zones = [
+        {**limits[number % len(limits)], **zone}
+        for number, zone in enumerate(document["no_fly_zones"])
+    ]
+    return {**document, "no_fly_zones": zones}
 
 
 def with_way_home(document: Document, folder: Path, dice: random.Random) -> Document:

@@ -210,6 +210,16 @@ def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what):
         asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
 
 
+@pytest.mark.parametrize("what", ["fence", "rally"])
+def test_what_a_station_stored_where_the_mission_has_nothing_is_another_plan(pennovation, what):
+    plan, board = FlightPlan.of(pennovation), Board()
+    asyncio.run(board.onboard().upload(plan))
+    asyncio.run(board.onboard().recognise(plan))
+    without = dataclasses.replace(plan, **{what: ()})
+    with pytest.raises(PlanRefusedError, match=r"0 items sent, \d+ are on board"):
+        asyncio.run(board.onboard().recognise(without))
+
+
 class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
     """Before 1.17 MISSION_CURRENT.mission_state stays 0."""
 
