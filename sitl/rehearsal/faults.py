@@ -334,6 +334,14 @@ class Fault(Enum):
         *("everything is asked for in every state", 24, inspections.asked_everywhere),
         mission={"timers": {"init_s": 30, "explore_s": 30, "search_s": 20, "communicate_s": 15}},
     )
+    ASKED_IN_IDLE = Kind(
+        *("everything is asked for while nothing is left to do", 6, inspections.asked_in_idle),
+        waypoints=2,
+        mission={
+            "duration_s": 420,
+            "timers": {"init_s": 400, "search_s": 10, "communicate_s": 10, "revisit_s": 120},
+        },
+    )
     # Two at once, and what only the real programs fly.
     TWO = Kind("two of these at once", 40)
     MOVED_LINK = Kind("the vehicle is heard from another port", 0)
@@ -368,6 +376,7 @@ _ALONE: Final = frozenset(
         *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
+        Fault.ASKED_IN_IDLE,
         *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL),
     }
 )

@@ -123,6 +123,17 @@ def asked_everywhere(dice: random.Random) -> Iterator[Row]:
             yield later_s + 16.0, "ask for", dice.choice(_GOING_ON), state
 
 
+def asked_in_idle(dice: random.Random) -> Iterator[Row]:
+    """With nothing left to explore, and no robot due, it is asked for this and that."""
+    verbs = ["goto", "seek", "hold"]
+    dice.shuffle(verbs)
+    for turn, verb in enumerate(verbs):
+        at_s = 3.0 + 26.0 * turn
+        yield at_s, "ask for", verb, "IDLE"
+        yield at_s + 12.0, "ask for", "resume", "IDLE"
+    yield 85.0, "ask for", "home", "IDLE"
+
+
 def claims(dice: random.Random) -> Iterator[Row]:
     """Other systems and components say this and that, as the vehicle's autopilot would."""
     words, at_s = list(SAID), 0.0

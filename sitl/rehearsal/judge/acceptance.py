@@ -119,6 +119,7 @@ ACCEPTED: Final = MappingProxyType(
         "LANDED_AT": _row(End.LANDED, End.ASKED),
         "SECOND_UAV": _row(End.LANDED, End.ASKED),
         "ASKED_EVERYWHERE": _row(End.LANDED, End.ASKED),
+        "ASKED_IN_IDLE": _HOME,
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),

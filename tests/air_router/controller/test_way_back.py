@@ -189,11 +189,13 @@ def test_what_a_refused_request_says_is_what_resume_would_say(flight_in, cause):
     assert answer.accepted or answer.why == way_back
 
 
-def test_where_a_zone_may_be_above_the_pilot_climbs(flight_in, pennovation):
+@pytest.mark.parametrize("spare_m", [-2.0, 0.5])  # on top of the clearance; a climb needs more
+def test_where_a_zone_may_be_above_the_pilot_climbs(flight_in, pennovation, spare_m):
     flight = flight_in(State.EXPL)
     sticks(flight)
     flight.altitude_m = 20.0
-    beside = Point(flight.position[0] + 9.0, flight.position[1])
+    away_m = 8.0 + pennovation.planner.clearance_m + spare_m
+    beside = Point(flight.position[0] + away_m, flight.position[1])
     bridge = Zone("bridge", Circle(beside, 8.0), band=Band(25.0, 30.0))
     flight.give(AirspaceChanged(pennovation.fences, (*pennovation.zones, bridge)))
     flight.pilot_chooses(FlightMode.HOLD)

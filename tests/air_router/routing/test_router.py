@@ -590,3 +590,12 @@ def test_who_is_too_near_to_one_zone_keeps_the_clearance_of_others(aside_m, allo
     rule = Departure(airspace, ShortestPaths(airspace), Point(0.0, 0.0), None)
     assert rule.in_margin
     assert rule.allows(Point(100.0, 0.0)) is allowed
+
+
+@pytest.mark.parametrize(("away_m", "allowed"), [(10.0, False), (30.0, True)])
+def test_who_is_too_near_to_a_zone_leaves_it_in_the_first_metres_and_not_along_it(away_m, allowed):
+    wall = Zone("wall", (Point(-200, -5), Point(200, -5), Point(200, 0), Point(-200, 0)))
+    airspace = Airspace(None, [wall], 5.0, 1.5)
+    rule = Departure(airspace, ShortestPaths(airspace), Point(0.0, 3.0), None)
+    assert airspace.point_clear(Point(40.0, away_m))
+    assert rule.allows(Point(40.0, away_m)) is allowed
