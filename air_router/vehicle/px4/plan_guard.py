@@ -43,6 +43,7 @@ class PlanGuard:
     changed: frozenset[int] = frozenset()
     _known: dict[int, int] = field(default_factory=dict)  # by list: its id; none: the next told is
     _under_way: int | None = None  # the list that we transfer
+    _perhaps: dict[int, int] = field(default_factory=dict)  # by list: what a refusal named of ours
 
     def begin(self, known: PlanIds | None) -> None:
         """From now on what is another than this is a change; None: than what is told next."""
@@ -62,6 +63,11 @@ class PlanGuard:
         else:
             self._known[kind] = identifier
 
+    def refused(self, kind: int, identifier: int | None) -> None:
+        """The autopilot says that it has not; where it names the list, it may have."""
+        if kind == self._under_way and identifier:
+            self._perhaps[kind] = identifier
+
     def transfer_ends(self, *, lost: bool = False) -> None:
         """It is over; `lost`: it may be stored though we were not told so."""
         if lost and self._under_way is not None:
@@ -77,6 +83,8 @@ class PlanGuard:
                 continue  # the answer may be lost; PX4 takes no other list meanwhile
             if self._known.setdefault(kind, identifier) != identifier:
                 self._known[kind] = identifier
+                if identifier == self._perhaps.get(kind):
+                    continue
                 found.add(kind)
         self.changed |= found
         return frozenset(found)

@@ -370,8 +370,8 @@ class Px4Telemetry(Px4Messages):
         kind, stored = fields.get("mission_type", 0), fields["type"] == MISSION_ACCEPTED
         sender = fields["target_system"], fields["target_component"]
         if sender in {(self.system_id, COMPANION_COMPONENT), (0, 0)}:
-            if stored:
-                self.guard.stored(kind, fields.get("opaque_id"))
+            tell = self.guard.stored if stored else self.guard.refused
+            tell(kind, fields.get("opaque_id"))
         elif not stored:
             self._emit(PlanTried(self.time_s, f"ground station {sender[0]}"))
 

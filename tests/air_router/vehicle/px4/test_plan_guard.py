@@ -62,6 +62,16 @@ def test_a_transfer_whose_answer_is_lost_may_be_stored_and_one_that_was_refused_
         assert guard.told(OURS._replace(rally_points_id=9)) == changed
 
 
+def test_a_list_of_ours_that_is_stored_though_it_was_refused_is_ours():
+    """Its refusal names it: the answer was altered on the way."""
+    guard = guarding()
+    guard.transfer_begins(FENCE)
+    guard.refused(FENCE, 7)
+    guard.transfer_ends()
+    assert guard.told(OURS._replace(fence_id=7)) == set()
+    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
+
+
 def test_before_anything_is_known_what_is_told_first_is_what_is_there():
     guard = guarding(None)
     assert guard.told(OURS) == set()
