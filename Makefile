@@ -134,7 +134,7 @@ lowest: $(VENV)/.tools
 	$(BIN)/uv venv --quiet --clear --python 3.11 $(LOWEST)
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --no-deps --requirement build/lowest.txt
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --no-deps --no-build-isolation --editable packaging/mocha-link --editable .
-	$(LOWEST)/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(TESTS)
+	$(LOWEST)/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -W "ignore:Conversion of an array:DeprecationWarning" $(TESTS)  # of pyproj
 
 # Properties with new examples, a thousand each, where the suite has fixed ones
 explore: setup

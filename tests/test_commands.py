@@ -299,3 +299,21 @@ def test_commands_that_lack_an_extra_are_completed_by_name():
     assert done.returncode == 0, done.stderr
     assert "vehicle" in done.stdout
     assert "the simulator needs pymavlink" in done.stderr
+
+
+@pytest.mark.parametrize("missing", ["pymavlink", "scipy"])
+def test_a_mission_is_checked_where_nothing_can_be_simulated(tmp_path, missing):
+    """Its world is a program of its own, which lacks an extra on a companion."""
+    (tmp_path / "sitecustomize.py").write_text(f"import sys\nsys.modules[{missing!r}] = None\n")
+    mission = ROOT / "missions" / ("explorers" if missing == "scipy" else "pennovation")
+    done = subprocess.run(
+        [sys.executable, "-m", "air_router", "check", str(mission / "mission.yaml")],
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "waypoints" in done.stdout
+    assert f"needs {missing}, which is not installed" in done.stderr
+    assert done.stderr.startswith("the world file is not checked: ")

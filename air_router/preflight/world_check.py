@@ -19,6 +19,12 @@ class WorldRefusedError(AirRouterError):
     exit_code = ExitCode.INVALID_FILE
 
 
+class WorldUncheckedError(AirRouterError):
+    """A package that the simulated world needs is not installed; the message says how to do it."""
+
+    exit_code = ExitCode.MISSING_EXTRA
+
+
 class WorldCheck:
     """Checks a mission's world file and team, in a process beside the caller's own work.
 
@@ -43,10 +49,13 @@ class WorldCheck:
         Raises:
             DocumentError: the world file is wrong: every problem, with line and column.
             WorldRefusedError: the team does not fit the mission, or has no such rover.
+            WorldUncheckedError: an extra is missing.
         """
         stdout, stderr = self._process.communicate()
         if self._process.returncode == ExitCode.DONE:
             return
+        if self._process.returncode == ExitCode.MISSING_EXTRA:
+            raise WorldUncheckedError(stderr.strip())
         if stdout.strip():
             found = json.loads(stdout)["problems"]
             raise DocumentError(Problem(**each | {"path": Path(each["path"])}) for each in found)

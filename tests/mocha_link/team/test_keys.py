@@ -329,7 +329,7 @@ def test_a_team_file_that_cannot_be_written(path, capsys, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     with monkeypatch.context() as patched:
-        patched.setattr(Path, "write_bytes", refuse)
+        patched.setattr(Path, "replace", refuse)
         assert main(["keys", str(path)]) == 1
     assert f"cannot write {path}: Permission denied" in capsys.readouterr().err
     assert path.read_text() == TEAM
