@@ -170,7 +170,7 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
         await vehicle.jump(plan.item_of(5))
         assert not any(isinstance(event, PlanReplaced) for event in log.events)
         assert log.telemetry.mode is FlightMode.MISSION
-        await log.until(lambda: vehicle.telemetry._guarded is not None)  # it is on guard
+        await log.until(lambda: vehicle.telemetry.guard.newest is not None)  # it is on guard
         await vehicle._onboard.put(FlightPlan.of(changed))  # by another
         await log.until(lambda: any(isinstance(event, PlanReplaced) for event in log.events))
         return took_off_s
@@ -335,7 +335,7 @@ def test_a_plan_that_a_ground_station_uploads_is_noticed(standing):
         await vehicle.connect()
         log = Log(vehicle)
         await vehicle.upload(plan)
-        await log.until(lambda: vehicle.telemetry._guarded is not None)  # it is on guard
+        await log.until(lambda: vehicle.telemetry.guard.newest is not None)  # it is on guard
         await vehicle._onboard.put(other)  # past the flight's own upload
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
         (compared,) = [e for e in log.events if isinstance(e, PlanCompared)]
@@ -359,7 +359,7 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
         await vehicle.connect()
         log = Log(vehicle)
         await vehicle.upload(plan)
-        await log.until(lambda: vehicle.telemetry._guarded is not None)  # it is on guard
+        await log.until(lambda: vehicle.telemetry.guard.newest is not None)  # it is on guard
         await vehicle._onboard.put(rounded)
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
         told = [e for e in log.events if isinstance(e, PlanReplaced | PlanCompared)]

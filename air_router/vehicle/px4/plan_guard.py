@@ -55,9 +55,11 @@ class PlanGuard:
         self._under_way = kind
 
     def stored(self, kind: int, identifier: int | None) -> None:
-        """The autopilot has stored our list, under this id; None: it does not say which."""
-        if kind != self._under_way:
-            return
+        """The autopilot has stored our list, under this id; None: it does not say which.
+
+        That is addressed to us, and may be received after the transfer is known to be over:
+        MAVSDK passes its own result on first.
+        """
         if identifier is None:
             self._known.pop(kind, None)
         else:
@@ -65,7 +67,7 @@ class PlanGuard:
 
     def refused(self, kind: int, identifier: int | None) -> None:
         """The autopilot says that it has not; where it names the list, it may have."""
-        if kind == self._under_way and identifier:
+        if identifier:
             self._perhaps[kind] = identifier
 
     def transfer_ends(self, *, lost: bool = False) -> None:
