@@ -96,7 +96,7 @@ class Search:
         """
         now_s = self._context.now_s
         due_s = (self._due_s(robot, now_s) for robot in self.targets.names)
-        return min(due_s, default=math.inf)
+        return min(due_s, default=-math.inf if self.to_explore is None else math.inf)
 
     def _due_s(self, robot: str, now_s: float) -> float:
         """When a robot is to be visited again after a complete exchange.

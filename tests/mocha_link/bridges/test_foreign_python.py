@@ -27,10 +27,11 @@ FOREIGN = {
     "mocha_link.service.endpoint",
     "mocha_link.errors",
     "mocha_link.loopback",
+    "mocha_link.path_safety",
     "mocha_link.node.lifetime",
     "mocha_link.service.service_client",
 }
-TYPING = {"Any", "ClassVar", "Final", "Protocol", "TypeVar"}
+TYPING = {"IO", "Any", "ClassVar", "Final", "Protocol", "TypeVar"}
 NEWER = {"cache", "removeprefix", "removesuffix", "is_relative_to", "pairwise", "randbytes"}
 
 

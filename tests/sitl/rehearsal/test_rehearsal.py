@@ -34,7 +34,7 @@ def flown(fault, seed):
     [
         (Fault.PILOT, 2, End.PILOT),
         (Fault.UPLOAD, 1, End.STAYED),
-        (Fault.TWO, 298, End.LANDED),  # nothing is heard of the start that it was told
+        (Fault.TWO, 298, End.STAYED),  # nothing is heard of the start, and it is not tried again
         (Fault.DIVERTED, 4, End.PILOT),  # the first go-to is out of its fence, and refused
         (Fault.LOSS_20, 1, End.LANDED),  # the start shows in the instant in which its time is over
     ],
