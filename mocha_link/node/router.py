@@ -64,7 +64,7 @@ class Caller:
         self.moved_s = now_s  # the same in steady seconds, as far as it took something
         self.watched = 0  # for what the poller waits
         self._session = session
-        self._reset = False  # it went without saying so
+        self._broken = False  # the link did: it has not gone by itself
         self._owed = 0  # bytes of replies since it took all
         self._out: deque[memoryview] = deque()
         self._put(session.hello)
@@ -86,12 +86,11 @@ class Caller:
 
     @property
     def left_early(self) -> bool:
-        """Whether it began to talk, and has gone before it said in which way it would.
+        """Whether it has gone before it said in which way it would talk.
 
-        A client that closes when it has read our greeting may take its own back by that.
+        A client that closes when it has read what we want may have said nothing at all.
         """
-        began = self._session.received or self._reset
-        return self.ended and bool(began) and self._session.received < GREETING_BYTES
+        return self.ended and not self._broken and self._session.received < GREETING_BYTES
 
     @property
     def is_late(self) -> bool:
@@ -105,7 +104,7 @@ class Caller:
         except BlockingIOError:
             return False
         except OSError as error:
-            self._reset = isinstance(error, ConnectionResetError)
+            self._broken = not isinstance(error, ConnectionResetError)
             data = b""
         self.ended = not data
         answer = self._session.receive(data)
