@@ -67,13 +67,6 @@ class PeerFault:
 
 
 @dataclass(frozen=True, slots=True)
-class CompanionLagged:
-    """This program stood still, or did not get the processor: for so long, on its own clock."""
-
-    lag_s: float
-
-
-@dataclass(frozen=True, slots=True)
 class CommandConfirmed:
     """The vehicle does what this action asked of it."""
 
@@ -139,7 +132,6 @@ Event = (
     | RobotPath
     | RobotSought
     | PeerFault
-    | CompanionLagged
     | AnyRequest
     | AirspaceChanged
     | PlanRenewed
