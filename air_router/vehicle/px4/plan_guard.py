@@ -43,6 +43,7 @@ class PlanGuard:
     changed: frozenset[int] = frozenset()
     _known: dict[int, int] = field(default_factory=dict)  # by list: its id; none: the next told is
     _under_way: int | None = None  # the list that we transfer
+    _answered: bool = False  # the autopilot has said that it is stored
     _perhaps: dict[int, int] = field(default_factory=dict)  # by list: what a refusal named of ours
 
     def begin(self, known: PlanIds | None) -> None:
@@ -52,7 +53,7 @@ class PlanGuard:
 
     def transfer_begins(self, kind: int) -> None:
         """We send a list, or clear it."""
-        self._under_way = kind
+        self._under_way, self._answered = kind, False
 
     def stored(self, kind: int, identifier: int | None) -> None:
         """The autopilot has stored our list, under this id; None: it does not say which.
@@ -60,6 +61,7 @@ class PlanGuard:
         That is addressed to us, and may be received after the transfer is known to be over:
         MAVSDK passes its own result on first.
         """
+        self._answered |= kind == self._under_way
         if identifier is None:
             self._known.pop(kind, None)
         else:
@@ -70,9 +72,9 @@ class PlanGuard:
         if identifier:
             self._perhaps[kind] = identifier
 
-    def transfer_ends(self, *, lost: bool = False) -> None:
-        """It is over; `lost`: it may be stored though we were not told so."""
-        if lost and self._under_way is not None:
+    def transfer_ends(self, *, perhaps_stored: bool = False) -> None:
+        """It is over; `perhaps_stored`: our list may be there, whatever was heard of its id."""
+        if perhaps_stored and self._under_way is not None and not self._answered:
             self._known.pop(self._under_way, None)
         self._under_way = None
 

@@ -344,10 +344,10 @@ class OnboardPlan:
             _compare(of.what, kept, found)
 
     def _put(self, kind: int, items: Sequence[PlanItem] | None, *, lost: bool = False) -> None:
-        """A transfer of ours is over; None: PX4 has not taken it."""
+        """A transfer of ours is over; None: PX4 has not taken it; `lost`: it may have."""
         if items is not None:
             self._kept[kind] = items
-        self._telemetry.guard.transfer_ends(lost=lost)
+        self._telemetry.guard.transfer_ends(perhaps_stored=lost or items is not None)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
         """Send a list, again where PX4 is busy with one of another sender."""

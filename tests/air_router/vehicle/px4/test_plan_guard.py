@@ -58,8 +58,30 @@ def test_a_transfer_whose_answer_is_lost_may_be_stored_and_one_that_was_refused_
     for lost, changed in ((True, set()), (False, {RALLY})):
         guard = guarding()
         guard.transfer_begins(RALLY)
-        guard.transfer_ends(lost=lost)
+        guard.transfer_ends(perhaps_stored=lost)
         assert guard.told(OURS._replace(rally_points_id=9)) == changed
+
+
+@pytest.mark.parametrize("told_before", [True, False])
+def test_an_answer_that_is_heard_after_the_end_of_the_transfer_counts(told_before):
+    """MAVSDK has told that it is stored before we have seen the answer."""
+    guard = guarding()
+    guard.transfer_begins(FENCE)
+    guard.transfer_ends(perhaps_stored=True)
+    if told_before:
+        assert guard.told(OURS._replace(fence_id=7)) == set()
+    guard.stored(FENCE, 7)
+    assert guard.told(OURS._replace(fence_id=7)) == set()
+    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
+
+
+def test_an_answer_that_is_late_shows_what_was_told_for_ours_before_it():
+    guard = guarding()
+    guard.transfer_begins(FENCE)
+    guard.transfer_ends(perhaps_stored=True)
+    assert guard.told(OURS._replace(fence_id=8)) == set()
+    guard.stored(FENCE, 7)
+    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
 
 
 def test_a_list_of_ours_that_is_stored_though_it_was_refused_is_ours():
