@@ -22,6 +22,7 @@ from air_router.vehicle.instructions import (
     FLY_OUT,
     HOME_OR_TAKE_OVER,
     LAND_BY_HAND,
+    TAKE_OVER,
     Instruction,
 )
 from air_router.vehicle.vehicle import Telemetry
@@ -73,7 +74,6 @@ CAUSES: Final[tuple[Cause, ...]] = (
     _if("an order shows that is not ours", lambda context: context.doubts),
     lambda context: context.giving_up and f"hands off in a moment: {context.giving_up}",
     lambda context: context.compares and f"{context.compares}, and is being compared",
-    _if("it has to stop first", lambda context: context.has_to_stop),
     _zones,
     _refusal,
 )
@@ -146,7 +146,7 @@ WATCHES: Final = (
     Watch("it should come home", _in(State.HOME), ELSEWHERE_S, LAND_BY_HAND),
     Watch("it should land", _in(State.LAND), ELSEWHERE_S, LAND_BY_HAND),
     Watch("its mission is to go on", _elsewhere, ELSEWHERE_S, HOME_OR_TAKE_OVER),
-    Watch("its mission waits", _waits_for_plan, PLAN_S, HOME_OR_TAKE_OVER),
+    Watch("its mission waits", _waits_for_plan, PLAN_S, TAKE_OVER),
 )
 """The first that is so for long enough is the alarm."""
 
