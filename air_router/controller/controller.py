@@ -21,6 +21,7 @@ from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import Envelope, ReturnMonitor
+from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.model.actions import (
     Action,
     ControlHolder,
@@ -33,6 +34,7 @@ from air_router.controller.model.events import (
     AirspaceChanged,
     CommandConfirmed,
     CommandFailed,
+    CompanionLagged,
     Event,
     FlownBefore,
     PeerFault,
@@ -129,7 +131,8 @@ class Controller:
         self._envelope = Envelope(context, gate, self._home)
         self.returns = ReturnMonitor(context, states.reachability)
         self._standstill = Standstill(context)
-        self._deviations = Deviations(context, gate, self.returns)
+        self._lag = LagMonitor(context)
+        self._deviations = Deviations(context, gate, self.returns, self._lag)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
         self._home.doubted = self.airspace_update.altitude_doubted
@@ -160,6 +163,7 @@ class Controller:
             PlanRenewed: self.airspace_update.plan_renewed,
             RoutesWidened: self.airspace_update.routes_widened,
             FlownBefore: self._flown_before,
+            CompanionLagged: self._lag.lagged,
             PeerFault: lambda event: context.warn(event.words, CHECK_PEER),
             PlanReplaced: authority.plan_replaced,
             PlanTried: authority.plan_tried,
@@ -191,6 +195,7 @@ class Controller:
         context, authority, phase = self.context, self._authority, self._phase
         context.telemetry = telemetry = self._with_believed_charge(telemetry)
         phase.note(telemetry)
+        self._lag.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
         ours = context.handed_over if context.state is State.READY else context.spec.ours
         # On the ground the autopilot changes its mode by itself, when it disarms. A failsafe may
@@ -266,8 +271,8 @@ class Controller:
             self._deviations.home_moved(moved, cruises=cruises)
         if not cruises:
             self._envelope.forget()
-        elif not context.doubts and (found := self._envelope.look(telemetry)):
-            self._deviations.follow(found)
+        elif not context.doubts:
+            self._deviations.follow(self._lag.look(telemetry) + self._envelope.look(telemetry))
         here = exploration.here = telemetry.position
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, context.now_s)

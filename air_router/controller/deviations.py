@@ -17,6 +17,8 @@ flies, zones are being changed, or the vehicle lands.
 | much slower | for 5 s of a leg | it is told |
 | one of these, a third time within 3 minutes | at once | home |
 | the battery at its reserve, or little above what the way home takes | at once | home |
+| this program stood still for 0.5 s, or was starved | at once | it is told, once in 30 s |
+| it stood still for 2 s | at once | hold, then on: what it flew over was not looked at |
 | the charge jumps by more than 5 % | at once | it counts after 3 s, or if the voltage fell |
 | the mission's duration, or the hours that its zones were chosen for, are over | at once | home |
 
@@ -35,11 +37,12 @@ from functools import partial
 from typing import Final
 
 from air_router.controller.envelope import ReturnMonitor
+from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
-from air_router.vehicle.input_limits import INPUT_ALARMS, InputStatus, Stop
+from air_router.vehicle.input_limits import INPUT_ALARMS, InputNews, InputStatus, Stop
 from air_router.vehicle.instructions import BE_READY_AT_HOME, NO_OTHER_HOME
 from air_router.vehicle.vehicle import Telemetry
 
@@ -59,11 +62,14 @@ class Deviations:
         context: Where it says what is off or missing, and has it come home.
         gate: Has it hold.
         returns: Looks at time and charge, which go on while inputs are missing.
+        lag: Whether this program itself has just stood still.
     """
 
     _context: MissionContext
     _gate: CommandGate
     _returns: ReturnMonitor
+    _lag: LagMonitor
+    _unsaid: set[str] = field(default_factory=set)  # what seemed to be missing just after a lag
     _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # holds, when
 
     def follow(self, found: Collection[Deviation]) -> None:
@@ -91,21 +97,7 @@ class Deviations:
         """Tell which inputs are missing; whether too few of them come to fly on by."""
         context = self._context
         landing = context.state is State.LAND  # PX4 does so without a position too
-        for news in status.news:
-            then = "landing on" if landing and news.then else news.then
-            text = f"{news.what}: {then}" if then else news.what
-            if news.alarms and news.instruction is not None and not landing:
-                context.alarm_until_over(
-                    news.about,
-                    text,
-                    news.instruction,
-                    lasting=news.about,
-                    since_s=telemetry.told_s - news.age_s,
-                )
-            else:
-                context.announce(text, news.instruction)
-        for about in set(context.alarms.shown) & INPUT_ALARMS - set(context.inputs.stopped):
-            context.over(about)
+        self._tell_inputs(status, telemetry, landing=landing)
         if status.home_why is not None:
             context.come_home(status.home_why, BE_READY_AT_HOME)
         if context.state is State.READY:
@@ -121,6 +113,39 @@ class Deviations:
         if context.left_s == 0.0 and context.zones is None:
             context.signal(Signal.TIMER)
         return True
+
+    def _tell_inputs(self, status: InputStatus, telemetry: Telemetry, *, landing: bool) -> None:
+        """Announce what is missing, and what is back."""
+        context = self._context
+        for news in status.news:
+            if self._is_our_own(news):
+                continue
+            then = "landing on" if landing and news.then else news.then
+            text = f"{news.what}: {then}" if then else news.what
+            if news.alarms and news.instruction is not None and not landing:
+                context.alarm_until_over(
+                    news.about,
+                    text,
+                    news.instruction,
+                    lasting=news.about,
+                    since_s=telemetry.told_s - news.age_s,
+                )
+            else:
+                context.announce(text, news.instruction)
+        for about in set(context.alarms.shown) & INPUT_ALARMS - set(context.inputs.stopped):
+            context.over(about)
+
+    def _is_our_own(self, news: InputNews) -> bool:
+        """Whether what seems to be missing may wait in this program's own sockets."""
+        if news.instruction is None:
+            told = news.about not in self._unsaid
+            self._unsaid.discard(news.about)
+            return not told
+        if self._lag.recent and not news.alarms:
+            self._unsaid.add(news.about)
+            return True
+        self._unsaid.discard(news.about)
+        return False
 
     def _respond(self, deviation: Deviation, *, said: bool = False) -> None:
         response, words, instruction, _, alarms = deviation

@@ -26,6 +26,7 @@ from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
+from air_router.flight.lag_watch import watch_lag
 from air_router.flight.resumption import flown_before, recognised
 from air_router.flight.terminal import StatusLine, listening
 from air_router.gossip.gossip import Gossip
@@ -186,6 +187,8 @@ class Flight:
     async def _begin(self) -> None:
         await self._prepare()
         self.loop.start(self.loop.motions.run())
+        if self._clock.most_ahead_s == math.inf:  # else the vehicle's time waits for ours
+            self.loop.start(watch_lag(self.loop.on_event))
         if self._camera is not None:
             self.loop.start(receive_patches(self._camera, self._paint))
         if self._resume:

@@ -281,7 +281,8 @@ class InputWatch:
         """At once, when it stops the vehicle, and now and then; and when it comes again."""
         if age_s < limit.told_s:
             told = self._told.pop(limit.words, None)
-            return [InputNews(f"{limit.words} heard again", "")] if told else []
+            back = InputNews(f"{limit.words} heard again", "", about=f"{limit.words} not heard")
+            return [back] if told else []
         stops = limit.stop_at(age_s) is not Stop.NONE
         before, told_s = self._told.get(limit.words, (False, -math.inf))
         again = limit.words in self._told

@@ -67,6 +67,13 @@ class PeerFault:
 
 
 @dataclass(frozen=True, slots=True)
+class CompanionLagged:
+    """This program stood still, or did not get the processor: for so long, on its own clock."""
+
+    lag_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class CommandConfirmed:
     """The vehicle does what this action asked of it."""
 
@@ -132,6 +139,7 @@ Event = (
     | RobotPath
     | RobotSought
     | PeerFault
+    | CompanionLagged
     | AnyRequest
     | AirspaceChanged
     | PlanRenewed

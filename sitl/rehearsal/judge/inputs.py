@@ -18,7 +18,7 @@ import numpy as np
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Floats, Violation
 from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
-from sitl.rehearsal.judge.evidence import WireMessage, number
+from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
 from sitl.rehearsal.judge.mission_reader import Area
 from sitl.rehearsal.judge.space import depths_m
 
@@ -34,6 +34,9 @@ _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
 _AGAIN_S: Final = 10.0
 """What goes on is told again so long after."""
+
+_STOOD_S, _OWN_LAG_S = 1.0, 1.0
+"""A standstill of so long is told, within so long."""
 
 _ESCALATES_S: Final = 10.0
 _ASKS_S: Final = {"position": 2.0, "mode": 5.0, "satellites": 10.0}
@@ -318,6 +321,20 @@ def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
         if end_s >= due_s and not known and case.answers(begin_s, due_s, ours=False):
             news = News(begin_s, "a failsafe acted")
             yield from says(case, news, "failsafe|hands off", due_s)
+
+
+def a_companion_that_stood_still_says_so(case: Case) -> Iterator[Violation]:
+    """It measures that itself: what it then decides on is old."""
+    told = case.evidence.told
+    ends_s = [h.time_s for h in told(SceneEventKind.CONTINUED)]
+    for stop in told(SceneEventKind.STOPPED) if case.evidence.heard else ():
+        on_s = next((s for s in ends_s if s > stop.time_s), math.inf)
+        due_s = on_s + _OWN_LAG_S + case.reacts_s
+        first, last = case.at(stop.time_s), case.at(due_s)
+        flies = due_s < case.time_s[-1] and case.flying[first : last + 1].all()
+        over = any(on_s <= h.time_s <= due_s for h in told(SceneEventKind.ENDED))
+        if on_s - stop.time_s >= _STOOD_S and flies and not over:
+            yield from says(case, News(on_s, "it stood still before"), "stood still", due_s)
 
 
 def breaches_are_told(case: Case) -> Iterator[Violation]:

@@ -289,7 +289,8 @@ def test_a_companion_that_heard_nothing_of_a_climb_has_not_seen_the_altitude_dri
         return dataclasses.replace(message, fields={**message.fields, "alt": alt})
 
     happenings = (SceneEvent(8.5, out), SceneEvent(18.5, again))
-    assert found(flight(spoil=spoil, happenings=happenings, said=[CRUISES])) == set()
+    said = [(18.7, "this program stood still for 10.0 s"), CRUISES]
+    assert found(flight(spoil=spoil, happenings=happenings, said=said)) == set()
 
 
 def test_a_clearance_that_is_lost_is_said_and_held_for():
@@ -336,9 +337,25 @@ def test_a_changed_file_that_is_not_taken_is_reported(said, wrong):
     assert found(flight(said=[(72.0, said)], happenings=left(TEXT))) == set()
 
 
-def test_a_companion_that_stood_still_says_nothing():
+@pytest.mark.parametrize(
+    ("said_s", "wrong"),
+    [
+        (88.5, set()),  # nothing while it stands still, and once it goes on what that was
+        (60.0, {"told"}),  # of another standstill
+        (96.0, {"told"}),  # too late
+    ],
+)
+def test_a_companion_that_stood_still_says_so_as_soon_as_it_goes_on(said_s, wrong):
     still = (SceneEvent(69.0, SceneEventKind.STOPPED), SceneEvent(88.0, SceneEventKind.CONTINUED))
-    assert found(flight(spoil=between(70.0, 88.0), happenings=still)) == set()
+    said = [(said_s, "this program stood still for 19.0 s")]
+    assert found(flight(spoil=between(70.0, 88.0), happenings=still, said=said)) == wrong
+
+
+@pytest.mark.parametrize("on_s", [69.6, 3000.0])
+def test_one_that_stood_still_for_a_moment_or_for_good_needs_say_nothing(on_s):
+    kinds = ((69.0, SceneEventKind.STOPPED), (on_s, SceneEventKind.CONTINUED))
+    still = tuple(SceneEvent(at_s, kind) for at_s, kind in kinds)
+    assert found(flight(happenings=still)) == set()
 
 
 @pytest.mark.parametrize("states", [track(land=False), FLOWN[:20]])

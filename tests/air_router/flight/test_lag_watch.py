@@ -1,0 +1,37 @@
+"""The event loop's own lag: what of it is told, and how often."""
+
+import pytest
+
+from air_router.flight.lag_watch import AGAIN_S, LOOK_S, STARVED_S, WITHIN_S, LagWatch
+
+
+def told(watch, late_s, *, turns, from_s=0.0):
+    """What is told of so many turns that come so late."""
+    found = []
+    for turn in range(1, turns + 1):
+        lagged = watch.take(late_s, from_s + turn * (LOOK_S + late_s))
+        found += [lagged.lag_s] if lagged is not None else []
+    return found
+
+
+def test_an_idle_program_says_nothing():
+    assert told(LagWatch(), 0.002, turns=10_000) == []
+
+
+def test_one_that_stood_still_says_so_at_once_and_not_again_for_a_while():
+    watch = LagWatch()
+    assert [watch.take(0.7, 10.0).lag_s, watch.take(0.7, 12.0)] == [0.7, None]
+    assert watch.take(0.7, 10.0 + AGAIN_S).lag_s == 0.7
+
+
+def test_one_that_stood_still_for_long_says_so_each_time():
+    watch = LagWatch()
+    assert [watch.take(s, 10.0 + n).lag_s for n, s in enumerate((2.0, 15.0, 60.0))] == [2, 15, 60]
+
+
+@pytest.mark.parametrize(("late_s", "starved"), [(0.02, False), (0.2, True)])
+def test_one_that_is_starved_says_so_now_and_then(late_s, starved):
+    found = told(LagWatch(), late_s, turns=400)
+    lasts_s = 400 * (LOOK_S + late_s)
+    assert len(found) == (pytest.approx(lasts_s / AGAIN_S, abs=1.0) if starved else 0)
+    assert all(STARVED_S <= lag_s <= WITHIN_S for lag_s in found)
