@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.controller.motion.command_gate import MODES
 from air_router.errors import NotConfirmedError, NotSentError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode, TakenOverError, Vehicle
@@ -88,6 +89,8 @@ class MotionSender:
             sent = sent and not (isinstance(error, TakenOverError) and not error.sent)
             self._report(CommandFailed(motion, str(error), sent=sent, taken=taken))
         else:
+            # What waits was decided on before: the vehicle is in the mode of this one by our order.
+            self._modes |= {MODES[type(motion)]}
             self._report(CommandConfirmed(motion))
 
     def _object(self, motion: Motion) -> str | None:

@@ -170,7 +170,7 @@ class Fault(Enum):
         "diverted, or flown by the sticks, while we have it hold", 8, takeovers.diverted
     )
     DIVERTED_CLOSE = Kind(
-        "diverted towards a zone that it passes", 12, takeovers.diverted_close, "INIT"
+        "diverted towards a zone that it passes", 48, takeovers.diverted_close, "INIT"
     )
     LEFT_BEHIND = Kind(
         "near a zone that it has left, without its plan", 8, takeovers.left_behind, "SEARCH"

@@ -39,7 +39,7 @@ def zones_of(folder, text):
 
 
 def flawed_zones():
-    ring = '{"type": "Polygon", "coordinates": [[[8, 47], [8, 48]]]}'
+    ring = '{"type": "Polygon", "coordinates": [[[-75.2, 39.94], ["x", 39.95]]]}'
     feature = f'{{"type": "Feature", "properties": {{}}, "geometry": {ring}}}'
     return f'{{"type": "FeatureCollection", "features": [{", ".join([feature] * 2000)}]}}'
 
@@ -284,7 +284,7 @@ def test_a_hold_does_not_wait_for_a_go_to_that_was_lost(flown):
     flight, uav = flown
     assert uav.hold().accepted
     assert wait_until(lambda: flight.relay.recording.mode == HOLD, LIMIT_S)
-    flight.relay.weather = Weather(silent=True)
+    flight.relay.weather = Weather(commands=frozenset({mavlink.MAV_CMD_DO_REPOSITION}))
     assert uav.goto([(39.9423, -75.1999)]).accepted
     lost = flight.wait_for("COMMAND_INT", command=mavlink.MAV_CMD_DO_REPOSITION)[-1]
     flight.relay.weather = Weather()

@@ -337,6 +337,8 @@ class CommandGate:
             self.assume(MODES[type(motion)])
             if isinstance(motion, FlyToNode):
                 self.refused_jumps = 0
+        elif self.pending is not None:  # what was decided on meanwhile leaves out of its mode
+            self._assumed = frozenset({MODES[type(motion)]})
         self.setpoints.confirmed(motion)
 
     def failed(self, event: CommandFailed) -> None:

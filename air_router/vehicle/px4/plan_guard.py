@@ -62,6 +62,7 @@ class PlanGuard:
         MAVSDK passes its own result on first.
         """
         self._answered |= kind == self._under_way
+        self._perhaps.pop(kind, None)
         if identifier is None:
             self._known.pop(kind, None)
         else:
@@ -71,6 +72,10 @@ class PlanGuard:
         """The autopilot says that it has not; where it names the list, it may have."""
         if identifier:
             self._perhaps[kind] = identifier
+
+    def clear_refused(self, kind: int) -> None:
+        """The autopilot says that it has not cleared our list; it may be empty all the same."""
+        self._perhaps[kind] = 0
 
     def transfer_ends(self, *, perhaps_stored: bool = False) -> None:
         """It is over; `perhaps_stored`: our list may be there, whatever was heard of its id."""

@@ -286,6 +286,8 @@ class OnboardPlan:
         await self._may_change(FENCE)
         clear = self._plugins.geofence.clear_geofence_async
         (result,) = await _transfer("no fence", clear)
+        if result != GeofenceResult.SUCCESS:
+            self._telemetry.guard.clear_refused(FENCE)
         self._put(FENCE, () if result == GeofenceResult.SUCCESS else None)
         if result != GeofenceResult.SUCCESS:
             said = self._telemetry.said()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import shapely
@@ -44,6 +44,8 @@ _COMPARED_S: Final = 20.0
 _FAR_M: Final = 2000.0
 _STANDS_M_S: Final = 1.0
 _HOLD: Final = (4.0, 3.0)  # AUTO, LOITER
+_PAUSE_S, _SENT_S = 2.0, 0.3
+"""Between the messages of one renewal at most; within this a hold decided with it has left."""
 
 
 def items_are_the_plans(case: Case) -> Iterator[Violation]:
@@ -154,18 +156,34 @@ def fence_is_the_files(case: Case) -> Iterator[Violation]:
 
 
 def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
-    """A vehicle that was told to stop gets no other fence while it still moves: it might act."""
+    """A vehicle that was told to stop gets no other fence while it still moves: it might act.
+
+    What it was told once the lists were on their way does not count: its way was clear then, and so
+    is the place where it comes to rest on it.
+    """
     kinds = {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
     motions = [m for m in case.commands if is_motion(m)]
-    for message in case.commands:
+    transfers = [m for m in case.commands if m.name.startswith("MISSION_")]
+    for at, message in enumerate(transfers):
         index = case.at(message.time_s)
         if message.name not in kinds or message.fields.get("mission_type") != FENCE:
             continue
-        stops = any(_stops(case, m) for m in [m for m in motions if m.time_s < message.time_s][-1:])
+        begun_s = _begun_s(transfers[: at + 1])
+        stops = any(_stops(case, m) for m in [m for m in motions if m.time_s < begun_s][-1:])
         speed_m_s = case.speed_m_s(max(index - 5, 0), index)
         if stops and case.cruises(index) and speed_m_s > _STANDS_M_S + case.row.room_m:
             text = f"another fence is put on board at {speed_m_s:.1f} m/s, told to stop before"
             yield Violation(message.time_s, "plan", text)
+
+
+def _begun_s(transfers: Sequence[WireMessage]) -> float:
+    """By when the lists of which this is the last message were begun, and a hold was on its way."""
+    begun_s = transfers[-1].time_s
+    for message in reversed(transfers):
+        if begun_s - message.time_s > _PAUSE_S:
+            break
+        begun_s = message.time_s
+    return begun_s + _SENT_S
 
 
 def _stops(case: Case, motion: WireMessage) -> bool:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
-from sitl.mavlink.codec import frames
+from sitl.mavlink.codec import Frame, frames
 from sitl.process.pace_link import PaceServer
 from sitl.rehearsal.judge.evidence import WireMessage
 from sitl.rehearsal.programs.recording import ITEM_FIELDS, MISSION, Recording
@@ -24,6 +24,7 @@ from sitl.rehearsal.stand_ins.stations import Station
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
 _VEHICLE, _STATION = 1, 255  # system ids
+_COMMANDS: Final = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 _READY_SPEED: Final = 1.0
 """Times real time until it is armed: only from then on the companion says how far it is."""
 
@@ -38,12 +39,14 @@ class Weather:
         streams: What is the matter with messages from the vehicle, by name ("": with all others):
             they are lost, frozen or late.
         late_s: By how much those that are late come late, wall clock.
+        commands: What is lost of the commands to the vehicle, by MAV_CMD.
     """
 
     loss: float = 0.0
     silent: bool = False
     streams: dict[str, StreamFault] = field(default_factory=dict)
     late_s: float = 0.0
+    commands: frozenset[int] = frozenset()
 
 
 class LossyRelay:
@@ -217,10 +220,12 @@ class LossyRelay:
             return
         passes = not self.weather.silent and self._chance.random() >= self.weather.loss
         if end is self._outside:
+            kept = b""
             for frame in frames(data):
-                self.recording.look(frame, delivered=passes)
-            if passes and self._vehicle is not None:
-                self._api.sendto(data, self._vehicle)
+                self.recording.look(frame, delivered=passes and not self._swallows(frame))
+                kept += b"" if self._swallows(frame) else frame.data
+            if passes and kept and self._vehicle is not None:
+                self._api.sendto(kept, self._vehicle)
             return
         if any(frame.system_id != _VEHICLE for frame in itertools.islice(frames(data), 1)):
             self._outside.sendto(data, self._companion)  # another vehicle on the same radio
@@ -229,6 +234,11 @@ class LossyRelay:
         spoilt = b"".join(self._spoilt(data, passes=passes))
         if spoilt:
             self._tell(spoilt)
+
+    def _swallows(self, frame: Frame) -> bool:
+        """Whether a frame to the vehicle is a command that is lost."""
+        lost = self.weather.commands
+        return bool(lost) and frame.name in _COMMANDS and frame.fields()["command"] in lost
 
     def _spoilt(self, data: bytes, *, passes: bool) -> Iterator[bytes]:
         """What of a vehicle's datagram reaches the companion now."""

@@ -52,6 +52,16 @@ def test_a_late_confirmation_of_an_older_command_changes_nothing(gate):
     assert gate.pending is second
 
 
+def test_what_is_decided_on_after_a_late_confirmation_leaves_out_of_that_mode(gate):
+    first, second, third = FlyToPoint(HERE, 40.0), LandHere(), FlyToNode(1, HERE)
+    gate.send(first)
+    gate.send(second)
+    assert FlightMode.HOLD not in gate.ends
+    gate.confirmed(CommandConfirmed(first))
+    gate.send(third)
+    assert gate.ends == {FlightMode.HOLD}
+
+
 @pytest.mark.parametrize("sent", [False, True])
 def test_jumps_that_were_objected_to_say_nothing_of_the_plan_on_board(gate, sent):
     for _ in range(JUMPS):

@@ -94,6 +94,17 @@ def test_a_list_of_ours_that_is_stored_though_it_was_refused_is_ours():
     assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
 
 
+def test_a_list_of_ours_that_is_empty_though_its_clearing_was_refused_is_no_other_s():
+    guard = guarding()
+    guard.transfer_begins(FENCE)
+    guard.clear_refused(FENCE)
+    guard.transfer_ends()
+    assert guard.told(OURS._replace(fence_id=0)) == set()
+    guard.stored(FENCE, 7)
+    assert guard.told(OURS._replace(fence_id=7)) == set()
+    assert guard.told(OURS._replace(fence_id=0)) == {FENCE}
+
+
 def test_before_anything_is_known_what_is_told_first_is_what_is_there():
     guard = guarding(None)
     assert guard.told(OURS) == set()
