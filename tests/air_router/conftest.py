@@ -280,7 +280,7 @@ class PretendFlight(Airframe):
         match action:
             case StateChanged() | Announce() | PublishMap() | Seeking() | ReadAgain() | RenewPlan():
                 return
-            case WidenRoutes():
+            case WidenRoutes() | CommandAck():
                 return
             case Finish():
                 self.finished = action

@@ -237,7 +237,9 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
     for index in map(int, np.flatnonzero(case.flying)):
         by, above_m, lands = case.by[index], float(case.above_m[index]), bool(case.lands[index])
         beyond_m = max(low_m - above_m, above_m - high_m, 0.0)
-        up |= above_m >= low_m
+        up |= (
+            above_m >= low_m + DRIFT_M
+        )  # a climb that is stopped may swing into the band, and back
         excuse_m = 0.0 if beyond_m == 0.0 else excuse_m
         if by is Responsible.OURS:
             stops_s = float(case.time_s[index]) + STOP_S if landing and not lands else stops_s
