@@ -311,7 +311,7 @@ class Fault(Enum):
     )
     PAST_ALL = Kind(
         *("sent along every zone and fence", 4, inspections.past_all, "INIT"),
-        mission={"duration_s": 330},
+        mission={"duration_s": 400},
     )
     LANDED_AT = Kind(
         *("asked to land over low zones, at other altitudes", 6, inspections.landed_at, "INIT"),
@@ -325,7 +325,10 @@ class Fault(Enum):
     FILE_CHANGED = Kind("more than zones is changed by reload", 8, inspections.file_changed, "INIT")
     FORGED = Kind(
         *("robots hand over poses of others", 6, inspections.forged, "INIT"),
-        mission={"timers": {"init_s": 15, "explore_s": 8, "search_s": 12, "communicate_s": 5}},
+        mission={
+            "timers": {"init_s": 15, "explore_s": 8, "search_s": 12, "communicate_s": 5},
+            "duration_s": 240,
+        },
     )
     CLAIMS = Kind(
         "other systems and components speak as the autopilot", 12, inspections.claims, "INIT"

@@ -13,6 +13,7 @@ from sitl.rehearsal.zone_drawing import ZoneDrawing
 
 _AWAY_M: Final = (20.0, 35.0)
 _RADIUS_M: Final = (3.0, 5.0)
+_TRIES: Final = 40
 _HOME_M: Final = 22.0
 _MOVED_E7: Final = 0.00006
 """Degrees of latitude by which a waypoint is moved: 7 m."""
@@ -110,14 +111,9 @@ class FileChanges:
         self, document: dict[str, Any], *, corners: int | None = None, low: bool = False
     ) -> None:
         """Where the vehicle is not, nor home."""
-        dice, operator = self._dice, self._operator
-        away_m, angle_rad = dice.uniform(*_AWAY_M), dice.uniform(0.0, 2 * math.pi)
-        here = operator.here
-        east_m, north_m = away_m * math.sin(angle_rad), away_m * math.cos(angle_rad)
-        place = here[0] + east_m, here[1] + north_m
-        if math.hypot(*place) < _HOME_M:  # on the other side
-            place = here[0] - east_m, here[1] - north_m
+        dice = self._dice
         radius_m = dice.uniform(*_RADIUS_M)
+        place = self._place(radius_m, clear=corners is not None)
         name = self._moved = f"drawn {len(document['no_fly_zones'])} {self._flight.now_s:.0f}"
         zone: dict[str, Any] = {"name": name, "crosses_fence": True}
         if corners is None:
@@ -132,6 +128,21 @@ class FileChanges:
         if low:
             zone["altitude"] = {"upper_m": 20.0}
         document["no_fly_zones"] = [*document["no_fly_zones"], zone]
+
+    def _place(self, radius_m: float, *, clear: bool) -> tuple[float, float]:
+        """Near the vehicle, not at home; `clear`: where no waypoint is kept from, if there is."""
+        dice, mission = self._dice, self._operator.space.mission
+        kept_m = radius_m + mission.clearance_m + mission.tracking_margin_m + 1.0
+        for turn in range(_TRIES):
+            away_m, angle_rad = dice.uniform(*_AWAY_M), dice.uniform(0.0, 2 * math.pi)
+            here = self._operator.here
+            off = away_m * math.sin(angle_rad), away_m * math.cos(angle_rad)
+            place = here[0] + off[0], here[1] + off[1]
+            nearest_m = min(math.dist(place, waypoint) for waypoint in mission.waypoints)
+            free = not clear or turn > _TRIES // 2 or nearest_m > kept_m
+            if math.hypot(*place) >= _HOME_M and free:
+                return place
+        return here[0] - off[0], here[1] - off[1]
 
     def _degrees(self, place: tuple[float, float]) -> list[float]:
         point: Point = self._operator.point(place)

@@ -30,8 +30,8 @@ _GOING_ON: Final = ("resume", "explore", "seek")
 def past_all(dice: random.Random) -> Iterator[Row]:
     """It is sent along both sides of every zone and fence, and to places too near to them."""
     yield 0.0, "vanish"
-    for turn in range(16):
-        yield 2.0 + 17.0 * turn, "pass", (turn, dice.random())
+    for turn in range(18):
+        yield 2.0 + 20.0 * turn, "pass", (turn, dice.random())
 
 
 def stale(dice: random.Random) -> Iterator[Row]:
@@ -117,6 +117,10 @@ def asked_everywhere(dice: random.Random) -> Iterator[Row]:
             later_s += dice.uniform(1.2, 4.0)
         if state in {"INIT", "SEARCH", "EXPL"} and dice.randrange(2):
             first = dice.choice(("hold", "goto"))
+        if state == "COMM" and dice.randrange(2):
+            first, second = "goto", "resume"
+        if state == "EXPL" and dice.randrange(2):  # the last of them: it ends the mission
+            first, second = "hold", "home"
         yield later_s, "ask for", first, state
         yield later_s + dice.uniform(1.5, 9.0), "ask for", second, state
         if state not in {"climb", "HOME", "LAND"}:
@@ -145,5 +149,6 @@ def claims(dice: random.Random) -> Iterator[Row]:
 
 def forged(dice: random.Random) -> Iterator[Row]:
     """Robots hand over what others said, and what they did not."""
-    for turn in range(14):
+    yield 70.0, "hard to hear", 8.0
+    for turn in range(7):
         yield 11.0 * turn, "forge", dice.choice(("new", "new", "old", "own", "unknown"))

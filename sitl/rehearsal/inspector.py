@@ -55,12 +55,13 @@ class Inspector:
         if around.is_empty:
             return
         points = [shapely.Point(place) for place in shapely.get_coordinates(around)]
-        first = points[int(share * len(points)) % len(points)]
+        points.sort(key=shapely.Point(self._operator.here).distance)
+        first = points[int(share * len(points)) // 3]
         second = max(points, key=first.distance)
         # And a place that it may not hover at: within the margin, or nearer than the clearance.
         within_m = _WITHIN_M if turn % 3 else -_INSIDE_M
-        line = shapely.shortest_line(area.border, second)
-        places = [first, second, line.interpolate(max(area.clearance_m + within_m, 0.2))]
+        line = shapely.shortest_line(area.border, first)
+        places = [line.interpolate(max(area.clearance_m + within_m, 0.2)), first, second]
         self._send([(place.x, place.y) for place in places])
 
     def _send(self, places: list[Pair]) -> None:
@@ -126,7 +127,9 @@ class Inspector:
         if not (operator.pilot and operator.flies):
             return
         here, dice = operator.here, self._dice
-        clear = open_space(self._mission.areas, self._mission.tracking_margin_m + _BESIDE_M)
+        mission = self._mission
+        low = (area for area in mission.areas if area.lower_m <= mission.cruise_m[1])
+        clear = open_space(low, mission.tracking_margin_m + _BESIDE_M)
         for _ in range(_TRIES):
             turn = dice.uniform(0.0, 2 * math.pi)
             off = on_m * math.sin(turn), on_m * math.cos(turn)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 from air_router.messages import POSE_TOPIC
 from geo.frame import Point
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins.team import pose
+from sitl.rehearsal.stand_ins.team import Told, pose
 
 _RETURN, _LAND, _HOLD = 0x05040000, 0x06040000, 0x03040000  # HEARTBEAT.custom_mode
 _EMERGENCY, _ACTIVE = 6, 4  # MAV_STATE
@@ -106,17 +106,21 @@ class Strangers:
         for _ in range(_BEATS):
             self._flight.hears_foreign(sender, *false_words(state)[words])
 
+    def do_hard_to_hear(self, heard_m: float) -> None:
+        """Robots are heard from so near only: a search lasts as long as it may."""
+        self._flight.robots.heard_m = heard_m
+
     def do_forge(self, how: str) -> None:
         """Robots hand over poses under the names of others: new, old, ours, of no robot."""
         flight, dice = self._flight, self._dice
-        frame, unix_s = flight.mission.frame, flight.robots.unix_s()
-        stamp_s = unix_s - _OLD_S if how == "old" else unix_s
-        places = {
-            name: Point(place.east_m + dice.uniform(25.0, 60.0), place.north_m - 40.0)
-            for name, place in flight.robots.places.items()
-        }
-        told = [(name, POSE_TOPIC, pose(frame, at, stamp_s)) for name, at in places.items()]
+        frame, unix_s = flight.mission.frame, flight.robots.unix_s
+        old_s = _OLD_S if how == "old" else 0.0
         of_other = {"own": str(flight.mission.uav), "unknown": "phantom"}.get(how)
-        if of_other is not None:
-            told = [(of_other, *message[1:]) for message in told[:1]]
-        flight.robots.forged = told
+
+        def forged(name: str, place: Point) -> Callable[[], Told]:
+            return lambda: (name, POSE_TOPIC, pose(frame, place, unix_s() - old_s))
+
+        flight.robots.forged = [
+            forged(of_other or name, Point(place.east_m + dice.uniform(25.0, 60.0), place.north_m))
+            for name, place in flight.robots.places.items()
+        ]

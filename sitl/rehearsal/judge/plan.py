@@ -89,6 +89,26 @@ def _wrong_items(case: Case, upload: Upload, *, all_there: bool) -> Iterator[str
             yield f"waypoints {missing} are not on board"
 
 
+def all_that_was_sent_is_read_back(case: Case) -> Iterator[Violation]:
+    """Before it is armed by us every item of every list was read from the vehicle since."""
+    armed_s = _armed_s(case)
+    if armed_s == math.inf or case.by[case.at(armed_s)] is not Responsible.OURS:
+        return
+    for kind in (MISSION, FENCE, RALLY):
+        sent = [u for u in case.uploads if u.kind == kind and u.time_s < armed_s and u.items][-1:]
+        read = {
+            int(told.fields["seq"])
+            for told in case.evidence.messages
+            if told.name == "MISSION_ITEM_INT" and told.component == AUTOPILOT
+            if told.fields.get("mission_type", MISSION) == kind
+            if sent and sent[0].time_s <= told.time_s < armed_s
+        }
+        missing = [seq for upload in sent for seq in range(len(upload.items)) if seq not in read]
+        if missing and case.evidence.heard:
+            text = f"armed, though item {missing[0]} of list {kind} on board was not read back"
+            yield Violation(armed_s, "plan", text)
+
+
 def what_was_read_back_is_what_was_sent(case: Case) -> Iterator[Violation]:
     """Whatever the vehicle said that is on board before it was armed, is what was sent."""
     armed_s = _armed_s(case)
@@ -220,7 +240,10 @@ def _has_to_settle(case: Case, version: MissionVersion) -> bool:
     left = any(
         version.from_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said
     )
-    home = case.state(end_s) in {"HOME", "LAND", "DONE"}
+    # Where nothing but zones is another, nothing keeps them from being on board.
+    home = (
+        case.state(end_s) in {"HOME", "LAND", "DONE"} and "ZONE_MOVED" not in case.evidence.faults
+    )
     left = left and (_was_refused(case, version.from_s, end_s) or home)
     return flying and _flies_on(case, end_s) and not (taken or left) and version.until_s > end_s
 

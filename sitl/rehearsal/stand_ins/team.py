@@ -152,7 +152,8 @@ class Robots:
             away; robots drive, and carry what others have said. None: links are good, robots stand.
         prank: What they tell instead of the truth; None: the truth.
         others: Messages of other robots that they carry.
-        forged: The same, but no robot hands over its own among them.
+        forged: What they hand over of others before their own, made as they do.
+        heard_m: From no farther they are heard.
         carry: They carry each other's poses, too.
         hostile: They hand their positions over all the time, and take nothing.
     """
@@ -164,7 +165,8 @@ class Robots:
     weak: random.Random | None = None
     prank: Prank | None = None
     others: list[Told] = field(default_factory=list)
-    forged: list[Told] = field(default_factory=list)
+    forged: list[Callable[[], Told]] = field(default_factory=list)
+    heard_m: float = HEARD_M
 
     def __post_init__(self) -> None:
         weak = self.weak
@@ -187,7 +189,7 @@ class Robots:
             node.tell(ContactBegan(name, self.unix_s(), reading))
             node.tell(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
         for name in self.places:
-            near = math.dist(self._place(name, now_s), vehicle) <= HEARD_M
+            near = math.dist(self._place(name, now_s), vehicle) <= self.heard_m
             every_s = HASTY_S if self.hostile else SYNC_EVERY_S
             due = now_s - self._synced_s[name] >= every_s
             if near and due and not any(sync.robot == name for sync in self._under_way):
@@ -233,8 +235,9 @@ class Robots:
                 continue
             told: list[Told] = []
             if sync.direction is Direction.IN:
-                told = self._told(name, self._place(name, now_s), now_s) + self.others
-                told += [message for message in self.forged if message[0] != name]
+                of_others = (make() for make in self.forged)
+                told = [message for message in of_others if message[0] != name]
+                told += self._told(name, self._place(name, now_s), now_s) + self.others
                 node.take(name, told)
             value = (name, sync.direction.value, sync.began_s, told)
             self.happened(SceneEventKind.SYNCED, value)
