@@ -103,12 +103,16 @@ def upload(fence=FENCE, waypoints=ROUND[1:-1], z=40.0, at_s=0.1, param2=PARAM2):
     plan = [(178, 0, 0, 1.0), (22, 0, 0, 0.0), (16, 0, 0, 0.0), *((16, *w, 0.0) for w in waypoints)]
     for kind, items in ((1, fence), (0, plan)):
         yield ours(at_s, "MISSION_COUNT", count=len(items), mission_type=kind)
+        sent = []
         for seq, (number, east, north, param1) in enumerate(items):
             fields = {"seq": seq, "command": number, "frame": 6, "z": z, **place(east, north)}
             more = {"param1": param1, "autocontinue": 0, "mission_type": kind}
             more |= {"param2": param2[number]} if number in param2 else {}
-            yield ours(at_s, "MISSION_ITEM_INT", **fields, **more)
+            sent.append({**fields, **more})
+            yield ours(at_s, "MISSION_ITEM_INT", **sent[-1])
         yield WireMessage(at_s, 1, 1, 1, "MISSION_ACK", {"type": 0, "mission_type": kind})
+        for fields in sent:  # read back
+            yield WireMessage(at_s + 0.05, 1, 1, 1, "MISSION_ITEM_INT", fields)
 
 
 def command(time_s, number, **fields):

@@ -147,3 +147,15 @@ def low_and_moving(at, goal):
 )
 def test_a_climb_begins_on_the_way_on_which_it_brakes(goal, wrong):
     assert ("beside the way" in texts(low_and_moving(30, goal))) == wrong
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_every_item_is_read_back_before_it_is_armed(kind):
+    def unread(message):
+        back = message.component == 1 and message.name == "MISSION_ITEM_INT"
+        return back and message.fields["mission_type"] == kind and message.fields["seq"] == 2
+
+    assert "was not read back" not in texts(flight())
+    assert f"item 2 of list {kind} on board was not read back" in texts(
+        flight(messages=[m for m in upload() if not unread(m)])
+    )
