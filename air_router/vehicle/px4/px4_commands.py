@@ -199,7 +199,7 @@ class Px4Commands:
             objection: Why it must not leave, after all.
 
         Raises:
-            NotSentError: the mode of now was not received, or there is an objection.
+            NotSentError: the mode of now was not received, a failsafe acts, or there is an objection.
             TakenOverError: the vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
@@ -210,6 +210,8 @@ class Px4Commands:
         if (taken := self.taken(modes)) is not None:
             text = f"{words} was not sent: the pilot chose {taken.value} mode"
             raise TakenOverError(text, taken, sent=False)
+        if self._telemetry.failsafe and self._telemetry.in_air:  # it may hold, as we have it do
+            raise NotSentError(f"{words} was not sent: a failsafe of the autopilot acts")
         if (why := objection()) is not None:
             raise NotSentError(why)
 

@@ -123,6 +123,17 @@ def test_a_hold_that_the_pilot_chose_is_not_taken_for_the_one_that_is_about_to_l
     assert len(wire.sent) == 1
 
 
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_order_leaves_while_a_failsafe_acts_in_the_mode_that_is_ours(wire, verb):
+    """It holds because its fence was breached: the mode is that of our go-to."""
+    wire.px4.mode = HOLD
+    wire.px4.says("HEARTBEAT")
+    wire.px4.status = 5
+    with pytest.raises(NotSentError, match="a failsafe of the autopilot acts"):
+        wire.run(VERBS[verb](wire.motions))
+    assert wire.sent == []
+
+
 def test_an_order_leaves_at_once_when_the_vehicle_answers(wire):
     before_s = wire.px4.wall_s
     wire.run(wire.commands.look("a hold"))
