@@ -144,7 +144,8 @@ ACCEPTED: Final = MappingProxyType(
         "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
         "LOSS_20": _row(End.LANDED, End.STAYED, notice_s=3.0),
         "BURSTS": _row(End.LANDED, End.STAYED, notice_s=3.0),
-        "LATE": _row(End.LANDED, End.PILOT, notice_s=4.0),  # what is late may look like a pilot's
+        # What is late may look like a pilot's, who does not know then that the vehicle is his.
+        "LATE": _row(End.LANDED, End.PILOT, End.NOT, notice_s=4.0),
         "OLD": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "NO_FIX": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),

@@ -29,6 +29,9 @@ _SEEN_S, _SURE_S = 0.25, 2.5
 _IN_M, _LASTS_S, _LEAVES_S = 0.5, 0.5, 10.0
 """So deep, and for so long, it surely is in a zone; what is drawn over it, it may leave first."""
 
+_NEARED_S: Final = 2.0
+"""Hands may go off so long before it is that deep: at the fence, or by the autopilot's failsafe."""
+
 _RECENT_S: Final = 6.0
 """An order of ours may still be under way, or a vehicle that was told to hold brake, so long."""
 
@@ -123,7 +126,7 @@ def a_breach_is_given_away(case: Case) -> Iterator[Violation]:
             short = end_s - begin_s < _LASTS_S or begin_s < drawn_s + _LEAVES_S
             if short or not case.answers(begin_s, begin_s + _LASTS_S):
                 continue
-            if not case.has_said("hands off", begin_s - 0.1, due_s):
+            if not case.has_said("hands off", begin_s - _NEARED_S, due_s):
                 text = f"flown on with after a breach of {area.name} at {begin_s:.1f} s"
                 yield Violation(due_s, "authority", text)
 

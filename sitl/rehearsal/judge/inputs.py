@@ -293,7 +293,8 @@ def a_moment_of_no_charge_ends_nothing(case: Case) -> Iterator[Violation]:
         percents = [number(m.fields, "battery_remaining") for m in told]
         volts = [v for m in told if math.isfinite(v := number(m.fields, "voltage_battery"))]
         sags = bool(volts) and volts[-1] < max(volts) * (1.0 - _SAGS)
-        if percents and max(percents) > float(found[1]) + _JUMPS and not sags:
+        jumped = any(before - after > _JUMPS for before, after in itertools.pairwise(percents))
+        if jumped and max(percents) > float(found[1]) + _JUMPS and not sags:
             wrong = f"comes home at {found[1]} %, {max(percents):.0f} % were told just before"
             yield Violation(at_s, "battery", wrong)
 
