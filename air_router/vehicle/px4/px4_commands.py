@@ -199,7 +199,7 @@ class Px4Commands:
             objection: Why it must not leave, after all.
 
         Raises:
-            NotSentError: the mode of now was not received, a failsafe acts, or there is an objection.
+            NotSentError: no mode of now was received, a failsafe acts, or there is an objection.
             TakenOverError: the vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
