@@ -56,6 +56,9 @@ FOREIGN_ORDER_S: Final = 1.5
 STALE_S: Final = 5.0
 """What it was told to do so long ago says nothing of an order of now."""
 
+OLD_POSITION_S: Final = 2.0
+"""A position this old may be the one from before the vehicle braked: its target proves nothing."""
+
 FOREIGN_TARGET_M: Final = 4.0
 """A target so far from ours is not ours; the autopilot's position estimate wanders less."""
 
@@ -333,6 +336,8 @@ class SafetyMonitor:
         _, since_s, place, altitude_m = self._held
         if place is not None:
             return _elsewhere(telemetry, place, altitude_m)
+        if telemetry.ages.position_s >= OLD_POSITION_S:
+            return None  # where its target lies from here is not known
         if telemetry.told_s - since_s >= BRAKED_S:
             target, speed_m_s = telemetry.target, math.hypot(*telemetry.velocity_m_s)
             off_m = 0.0 if target is None else math.dist(target, telemetry.position)

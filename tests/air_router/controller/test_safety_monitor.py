@@ -69,6 +69,14 @@ def test_a_vehicle_that_does_not_tell_its_target_is_believed(watched):
     assert watched(FlyToPoint(HERE, 40.0), (1.0, 99.0), target=None) is None
 
 
+def test_where_it_braked_to_since_its_position_was_lost_is_no_order(watched):
+    far, hold = Point(1000.0, 1000.0), HoldHere("why")
+    lost = {"position": HERE, "target": far}
+    for age_s in (2.0, 30.0):
+        assert watched(hold, (1.0, 9.0, 99.0), **lost, ages=Ages(position_s=age_s)) is None
+    assert watched(hold, (100.0, 102.0), **lost) == FOREIGN  # its position is known again
+
+
 def test_where_it_stopped_is_ours_and_another_place_is_not(watched):
     hold = HoldHere("why")
     assert watched(hold, (1.0, 3.0), target=HERE) is None
