@@ -232,14 +232,13 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
     margin_m = mission.vertical_margin_m + row.height_m
     low_m, high_m = min(mission.altitudes_m) - margin_m, max(mission.altitudes_m) + margin_m
     near_m = mission.acceptance_m + _BESIDE_HOME_M + row.home_m
-    up = landing = False
+    up = cruised = landing = False
     excuse_m, before, back_at, stops_s = 0.0, Responsible.OURS, 0, -math.inf
     for index in map(int, np.flatnonzero(case.flying)):
         by, above_m, lands = case.by[index], float(case.above_m[index]), bool(case.lands[index])
         beyond_m = max(low_m - above_m, above_m - high_m, 0.0)
-        up |= (
-            above_m >= low_m + DRIFT_M
-        )  # a climb that is stopped may swing into the band, and back
+        up |= above_m >= low_m
+        cruised |= above_m >= low_m + DRIFT_M  # a stopped climb may swing into the band
         excuse_m = 0.0 if beyond_m == 0.0 else excuse_m
         if by is Responsible.OURS:
             stops_s = float(case.time_s[index]) + STOP_S if landing and not lands else stops_s
@@ -254,7 +253,7 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
             if begins and home_m > allowed_m:
                 text = f"{home_m:.1f} m from home, {allowed_m:.1f} m are allowed"
                 wrong.append(("landing" if lands else "climb", home_m - allowed_m, text))
-            if up and not lands and beyond_m > excuse_m:
+            if cruised and not lands and beyond_m > excuse_m:
                 text = f"at {above_m:.1f} m, the plan flies {low_m:.1f} to {high_m:.1f} m"
                 wrong.append(("altitude", beyond_m, text))
             on_m = math.dist(case.place(back_at), case.place(index)) - case.off_m[index]
