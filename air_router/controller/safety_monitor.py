@@ -37,6 +37,9 @@ REST_M: Final = 0.5
 REST_S: Final = 2.0
 """What fell is down when its altitude has changed by less than this in that time."""
 
+TURNS_S: Final = 5.0
+"""Two vehicles under one system id have both reported within so long."""
+
 HOME_AGAIN_M: Final = 2.0
 """A home that was told to be moved is told again when it is so much elsewhere."""
 
@@ -100,6 +103,7 @@ class FlightPhase:
     _was_armed: bool = False  # since the hand-over
     _news: bool = False  # it was killed, and not said yet
     _rest: tuple[float, float] = (0.0, 0.0)  # altitude that stays the same, and since when
+    _up_s: float = -math.inf  # when it was armed or in the air last, vehicle's clock
 
     def note(self, telemetry: Telemetry) -> None:
         """Take in what the vehicle says of itself; armed in Mission mode it is handed over."""
@@ -109,6 +113,8 @@ class FlightPhase:
             self._fall(telemetry, flew=flew)
         self._flew |= telemetry.in_air
         self._was_armed |= telemetry.armed
+        if telemetry.armed or telemetry.in_air:
+            self._up_s = telemetry.told_s
         ready = self._context.state is State.READY and not self._context.handed_over
         if ready and telemetry.armed and telemetry.mode is FlightMode.MISSION:
             self._context.handed_over = True
@@ -117,7 +123,12 @@ class FlightPhase:
                 self._context.compares = "the plan on board was replaced"
 
     def _fall(self, telemetry: Telemetry, *, flew: bool) -> None:
-        """PX4 says of a vehicle that was disarmed in the air within a second that it has landed."""
+        """PX4 says of a vehicle that was disarmed in the air within a second that it has landed.
+
+        Where another vehicle is on the link, one that stands on the ground may have said it.
+        """
+        if self._context.wrong_vehicle is not None:
+            return
         motors = telemetry.armed and not telemetry.terminated
         if flew and not motors and telemetry.altitude_m > KILLED_M:
             how = "flight terminated" if telemetry.armed else "disarmed"
@@ -137,8 +148,11 @@ class FlightPhase:
     def over(self, telemetry: Telemetry) -> bool:
         """Whether it is disarmed after having been armed: then it is down, unless it falls.
 
-        Where no HEARTBEAT tells it any more, what is on the ground after a flight is disarmed.
+        Where no HEARTBEAT tells it any more, what is on the ground after a flight is disarmed. With
+        two vehicles on the link none may have flown for as long as both report by turns.
         """
+        if self._context.wrong_vehicle is not None:
+            return self._was_armed and telemetry.told_s - self._up_s >= TURNS_S
         if self.killed is not None:
             down = telemetry.told_s - self._rest[1] >= REST_S
             return down and not telemetry.armed

@@ -114,6 +114,20 @@ def test_a_type_that_changes_in_flight_is_an_alarm_and_nothing_is_commanded_any_
     flight.lands()
 
 
+def test_what_one_of_two_vehicles_says_on_the_ground_is_no_crash_of_the_other(away):
+    """They report by turns under one system id; the flight is over when neither flies."""
+    flight = away()
+    flight.give(WrongVehicle(flight.now_s, "two autopilots", twins=True))
+    for turn in range(20):
+        flight.shown = {"armed": False, "in_air": False} if turn % 2 else {}
+        flight.fly_for(0.5)
+    assert not any("disarmed" in text for text in flight.said)
+    assert flight.controller.state is State.PASSIVE
+    flight.shown = {"armed": False, "in_air": False}
+    flight.fly_for(6.0)
+    assert flight.controller.state is State.DONE
+
+
 def test_a_type_that_changes_on_the_ground_refuses_the_flight(pretend):
     flight = pretend()
     flight.step()
