@@ -41,6 +41,10 @@ _TWICE_S, _PLACE_TWICE_S = 0.9, 0.03
 """So soon after it left nothing can be known of a command: it does not leave again as it was. What
 leads to a place may be decided anew with the next position, which a link may bring soon after."""
 
+_CROSSES_S: Final = 0.03
+"""An order of ours that leaves so soon before or after a choice crosses it on the link, and ends
+it: no look at the mode can prevent that, and the vehicle shows that it follows us."""
+
 _SHOWS_LATER_S: Final = 1.0
 _UNSHOWN: Final = frozenset({"item", "reposition", "plan", "airframe"})
 """A pilot's choices that no mode shows: where the vehicle goes does, or the next HEARTBEAT."""
@@ -78,12 +82,15 @@ def nothing_is_commanded_that_is_anothers(case: Case) -> Iterator[Violation]:
     """No command while the vehicle is a pilot's or a failsafe's, once that can be known."""
     unshown_s = {h.time_s for h in case.evidence.told(SceneEventKind.PILOT) if h.value in _UNSHOWN}
     hearts_s = _heartbeats_s(case)
+    motions = [m for m in case.commands if is_motion(m)]
     for message in filter(_commands, case.commands):
         for begin_s, end_s, by, handed_s in case.given:
             heard = bisect_right(hearts_s, begin_s)
             known_s = hearts_s[heard] if heard < len(hearts_s) else math.inf
             known_s += case.evidence.reaction_s + case.row.notice_s
             known_s += _SHOWS_LATER_S if begin_s in unshown_s else 0.0
+            if any(abs(m.time_s - begin_s) <= _CROSSES_S for m in motions):
+                continue
             if known_s < message.time_s < min(end_s, handed_s) and begin_s < message.time_s:
                 text = f"{_words(message)} while the vehicle is {by} since {begin_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)

@@ -27,6 +27,9 @@ _BRAKED_S: Final = 4.0
 """What the vehicle has on top of that to stand still."""
 
 _WAY_TURNS_S: Final = 20.0
+_ON_BOARD_S: Final = 30.0
+"""A changed file is on board within so long, and the way home goes on."""
+
 _DETOUR: Final = 2.0
 """How much longer than straight a way home may be, and what turning there may take."""
 
@@ -162,8 +165,12 @@ def comes_home(
     """
     if not math.isfinite(since_s) or not case.cruises(case.at(since_s)):
         return
-    way_s = _DETOUR * case.from_home_m(case.at(since_s)) / case.mission.speed_m_s
-    due_s = since_s + way_s + _WAY_TURNS_S + case.row.notice_s
+    due_s = _home_by_s(case, since_s)
+    while later_s := [v.from_s for v in case.versions if since_s < v.from_s < due_s]:
+        since_s = later_s[-1] + _ON_BOARD_S  # it waits for that, and has another way then
+        if not case.cruises(case.at(since_s)):
+            return
+        due_s = _home_by_s(case, since_s)
     blind = any(begin_s < due_s and end_s > since_s for begin_s, end_s in lost)
     heard_s = [m.time_s for m in case.evidence.heard if since_s < m.time_s < due_s]
     silent_s = max((b - a for a, b in pairwise((since_s, *heard_s, due_s))), default=0.0)
@@ -175,6 +182,12 @@ def comes_home(
     if all(map(case.cruises, range(case.at(since_s), case.at(due_s)))):
         text = f"did not land within {due_s - since_s:.0f} s, though {news.what}"
         yield Violation(due_s, "home", text)
+
+
+def _home_by_s(case: Case, since_s: float) -> float:
+    """By when it begins to land that flies home from then on."""
+    way_s = _DETOUR * case.from_home_m(case.at(since_s)) / case.mission.speed_m_s
+    return since_s + way_s + _WAY_TURNS_S + case.row.notice_s
 
 
 def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
