@@ -41,7 +41,7 @@ _TWICE_S, _PLACE_TWICE_S = 0.9, 0.03
 """So soon after it left nothing can be known of a command: it does not leave again as it was. What
 leads to a place may be decided anew with the next position, which a link may bring soon after."""
 
-_CROSSES_S: Final = 0.03
+_CROSSES_S: Final = 0.05
 """An order of ours that leaves so soon before or after a choice crosses it on the link, and ends
 it: no look at the mode can prevent that, and the vehicle shows that it follows us."""
 

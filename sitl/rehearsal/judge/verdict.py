@@ -199,10 +199,15 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     hopped = float(case.above_m.max()) < _HOP_M
     over_s = max((h.time_s for h in evidence.told(SceneEventKind.ENDED)), default=math.inf)
     over = taken_s > over_s  # it had ended before that
+    # Taken and brought down in one silence: the landing that was asked for may have done it.
+    down_s = float(case.time_s[np.flatnonzero(case.flying)[-1]]) if case.flying.any() else 0.0
+    heard = any(taken_s < m.time_s < down_s for m in evidence.heard)
+    unheard = bool(evidence.heard) and taken_s < down_s and not heard
+    over |= unheard
     claimed_s = next((s.time_s for s in evidence.lines if _SAYS_PILOT.search(s.text)), math.inf)
     end_s, landed = float(case.time_s[-1]), end in {End.LANDED, End.ASKED}
     wrong = {
-        f"exit 0, 'done': {end.value}": code == _DONE and not landed,
+        f"exit 0, 'done': {end.value}": code == _DONE and not (landed or unheard),
         f"'{_LANDED}' was said: {end.value}": _LANDED in text and end is not End.LANDED,
         f"exit {code}, though it landed at home by our command": (
             landed and code not in {_DONE, None} and not (lied_to or left or hopped)
