@@ -18,6 +18,11 @@ from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.evidence import SceneEventKind, number
 from sitl.rehearsal.judge.space import leads_home, open_space
 
+_HOVERS_ALREADY: Final = re.compile("accepted: it hovers over .* already")
+_HOLD: Final = 0x03040000
+_MOTORS_S, _TAKES_S = 2.0, 13.0
+"""Motors that have run for so long run; a pilot has so long to take what hands are off."""
+
 _CHANGE: Final = re.compile(r"\b([A-Z]+) -> ([A-Z]+)$")
 _ENDS: Final = frozenset({"HOLD", "SEARCH", "EXPL", "GOTO", "HOME", "PASSIVE", "DONE"})
 _AFTER: Final = {
@@ -345,3 +350,37 @@ def the_report_is_what_happened(case: Case) -> Iterator[Violation]:
     }
     for words in (words for words, is_so in wrong.items() if is_so):
         yield Violation(float(case.time_s[-1]), "told", f"the report says {words}")
+
+
+def what_is_said_to_hover_over_a_robot_does(case: Case) -> Iterator[Violation]:
+    """Asked for the robot of before, it hovers over it already in COMM only."""
+    for at_s, text in case.said:
+        if _HOVERS_ALREADY.search(text) and case.state(at_s) != "COMM":
+            yield Violation(at_s, "request", f"'{text.strip()}' in {case.state(at_s)}")
+
+
+def motors_that_run_are_not_said_to_stand_still(case: Case) -> Iterator[Violation]:
+    """No vehicle that is armed and flies is said to be disarmed in the air."""
+    samples = case.evidence.samples
+    for at_s, text in case.said:
+        if "disarmed in the air" not in text:
+            continue
+        about = samples[case.at(at_s - _MOTORS_S) : case.at(at_s) + 1]
+        if about and all(sample.armed and not sample.landed for sample in about):
+            yield Violation(at_s, "told", f"'{text.strip()}', while its motors run")
+
+
+def what_no_pilot_takes_is_alarmed_of(case: Case) -> Iterator[Violation]:
+    """Hands are off, it hovers in Hold, and no pilot takes it: that is said again and again."""
+    chosen_s = [h.time_s for h in case.evidence.told(SceneEventKind.PILOT, SceneEventKind.REQUEST)]
+    for each in case.announced:
+        if each.label != "ALARM" or "hands off: " not in each.text or "failsafe" in each.text:
+            continue
+        begin_s, due_s = each.time_s, each.time_s + _TAKES_S + case.reacts_s
+        about = case.evidence.samples[case.at(begin_s + 1.0) : case.at(due_s) + 1]
+        hovers = all(s.armed and not s.landed and s.custom_mode == _HOLD for s in about)
+        taken = any(begin_s - 1.0 <= at_s <= due_s for at_s in chosen_s)
+        if taken or not hovers or not case.answers(begin_s, due_s, ours=False):
+            continue
+        if not case.has_said("not flown by hand", begin_s, due_s):
+            yield Violation(due_s, "told", "no pilot takes it, and no alarm asks for one")

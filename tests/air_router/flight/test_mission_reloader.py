@@ -268,8 +268,10 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
 def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, said):
     field.vehicle.failures["renew"] = [PlanRefusedError("the fence was not taken: TIMEOUT")]
     field.vehicle.failures["renew"] += [back] if back else []
+    before = FlightPlan.of(load_mission(file))
     result = field.reload(lambda: add_zone(file))
     assert result.report["came_home_because"] == "the changed fence is not on board"
+    assert field.vehicle.plan == before
     assert f"TIMEOUT{said}" in field.out.getvalue()
     assert field.vehicle.verbs.count("renew") == 2
 

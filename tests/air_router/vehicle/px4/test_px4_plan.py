@@ -82,6 +82,8 @@ class Board:
         self.plan_ids = PlanIds(*map(hash, map(repr, (self.items, self.fence, self.rally))))
 
     async def shows(self, condition, _limit_s):
+        if condition():
+            return True
         for _ in range(10):
             self.mission_reports += 1
             self.time_s += 1.0

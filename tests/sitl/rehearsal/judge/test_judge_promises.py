@@ -7,7 +7,7 @@ import pytest
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.verdict import judge
-from tests.sitl.rehearsal.judge.test_judge import FRAME, MISSION, TEXT, evidence, goto, track
+from tests.sitl.rehearsal.judge.test_judge import FRAME, HOLD, MISSION, TEXT, evidence, goto, track
 from tests.sitl.rehearsal.judge.test_judge_inputs import FLOWN, flight
 
 TIMED = f"{TEXT}timers: {{init_s: 20, search_s: 10, explore_s: 15}}\nseek: [io, europa]\n"
@@ -180,3 +180,32 @@ def test_a_failsafe_is_no_success():
     states = track(land=False)[:1200] + [(60, 60, 0.0, False, True, MISSION)] * 20
     flown = evidence(states, failsafe=((50.0, 99.0),), faults=("NO_FIX",), code=6)
     assert "though a failsafe ended it" in str(judge(flown).violations)
+
+
+@pytest.mark.parametrize(
+    ("state", "flagged"), [("SEARCH -> COMM", False), ("SEARCH -> EXPL", True)]
+)
+def test_a_robot_is_hovered_over_already_in_comm_only(state, flagged):
+    said = [(60.0, f"60.0 s  {state}"), (61.0, "61.0 s  me: accepted: it hovers over io already")]
+    assert any("hovers over io already" in text for text in found(said)) is flagged
+
+
+@pytest.mark.parametrize(("at_s", "flagged"), [(40.0, True), (0.5, False)])
+def test_motors_that_run_are_not_said_to_stand_still(at_s, flagged):
+    said = [
+        (at_s, f"{at_s} s  ALARM: hands off: disarmed in the air at 30 m above home. Pilot: go")
+    ]
+    verdict = judge(flight(said=said))
+    assert any("its motors run" in str(v) for v in verdict.violations) is flagged
+
+
+@pytest.mark.parametrize(("alarmed_s", "flagged"), [(50.0, False), (58.0, True), (None, True)])
+def test_a_vehicle_that_no_pilot_takes_is_alarmed_of(alarmed_s, flagged):
+    """Hands are off at 40 s, and it hovers in Hold."""
+    said = [(40.0, "40.0 s  ALARM: hands off: another plan is on board. Pilot: take over")]
+    if alarmed_s is not None:
+        said.append((alarmed_s, f"{alarmed_s} s  ALARM: it hovers, and is not flown by hand"))
+    states = [(*state[:5], HOLD) for state in track(land=False)]
+    states += [states[-1]] * 400
+    verdict = judge(flight(states, said=said))
+    assert any("no pilot takes it" in str(v) for v in verdict.violations) is flagged
