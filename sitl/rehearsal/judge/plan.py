@@ -44,8 +44,8 @@ _COMPARED_S: Final = 20.0
 _FAR_M: Final = 2000.0
 _STANDS_M_S: Final = 1.0
 _HOLD: Final = (4.0, 3.0)  # AUTO, LOITER
-_PAUSE_S, _SENT_S = 2.0, 0.3
-"""Between the messages of one renewal at most; within this a hold decided with it has left."""
+_RENEWS_S, _SENT_S = 30.0, 0.3
+"""What a renewal takes at most; within this a hold that was decided on with it has left."""
 
 
 def items_are_the_plans(case: Case) -> Iterator[Violation]:
@@ -197,13 +197,14 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
 
 
 def _begun_s(transfers: Sequence[WireMessage]) -> float:
-    """By when the lists of which this is the last message were begun, and a hold was on its way."""
-    begun_s = transfers[-1].time_s
-    for message in reversed(transfers):
-        if begun_s - message.time_s > _PAUSE_S:
-            break
-        begun_s = message.time_s
-    return begun_s + _SENT_S
+    """By when the renewal of which this is the last message was begun, and a hold had left.
+
+    It begins with a look at the mission items on board; the first upload begins with the fence.
+    """
+    last_s = transfers[-1].time_s
+    reads = (m for m in reversed(transfers) if m.name == "MISSION_REQUEST_LIST")
+    begun_s = next((m.time_s for m in reads if m.fields.get("mission_type") == MISSION), last_s)
+    return (begun_s if last_s - begun_s < _RENEWS_S else last_s) + _SENT_S
 
 
 def _stops(case: Case, motion: WireMessage) -> bool:
