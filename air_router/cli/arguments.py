@@ -4,10 +4,11 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+from air_router.files.usual_values import option_notes
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
 
@@ -82,6 +83,18 @@ def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
         return value
 
     return read
+
+
+def note_options(arguments: argparse.Namespace, fields: Mapping[str, str]) -> None:
+    """Note options whose values are not usual.
+
+    Args:
+        arguments: The command line.
+        fields: Of each option, by its name among the arguments, the field of `usual_values`.
+    """
+    given = ((f"--{name}", getattr(arguments, name), field) for name, field in fields.items())
+    for note in option_notes(given):
+        say(note)
 
 
 _FIRST_YEAR, _LAST_YEAR = 1970, 9000  # of flights: before and after there is time left to reckon

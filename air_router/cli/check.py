@@ -4,6 +4,7 @@ import argparse
 import importlib.util
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from air_router.cli.arguments import add_start, add_uav, print_json
@@ -13,7 +14,7 @@ from air_router.mission.loading import choose, read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.preflight.check_facts import facts_of, summary
 from air_router.preflight.survey import MissionSurvey
-from air_router.preflight.world_check import WorldCheck, WorldUncheckedError
+from air_router.preflight.world_check import WorldCheck, WorldUncheckedError, world_notes
 from air_router.routing.graph import WaypointGraph
 from mocha_link.team.document import DocumentError, Problem
 
@@ -56,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
             _draw_wrong(draft, mission, arguments.png)
         raise refusal
     world = _world_check(mission)
+    mission = replace(mission, notes=(*mission.notes, *world_notes(mission.world)))
     findings = MissionSurvey(WaypointGraph(mission))
     try:
         _finish(world)

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, print_json
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, note_options, number, print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
@@ -122,6 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{target} is already there; --force replaces it")
     if target.suffix.lower() in _LOSING and target.resolve() == source.resolve():
         raise UsageError(f"{target} is the file that is read, and would lose; write another one")
+    note_options(arguments, {"altitude": "altitude_m"})
     report = _Report(source, target)
     read = _zones
     if is_mission(source) or arguments.altitude is not None:

@@ -5,7 +5,14 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place, print_json
+from air_router.cli.arguments import (
+    ANY_FINITE,
+    MORE_THAN_0,
+    note_options,
+    number,
+    place,
+    print_json,
+)
 from air_router.coverage.camera import CAMERAS, SurveyCamera, camera_of
 from air_router.coverage.cover_area import CoverOptions, read_field
 from air_router.coverage.cover_output import (
@@ -22,6 +29,14 @@ from geo.coverage.coverage import CoverageError, Swath, cover
 
 _OVERLAP, _SIDELAP = 70.0, 60.0
 _ACCELERATION_M_S2: Final = 2.0
+_FIELDS: Final = {
+    "altitude": "altitude_m",
+    "speed": "speed_m_s",
+    "clearance": "planner.clearance_m",
+    "every": "every",
+}
+"""The fields of `usual_values` that options set."""
+
 _positive = number("more than 0", MORE_THAN_0, ANY_FINITE)
 
 _EPILOG = f"""\
@@ -107,6 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(
             f"{arguments.out}: a mission file ends with .yaml; `air-router convert` writes plans"
         )
+    note_options(arguments, _FIELDS)
     camera = camera_of(arguments.camera)
     camera = camera.turned if arguments.portrait else camera
     field = read_field(arguments.area, arguments.mission, _terms(arguments))

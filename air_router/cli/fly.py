@@ -15,6 +15,7 @@ from air_router.cli.arguments import (
     MORE_THAN_0,
     add_uav,
     moment,
+    note_options,
     number,
     print_json,
     say,
@@ -246,6 +247,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly, and report on stdout."""
+    note_options(arguments, {"duration": "duration_s"})
     mission = load_flown(
         arguments.mission,
         arguments.uav,

@@ -105,7 +105,7 @@ LARGEST_RADIUS_M = 1_000_000.0  # of a circle
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")]
 Polygon = Annotated[list[Pair], Field(max_length=20_000)]
-_Altitude = Annotated[float, Field(gt=0, le=10_000, description="metres above home")]
+_Altitude = Annotated[float, Field(ge=1, le=10_000, description="metres above home")]
 
 
 class _Form(BaseModel):

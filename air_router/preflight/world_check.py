@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from air_router.errors import AirRouterError, ExitCode
+from air_router.files.usual_values import WORLD, notes
+from mocha_link.team.document import Document
 from mocha_link.team.problem import DocumentError, Problem
 
 
@@ -23,6 +25,16 @@ class WorldUncheckedError(AirRouterError):
     """A package that the simulated world needs is not installed; the message says how to do it."""
 
     exit_code = ExitCode.MISSING_EXTRA
+
+
+def world_notes(path: Path | None) -> tuple[Problem, ...]:
+    """Notes on the numbers of a world file; none where it cannot be read, which is a problem."""
+    if path is None:
+        return ()
+    try:
+        return tuple(notes(Document.load(path), WORLD))
+    except DocumentError:
+        return ()
 
 
 class WorldCheck:

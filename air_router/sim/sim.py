@@ -13,11 +13,18 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_rover, add_start, print_json, say, speed_factor
+from air_router.cli.arguments import (
+    add_rover,
+    add_start,
+    note_options,
+    print_json,
+    say,
+    speed_factor,
+)
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, refusing
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
-from air_router.preflight.world_check import WorldCheck
+from air_router.preflight.world_check import WorldCheck, world_notes
 from air_router.record.record_file import no_folder
 from air_router.record.recording import ViewerAddress
 from air_router.report.flight_table import several
@@ -58,6 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     WorldCheck(arguments.mission, arguments.rover).result()
+    note_options(arguments, {"duration": "duration_s"})
+    for note in world_notes(mission.world):
+        say(f"note: {note}")
     options = SimOptions(arguments.speed, arguments.seed, arguments.px4, tuple(arguments.rover))
     if len(mission.layers) > 1:
         return _fly_several(mission, options, arguments)

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import yaml
 
-from air_router.cli.arguments import home, number
+from air_router.cli.arguments import home, note_options, number
 from air_router.errors import ExitCode, UsageError
 from air_router.files.missions.mission_write import first_mission_text
 from air_router.files.yaml_text import degrees_text
@@ -160,6 +160,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder, uav, kinds = answers["folder"], answers["uav"], answers["robots"]
     if uav in kinds:
         raise UsageError(f"'{uav}' is the vehicle's name; give the robot another one")
+    note_options(argparse.Namespace(**answers), {"altitude": "altitude_m"})
     texts = texts_of(answers["home"], answers["altitude"], uav, kinds)
     there = [str(folder / file) for file in texts if (folder / file).exists()]
     if there:

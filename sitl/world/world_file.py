@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import BaseModel, Field, model_validator
 
+from air_router.files.usual_values import parse_world
 from air_router.gossip.mapper import MARGIN_M
 from air_router.mission.mission import Mission
 from geo.airspace.zone import Circle, Ring, Zone, ZoneError, checked_ring
@@ -112,7 +113,7 @@ def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed:
         document = Document.from_text("", Path("(default world)"))
     else:
         document = Document.load(path)
-    return _Reader(document, document.parse(_World), mission).plan(robots, seed)
+    return _Reader(document, parse_world(document, _World), mission).plan(robots, seed)
 
 
 @dataclass(slots=True)

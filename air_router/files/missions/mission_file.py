@@ -10,6 +10,7 @@ from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandl
 from air_router.files.maps.zone_files import add_zones
 from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint, Uav
 from air_router.files.settings import AreaForm, MissionForm, SpotForm, UavForm, WaypointForm
+from air_router.files.usual_values import MISSION, explained, notes
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 from mocha_link.team.document import Document, DocumentError
@@ -52,12 +53,14 @@ def read_mission(document: Document) -> MissionDocument:
     try:
         form = document.parse(MissionForm)
     except DocumentError as error:
-        draft.problems.extend(error.problems)
+        draft.problems.extend(explained(error, document.data, MISSION).problems)
         draft.unread |= _STAND_INS.keys() - document.data.keys()
         text = json.dumps({**_STAND_INS, **document.data})
         form = _RightParts.model_validate_json(
             text, strict=True, extra="ignore", context=draft.unread
         )
+    refused = {problem.keys for problem in draft.problems}
+    draft.notes += [note for note in notes(document, MISSION) if note.keys not in refused]
     _fill(draft, form)
     return draft
 

@@ -13,6 +13,7 @@ from air_router.files.missions.qgc_items import (
     PlanValues,
 )
 from air_router.files.settings import HIGHEST_HOME_M, LOWEST_HOME_M
+from air_router.files.usual_values import note_draft
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 
@@ -36,6 +37,7 @@ def plan_draft(document: JsonDocument) -> MissionDocument:
         beside = document.path.parent / f"{name}.yaml"
         if beside.is_file():
             setattr(draft, name, beside)
+    note_draft(draft)
     return draft
 
 

@@ -23,6 +23,7 @@ from air_router.files.maps.map_area import MapCircle
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
 from air_router.files.settings import DEFAULT_SPEED_M_S
+from air_router.files.usual_values import note_draft
 from air_router.files.whole_file import PlacedSource
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
@@ -130,6 +131,7 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
         if item["command"] in FENCE_COMMANDS
     ]
     _add_fences(draft, fence)
+    note_draft(draft)
     return draft
 
 

@@ -458,8 +458,9 @@ def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
     assert mine.team.resolve() == theirs.team.resolve()
     judged = {"waypoints", "rally_points", "fences", "zones", "home", "frame", "team", "world"}
     for field in dataclasses.fields(mine):
-        if field.name not in {*judged, "source", "name"}:
+        if field.name not in {*judged, "source", "name", "notes"}:
             assert getattr(mine, field.name) == getattr(theirs, field.name), field.name
+    assert [note.message for note in mine.notes] == [note.message for note in theirs.notes]
     plain = {field.name: getattr(MissionDocument(mine.source), field.name) for field in dataclasses.fields(mine)}  # fmt: skip  # noqa: E501
     same_as_without = {name for name, value in plain.items() if value == getattr(theirs, name)}
     # Instead of uav: tests/air_router/mission/test_fleet.py

@@ -137,7 +137,7 @@ def test_all_problems_are_reported_at_once_in_file_order(tmp_path):
         "7:1: unknown key 'speed'",
         "9:10: 'waypoints[0].position[1]' must be a number, found text 'zero'",
         "10:5: waypoint 2 lies inside no-fly zone 'hall'",
-        "11:39: 'waypoints[2].altitude_m' must be greater than 0.0, found -1",
+        "11:39: 'waypoints[2].altitude_m' must be at least 1.0, found -1",
         "15:56: 'no_fly_zones[1].circle.radius_m' must be greater than 0.0, found 0",
     ]
 

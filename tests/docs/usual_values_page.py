@@ -1,0 +1,56 @@
+"""The page of usual values, docs/usual-values.md, as the code's table makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from air_router.files.usual_values import MISSION, OPTIONS, WORLD, Band, OtherUnit
+
+PAGE = Path(__file__).parents[2] / "docs" / "usual-values.md"
+HEAD = """\
+# Usual values
+
+A number can be legal and still not be meant: `altitude_m: 400` is 122 m in feet. `air-router check`
+notes a number that is not usual ([`unusual-value`](errors.md#keys-and-values)), with the unit that
+it is likely to be in. So do the edit page, the pre-flight card, and the commands with options of
+the same kind: `'duration_s' is 25 s; usual is 60 to 14400 s (a multicopter flies for minutes to a
+few hours); given in minutes? then write 1500`.
+
+A note stops nothing. A number that is refused is explained in the same way. `[]` is every entry of
+a list, `*` every name. The code is the source of these tables (`DOCS_WRITE=1 pytest tests/docs`
+writes them anew).
+"""
+AS_IN_MISSIONS = (
+    "`--altitude`, `--clearance`, `--duration` and `--speed` (of `cover`) are as in a mission."
+)
+COLUMNS = "| number | usual | lower: given in | higher: given in | why |\n|---|---|---|---|---|"
+PARTS = (
+    ("Mission files", "", MISSION),
+    ("World files", "", WORLD),
+    (
+        "Options",
+        AS_IN_MISSIONS,
+        OPTIONS,
+    ),
+)
+
+
+def page() -> str:
+    return "\n".join([HEAD, *(line for part in PARTS for line in _part(*part))])
+
+
+def _part(title: str, text: str, bands: Iterable[Band]) -> Iterator[str]:
+    yield f"## {title}\n"
+    if text:
+        yield f"{text}\n"
+    yield COLUMNS
+    for band in bands:
+        name = f"--{band.field}" if bands is OPTIONS else band.field
+        usual = f"{band.low:g} to {band.high:g}{band.unit}"
+        yield f"| `{name}` | {usual} | {_units(band.below)} | {_units(band.above)} | {band.why} |"
+    yield ""
+
+
+def _units(units: Iterable[OtherUnit]) -> str:
+    return ", ".join(unit.name for unit in units)
