@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
+from air_router.files.json_mistakes import json_mistake
 from air_router.files.whole_file import bytes_within
 from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.error_text import Key
@@ -66,7 +67,7 @@ def json_from_text(text: str, path: Path) -> JsonDocument:
             _check(text)
             raise
     except json.JSONDecodeError as error:
-        fault = _FaultError(error.pos, f"not valid JSON: {error.msg}; {_ADVICE}", "not-json")
+        fault = _FaultError(*json_mistake(error), "not-json")
     except _FaultError as error:
         fault = error
     else:

@@ -26,6 +26,7 @@ from mocha_link.team.problem import (
     line_column,
     text_in,
 )
+from mocha_link.team.yaml_mistakes import explained
 from mocha_link.team.yaml_nodes import MAX_DEPTH, TAG, Loader, TooDeepError, compose
 
 __all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
@@ -69,10 +70,7 @@ class Document:
             plain = _Plain(path)
             data = None if root is None else plain.value(root)
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-            what = " ".join(filter(None, (error.context, error.problem))) or "not readable"
-            message = f"not valid YAML: {what}; correct it"
+            message, place = explained(error, text)
             raise DocumentError.at(path, message, "not-yaml", *place) from None
         except yaml.reader.ReaderError as error:
             message = "control character in the text; remove it"
@@ -126,7 +124,15 @@ class Document:
         keys = detail["loc"][:-1] if missing else detail["loc"]
         at_key = unknown or keys[-1:] == ("[key]",)
         place = self.place_of_key(*keys) if at_key else self.place(*keys)
-        return Problem(self.path, *place, error_text(detail, model), code_of(detail), tuple(keys))
+        text = error_text(detail, model, self._words(keys))
+        return Problem(self.path, *place, text, code_of(detail), tuple(keys))
+
+    def _words(self, keys: Sequence[Key]) -> list[str]:
+        """The entries of a list of single values, as they are written; none of anything else."""
+        node = self.node(*keys)
+        entries = node.value if isinstance(node, yaml.SequenceNode) else []
+        words = [entry.value for entry in entries if isinstance(entry, yaml.ScalarNode)]
+        return words if len(words) == len(entries) else []
 
     def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
         """The value node and its key node; steps that the document does not have are skipped."""

@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from mocha_link.sanitize import sanitize
+from mocha_link.team.value_mistakes import key_advice, mapping_advice, number_advice, pair_advice
 
 Key = str | int
 
@@ -39,6 +40,7 @@ _LIMITS = {
     "less_than_equal": ("at most", "le"),
 }
 
+_PAIR = 2
 _LENGTHS = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
 
 
@@ -71,8 +73,14 @@ def as_label(key: Any) -> str:
     return "null" if key is None else str(key)
 
 
-def error_text(detail: ErrorDetails, model: type[BaseModel]) -> str:
-    """One line about one pydantic error: what is wrong and what to do."""
+def error_text(detail: ErrorDetails, model: type[BaseModel], written: Sequence[str] = ()) -> str:
+    """One line about one pydantic error: what is wrong and what to do.
+
+    Args:
+        detail: The error.
+        model: What the document was to be.
+        written: Of a list, its entries as they are written, if that is known.
+    """
     kind, keys, found = detail["type"], detail["loc"], detail.get("input")
     context = detail.get("ctx", {})
     name = _name(keys)
@@ -83,7 +91,8 @@ def error_text(detail: ErrorDetails, model: type[BaseModel]) -> str:
         what = f"missing key '{keys[-1]}'{about}; add it"
     elif kind in UNKNOWN:
         known = _field_names(model, keys[:-1])
-        what = f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
+        advice = key_advice(str(keys[-1])) or _suggestion(str(keys[-1]), known)
+        what = f"unknown key '{keys[-1]}'; {advice}"
     elif kind in _WANTED:
         what = f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {_advice(kind, found)}"
     elif kind in _LIMITS:
@@ -98,7 +107,8 @@ def error_text(detail: ErrorDetails, model: type[BaseModel]) -> str:
         words, limit = _LENGTHS[kind]
         count = context.get(limit)
         what = f"{name} must have {words} {count} {'entry' if count == 1 else 'entries'}, "
-        what += f"found {context.get('actual_length') or 'none'}; change it"
+        advice = pair_advice(written) if count == _PAIR and kind == "too_long" else ""
+        what += f"found {context.get('actual_length') or 'none'}; {advice or 'change it'}"
     elif "-" in kind:  # an error of a model of ours, that says itself what to do
         what = f"{name}: {detail['msg']}"
     elif kind == "value_error":
@@ -132,7 +142,12 @@ def _shown(value: Any) -> str:
 def _advice(kind: str, found: Any) -> str:
     if kind in ("float_type", "int_type", "bool_type") and isinstance(found, str):
         bare = _as_number(found) is not None or found in ("true", "false")
-        return "write the value without quotes" if bare else "correct it"
+        if bare and not re.search("[_ ]", found):
+            return "write the value without quotes"
+        advice = "" if kind == "bool_type" else number_advice(found)
+        return advice or "correct it"
+    if isinstance(found, str) and kind != "string_type":
+        return mapping_advice(found) or "correct it"
     if kind == "string_type" and isinstance(found, bool | int | float):
         return "put it in quotes"
     return "correct it" if found is not None else "fill it in"

@@ -110,6 +110,9 @@ def bytes_of(path: Path, max_bytes: int, advice: str) -> bytes:
 
 def text_in(raw: bytes, path: Path) -> str:
     """The text that bytes spell. Raises DocumentError: it is not UTF-8."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in raw[:4]:
+        message = "UTF-16 text, as Windows programs write 'Unicode'; save the file as UTF-8"
+        raise DocumentError.at(path, message, "not-utf8")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -9,7 +9,7 @@ from functools import lru_cache
 import yaml
 
 MAX_DEPTH = 60
-_LARGE = 50_000
+LARGE = 50_000
 """Characters from which on an error is told in the words of the quick parser: the other one takes
 a second for so many."""
 
@@ -76,7 +76,7 @@ def compose(text: str) -> yaml.Node | None:
     try:
         return _composed(text, _QuickLoader)
     except yaml.YAMLError:
-        if len(text) > _LARGE:
+        if len(text) > LARGE:
             raise
     return _composed(text, Loader)  # its words do not depend on what is installed
 

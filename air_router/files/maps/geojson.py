@@ -39,6 +39,7 @@ _WGS84_NAMES: Final = ("CRS84", "EPSG::4326", "EPSG:4326")
 _NAME_KEYS: Final = ("name", "title", "NAME")
 _KIND_KEYS: Final = ("kind", "type", "category", "class", "TYPE", "CLASS", "TYPE_CODE")
 _RADIUS_KEYS: Final = ("radius_m", "radius")
+_TWO_COMMAS: Final = 4  # numbers that a place becomes by two decimal commas
 
 
 def read_geojson(document: JsonDocument, choice: ZoneChoice | None = None) -> ZoneReading:
@@ -88,6 +89,9 @@ class GeometryReader(JsonValues):
             self.wrong(keys, "a place must be [longitude, latitude]")
         elif not (is_number(value[0]) and is_number(value[1])):
             self.wrong(keys, "a place must be two numbers, [longitude, latitude]")
+        elif len(value) == _TWO_COMMAS and (meant := _decimal_commas(value)):
+            advice = f"decimals stand behind a point: {meant}"
+            self.reading.report(keys, f"a place of four whole numbers; {advice}", "wrong-length")
         else:
             message = f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}"
             self.reading.report_place(keys, message, float(value[0]), float(value[1]))
@@ -160,7 +164,17 @@ def _place(value: Any) -> Geodetic | None:
     """[longitude, latitude] as a place; None if it is none."""
     if not isinstance(value, list) or len(value) < 2 or not all(map(is_number, value[:2])):
         return None
+    if len(value) == _TWO_COMMAS and _decimal_commas(value):
+        return None
     return place_of(value[1], value[0])
+
+
+def _decimal_commas(value: list[Any]) -> str:
+    """The place that [8,5, 47,3] means; "" where four numbers are a place, height and measure."""
+    whole = all(isinstance(each, int) and is_number(each) for each in value)
+    if not whole or value[1] < 0 or value[3] < 0 or value[2:] == [0, 0]:
+        return ""
+    return "[{}.{}, {}.{}]".format(*value)
 
 
 class _Reader(GeometryReader):

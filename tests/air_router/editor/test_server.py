@@ -479,5 +479,5 @@ def test_wrong_usage_and_unreadable_files_end_the_command(path, capsys):
     assert main(["edit", str(path), "--port", "70000"]) == ExitCode.USAGE
     path.write_text("home: [1,\n")
     assert main(["edit", str(path), "--port", "0"]) == ExitCode.INVALID_FILE
-    assert "mission.yaml:2:1: not valid YAML" in capsys.readouterr().err
+    assert "mission.yaml:1:7: '[' opens here and is not closed" in capsys.readouterr().err
     assert main(["edit", str(path.with_name("none.yaml"))]) == ExitCode.INVALID_FILE

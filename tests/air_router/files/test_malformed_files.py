@@ -101,7 +101,7 @@ def at(place, text):
 
 MALFORMED = {
     "a.geojson": [
-        ("{§", "not-json", "Expecting property name enclosed in double quotes"),
+        ("{§", "not-json", "the file ends too early"),
         ('{"type": "Feature", §"type": 1}', "repeated-key", "already on line 1"),
         ("§3", "unknown-format", "none of GeoJSON, KML, GPX"),
         ('§{"fileType": "Plan"}', "unknown-format", "is a mission"),

@@ -150,7 +150,7 @@ def test_every_problem_is_reported_in_file_order():
 @pytest.mark.parametrize(
     ("text", "problem", "code"),
     [
-        ("a: 1\nb: [1, 2\nc: 3\n", "3:2: not valid YAML", "not-yaml"),
+        ("a: 1\nb: [1, 2\nc: 3\n", "2:4: '[' opens here and is not closed", "not-yaml"),
         ("a: 1\na: 2\n", "2:1: key 'a' is already on line 1; remove one", "repeated-key"),
         ("a: !!python/object:os.system {}", "1:4: YAML tag", "yaml-feature"),
         ("a: !thing x", "1:4: YAML tag !thing is not read; remove it", "wrong-value"),
@@ -165,8 +165,8 @@ def test_every_problem_is_reported_in_file_order():
         ("? 0x" + "f" * 5000 + "\n: 1", "1:3: ", "wrong-value"),
         ("a: 1\nb: \x07", "2:4: control character", "not-yaml"),
         ("a: &x [*x]", "1:4: an alias inside its own anchor; remove it", "yaml-feature"),
-        ("a: 1\n---\nb: 2", "2:1: not valid YAML", "not-yaml"),
-        ("a: *missing", "1:4: not valid YAML", "not-yaml"),
+        ("a: 1\n---\nb: 2", "2:1: a second document begins here", "not-yaml"),
+        ("a: *missing", "1:4: text that begins with '*'", "not-yaml"),
         ("[" * 5000, "1:61: nested more than 60 deep; flatten it", "too-deep"),
         ("[" * 61 + "]" * 61, "1:61: nested more than 60 deep; flatten it", "too-deep"),
         ("[" * 60 + "x" + "]" * 59, "1:", "not-yaml"),
