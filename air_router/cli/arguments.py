@@ -11,6 +11,7 @@ from typing import Any
 from air_router.files.usual_values import option_notes
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
+from mocha_link.team.value_mistakes import decimal_degrees, number_advice, pair_in, plain
 
 
 def print_json(facts: Any) -> None:
@@ -79,7 +80,9 @@ def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
         except ValueError:
             value = math.nan
         if not lowest <= value <= highest:
-            raise argparse.ArgumentTypeError(f"{text} is not {what}")
+            advice = number_advice(text)
+            message = f"{text} is not {what}{f'; {advice}' * bool(advice)}"
+            raise argparse.ArgumentTypeError(message)
         return value
 
     return read
@@ -113,8 +116,21 @@ def place(text: str) -> Geodetic:
     try:
         latitude_deg, longitude_deg = map(float, text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not LATITUDE,LONGITUDE") from None
+        message = f"{text} is not LATITUDE,LONGITUDE{_place_advice(text)}"
+        raise argparse.ArgumentTypeError(message) from None
     return Geodetic(latitude_deg, longitude_deg)
+
+
+def _place_advice(text: str) -> str:
+    """What to write instead of a text that was to be a place, behind a semicolon."""
+    halves = [decimal_degrees(plain(half)) for half in text.split(",")]
+    if pair := pair_in(text.strip()):
+        return f"; write {pair.strip('[]').replace(' ', '')}"
+    if len(halves) == 2 and all(halves):
+        return f"; write decimal degrees: {','.join(map(str, halves))}"
+    if "," not in text:
+        return "; both stand in one word, with a comma and no blank between them"
+    return ""
 
 
 def home(text: str) -> Geodetic:

@@ -79,8 +79,10 @@ Stop = int | Geodetic
 def _stop(text: str) -> Stop:
     try:
         return place(text) if "," in text else int(text)
-    except (ValueError, argparse.ArgumentTypeError):
+    except (ValueError, argparse.ArgumentTypeError) as error:
+        advice = str(error).partition(";")[2] if "," in text else " 0 is home"
         message = f"{text} is neither a waypoint's number nor LATITUDE,LONGITUDE"
+        message += f";{advice}" * bool(advice)
         raise argparse.ArgumentTypeError(message) from None
 
 

@@ -184,7 +184,11 @@ OPTIONS: Final = (Band("every", 1, 1_000, " m", (KM,), (CM, FEET), "between wayp
 
 def notes(document: Document, bands: Iterable[Band]) -> Iterator[Problem]:
     """Notes on the numbers of a file that are not usual; one for each kind and side of its band."""
-    for band in bands:
+    home_amsl_m = next((v for _, v in _values(document.data, ("home", "altitude_amsl_m"))), None)
+    for each in bands:
+        band = each
+        if home_amsl_m is not None and each.why == _LAW:
+            band = replace(each, above=(_above_sea(home_amsl_m), *each.above))
         values = list(_values(document.data, band.keys))
         for outside in (
             [each for each in values if each[1] < band.low],
@@ -195,6 +199,11 @@ def notes(document: Document, bands: Iterable[Band]) -> Iterator[Problem]:
                 more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
                 words = band.words(f"'{_name(keys)}'{more}", value)
                 yield document.problem(keys, words, UNUSUAL)
+
+
+def _above_sea(home_amsl_m: float) -> OtherUnit:
+    """Metres above the sea where home is this high above it."""
+    return OtherUnit("metres above the sea", lambda value: value - home_amsl_m)
 
 
 def explained(error: DocumentError, data: Any, bands: Sequence[Band]) -> DocumentError:

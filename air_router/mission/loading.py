@@ -4,6 +4,7 @@ Missions of other programs that say too little are converted before they are flo
 """
 
 import math
+import re
 from collections.abc import Collection
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -245,10 +246,18 @@ def check_own(path: Path) -> None:
     """
     suffix = path.suffix.lower()
     advice = _ADVICE.get(suffix)
-    if suffix not in _OWN and is_waypoint_file(_begin(path)):
+    begin = b"" if suffix in _OWN else _begin(path)
+    if is_waypoint_file(begin):
         advice = _ADVICE[WAYPOINTS]
+    elif re.search(rb"^(waypoints|altitude_m):", begin, re.MULTILINE):
+        advice = f"a mission whose name ends with {suffix}; rename it to {_renamed(path)}"
     if advice is not None:
         raise DocumentError.at(path, advice.format(path=path), "unknown-format")
+
+
+def _renamed(path: Path) -> str:
+    stem = path.name.partition(".")[0]
+    return f"{stem}.yaml"
 
 
 def is_mission(path: Path) -> bool:

@@ -12,10 +12,12 @@ from typing import Final
 
 from air_router.errors import RefusedError
 from air_router.files.mission_document import Keys, MissionDocument
+from air_router.files.missions.mission_mistakes import other_kind
 from air_router.files.whole_file import is_file
 from air_router.messages import GOALS_TOPIC, JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC
 from air_router.mission.mission import Mission
 from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.path_mistakes import path_advice
 from mocha_link.team.team import Team, Topic
 
 UAV_KIND: Final = "aerial_robot"
@@ -169,7 +171,9 @@ def check_team(draft: MissionDocument) -> None:
     """
     if draft.world is not None and not is_file(draft.world):
         draft.report(
-            ("world",), f"there is no file {draft.world}; correct the path", "no-such-file"
+            ("world",),
+            f"there is no file {draft.world}; {path_advice(draft.world)}",
+            "no-such-file",
         )
     if len(set(draft.seek)) < len(draft.seek):
         message = "a robot is named twice; each is sought in turn anyway"
@@ -177,10 +181,16 @@ def check_team(draft: MissionDocument) -> None:
     if draft.team is None:
         return
     if not is_file(draft.team):
-        draft.report(("team",), f"there is no file {draft.team}; correct the path", "no-such-file")
+        draft.report(
+            ("team",), f"there is no file {draft.team}; {path_advice(draft.team)}", "no-such-file"
+        )
         return
     try:
         document = Document.load(draft.team)
+        if other := other_kind(document.data, "team"):
+            message = f"{draft.team} is {other}; name the team's file"
+            draft.report(("team",), message, "wrong-file")
+            return
         team = Team.from_document(document)
     except DocumentError as error:
         draft.problems.extend(error.problems)
@@ -229,7 +239,13 @@ def _choose(draft: MissionDocument, team: Team) -> None:
 
 
 def _check_others(draft: MissionDocument, team: Team) -> None:
-    """Note robots that are to be sought, or sent goals by, and cannot."""
+    """Note robots that are to be sought, or sent goals by, and cannot; and names that are alike."""
+    first: dict[str, str] = {}
+    for name in team.robots:
+        other = first.setdefault(name.lower(), name)
+        if other != name:
+            message = f"'{other}' and '{name}' of the team differ in case only; rename one"
+            draft.note(("team",), message, "names-alike")
     for index, name in enumerate(draft.seek):
         _check_robot(draft, name, team.robots, ("seek", "robots", index))
         if name == draft.uav:
@@ -277,6 +293,7 @@ def _note_unlinked_uavs(draft: MissionDocument, team: Team) -> None:
 def _check_robot(draft: MissionDocument, name: str, known: Collection[str], keys: Keys) -> None:
     if name in known:
         return
-    close = difflib.get_close_matches(name, known, n=1)
+    same = [other for other in known if other.lower() == name.lower()]
+    close = same or difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean '{close[0]}'?" if close else f"use one of {', '.join(sorted(known))}"
     draft.report(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")

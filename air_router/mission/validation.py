@@ -1,5 +1,6 @@
 """Whether a mission, as drafted, may be flown: every problem of its geometry, and its picture."""
 
+import contextlib
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from air_router.files.zone_terms import HomeAltitudeError
 from air_router.mission.mission import Mission, MissionAreas
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
-from geo.frame import Point
+from geo.frame import FrameError, Point
 from geo.paths.separators import separators
 from geo.paths.shortest import shortest_paths
 from mocha_link.team.document import Problem
@@ -23,6 +24,9 @@ FAR_M = 50_000.0
 """Places farther from home than this are typing errors; no sheet shows them."""
 
 _SAME_PLACE_M = 0.1
+_AT_ZERO_DEG = 0.01
+_WHOLE_DEG = 1e-6
+_ALL_WITHIN_M = 1.0  # degrees, read as metres: no mission is so small
 _SLIVER_M2 = 0.01
 
 _CODES = {
@@ -40,12 +44,21 @@ def check_geometry(draft: MissionDocument, areas: MissionAreas) -> None:
     if not draft.waypoints and "waypoints" not in draft.unread and not draft.problems:
         message = "a mission needs at least one waypoint; add one"
         draft.report(("waypoints",), message, "no-waypoints")
+    if _check_units_of_places(draft):
+        return
     _check_names(draft)
     _check_altitudes(draft)
+    _note_settings(draft)
     _check_fence_crossings(draft)
     _check_same_places(draft)
     far = _check_distances(draft)
-    if _check_spots(draft, areas, far) and not far and "planner" not in draft.unread:
+    inside_known = "the fence" not in far  # a fence elsewhere has every place outside of it
+    if (
+        inside_known
+        and _check_spots(draft, areas, far)
+        and not far
+        and "planner" not in draft.unread
+    ):
         _check_ways(draft, areas)
 
 
@@ -113,7 +126,8 @@ def _check_distances(draft: MissionDocument) -> set[str]:
         return {draft.home.label, *(spot.label for spot in spots), *areas}
     for spot in spots:
         if (far_m := math.dist(spot.position, home)) > FAR_M:
-            message = f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}"
+            meant = _meant(draft, spot.position) or advice
+            message = f"{spot.label} is {far_m / 1000:.0f} km from home; {meant}"
             draft.report(spot.keys, message, "far-from-home")
             far.add(spot.label)
     for area in (*draft.zones, *draft.fences):
@@ -123,10 +137,82 @@ def _check_distances(draft: MissionDocument) -> set[str]:
         if far_m > FAR_M and area.source is None:
             label = _label(draft, area)
             reaches = "is" if area.crosses_fence else "reaches"
-            message = f"{label} {reaches} {far_m / 1000:.0f} km from home; {advice}"
+            meant = _meant(draft, area.shape.corners[0]) or advice
+            message = f"{label} {reaches} {far_m / 1000:.0f} km from home; {meant}"
             draft.report_area(area, message, "far-from-home")
             far.add(label)
     return far
+
+
+def _meant(draft: MissionDocument, position: Point) -> str:
+    """What a far place would be near home as, in words; "" if as nothing that is known."""
+    if draft.in_metres or draft.frame is None or draft.home is None:
+        return ""
+    latitude_deg, longitude_deg = draft.frame.to_geodetic(position)
+    for what, place in (
+        ("latitude comes first", (longitude_deg, latitude_deg)),
+        ("the sign of its longitude is wrong (west is negative)", (latitude_deg, -longitude_deg)),
+        ("the sign of its latitude is wrong (south is negative)", (-latitude_deg, longitude_deg)),
+    ):
+        with contextlib.suppress(FrameError):
+            if math.dist(draft.frame.to_local(*place), draft.home.position) <= FAR_M:
+                return f"{what}: [{place[0]:.9g}, {place[1]:.9g}]"
+    if all(abs(degrees - round(degrees)) < _WHOLE_DEG for degrees in (latitude_deg, longitude_deg)):
+        return "correct it (latitude comes first; pairs in metres need 'coordinates: local')"
+    return ""
+
+
+def _check_units_of_places(draft: MissionDocument) -> bool:
+    """Whether the places are of another unit, or of none: degrees as metres, or zeros.
+
+    Nothing else needs to be said about a mission within a metre.
+    """
+    if draft.home is None or draft.frame is None:
+        return False
+    origin, home = draft.frame.origin, draft.home
+    if max(abs(origin.latitude_deg), abs(origin.longitude_deg)) < _AT_ZERO_DEG:
+        keys = ("frame", "origin") if draft.in_metres else home.keys
+        message = (
+            "latitude 0, longitude 0 is in the Atlantic; enter the place (a GPS without a fix "
+            "shows zeros; metres need 'coordinates: local' and a frame)"
+        )
+        draft.note(keys, message, "place-at-zero")
+    spread_m = max((math.dist(w.position, home.position) for w in draft.waypoints), default=0.0)
+    if draft.in_metres and 0.0 < spread_m < _ALL_WITHIN_M:
+        message = (
+            f"all waypoints lie within {spread_m:.2g} m of home: 'local' pairs are metres east and "
+            "north; for degrees leave 'coordinates' out"
+        )
+        draft.report(("coordinates",), message, "degrees-as-metres")
+        return True
+    return False
+
+
+def _note_settings(draft: MissionDocument) -> None:
+    """Note settings of which one keeps the other from ever having an effect."""
+    duration_s, endurance_s = draft.duration_s, draft.endurance_s
+    if duration_s is not None and endurance_s is not None and duration_s > endurance_s:
+        message = (
+            f"'duration_s' is {duration_s:g} s, and a full battery lasts {endurance_s:g} s "
+            "('endurance_s'): the battery ends the mission first; lower it"
+        )
+        draft.note(("duration_s",), message, "settings-contradict")
+    init_s = draft.timers.init_s
+    if draft.team is not None and duration_s is not None and init_s >= duration_s:
+        message = (
+            f"no robot is ever sought: the first exploration takes {init_s:g} s ('timers.init_s') "
+            f"and the mission {duration_s:g} s ('duration_s'); shorten the first"
+        )
+        draft.note(("duration_s",), message, "settings-contradict")
+    if len(draft.altitudes_m) > 1 and not (
+        draft.altitudes_m[0] <= draft.altitude_m <= draft.altitudes_m[1]
+    ):
+        message = (
+            f"'altitude_m' is {draft.altitude_m:g} m, beside 'altitudes_m' "
+            f"({draft.altitudes_m[0]:g} to {draft.altitudes_m[1]:g} m): a vehicle that was sent "
+            "elsewhere cannot be sent back to it; widen them"
+        )
+        draft.note(("altitudes_m",), message, "settings-contradict")
 
 
 def _label(draft: MissionDocument, area: Area) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import yaml
 
-from air_router.cli.arguments import home, note_options, number
+from air_router.cli.arguments import home, note_options, number, say
 from air_router.errors import ExitCode, UsageError
 from air_router.files.missions.mission_write import first_mission_text
 from air_router.files.yaml_text import degrees_text
@@ -53,15 +53,19 @@ def _name(text: str) -> str:
 
 def _robots(text: str) -> dict[str, str]:
     """Names, and what each speaks: "rover=ros2, scout"."""
-    found = {}
+    found: dict[str, str] = {}
     for part in text.replace(",", " ").split():
         robot, _, kind = part.partition("=")
         kind = kind or "json"
         if kind not in ROVERS:
             known = ", ".join(ROVERS)
             raise argparse.ArgumentTypeError(f"{part}: a robot speaks one of {known}")
-        if robot in found:
-            raise argparse.ArgumentTypeError(f"'{robot}' is named twice")
+        if robot in ROVERS and found:
+            *_, last = found
+            message = f"'{robot}' is no robot; what {last} speaks is written {last}={robot}"
+            raise argparse.ArgumentTypeError(message)
+        if robot.lower() in map(str.lower, found):
+            raise argparse.ArgumentTypeError(f"'{robot}' is named twice (whatever its case)")
         found[_name(robot)] = kind
     if not 1 <= len(found) <= MOST_ROBOTS:
         raise argparse.ArgumentTypeError(f"name 1 to {MOST_ROBOTS} robots")
@@ -158,7 +162,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Ask, write, and say how to go on."""
     answers = _answered(arguments, input if sys.stdin.isatty() else None)
     folder, uav, kinds = answers["folder"], answers["uav"], answers["robots"]
-    if uav in kinds:
+    if uav.lower() in map(str.lower, kinds):
         raise UsageError(f"'{uav}' is the vehicle's name; give the robot another one")
     note_options(argparse.Namespace(**answers), {"altitude": "altitude_m"})
     texts = texts_of(answers["home"], answers["altitude"], uav, kinds)
@@ -170,7 +174,8 @@ def run(arguments: argparse.Namespace) -> int:
         with (folder / file).open("x", encoding="utf-8") as made:
             made.write(text)
         print(folder / file)
-    load_mission(folder / "mission.yaml")
+    for note in load_mission(folder / "mission.yaml").notes:
+        say(f"note: {note}")
     _say_next(folder, answers["home"], kinds)
     return ExitCode.DONE
 

@@ -15,7 +15,14 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from mocha_link.sanitize import sanitize
-from mocha_link.team.value_mistakes import key_advice, mapping_advice, number_advice, pair_advice
+from mocha_link.team.value_mistakes import (
+    bool_advice,
+    key_advice,
+    list_advice,
+    mapping_advice,
+    number_advice,
+    pair_advice,
+)
 
 Key = str | int
 
@@ -94,7 +101,9 @@ def error_text(detail: ErrorDetails, model: type[BaseModel], written: Sequence[s
         advice = key_advice(str(keys[-1])) or _suggestion(str(keys[-1]), known)
         what = f"unknown key '{keys[-1]}'; {advice}"
     elif kind in _WANTED:
-        what = f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {_advice(kind, found)}"
+        keys_of = _field_names(model, keys) if isinstance(found, list) else set()
+        advice = _advice(kind, found, keys_of)
+        what = f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {advice}"
     elif kind in _LIMITS:
         words, limit = _LIMITS[kind]
         what = f"{name} must be {words} {context.get(limit)}, found {_shown(found)}; change it"
@@ -107,7 +116,7 @@ def error_text(detail: ErrorDetails, model: type[BaseModel], written: Sequence[s
         words, limit = _LENGTHS[kind]
         count = context.get(limit)
         what = f"{name} must have {words} {count} {'entry' if count == 1 else 'entries'}, "
-        advice = pair_advice(written) if count == _PAIR and kind == "too_long" else ""
+        advice = _length_advice(kind, count, found, written)
         what += f"found {context.get('actual_length') or 'none'}; {advice or 'change it'}"
     elif "-" in kind:  # an error of a model of ours, that says itself what to do
         what = f"{name}: {detail['msg']}"
@@ -139,18 +148,39 @@ def _shown(value: Any) -> str:
     return label if len(label) <= 40 else f"{label[:37]}..."
 
 
-def _advice(kind: str, found: Any) -> str:
-    if kind in ("float_type", "int_type", "bool_type") and isinstance(found, str):
-        bare = _as_number(found) is not None or found in ("true", "false")
-        if bare and not re.search("[_ ]", found):
-            return "write the value without quotes"
-        advice = "" if kind == "bool_type" else number_advice(found)
-        return advice or "correct it"
-    if isinstance(found, str) and kind != "string_type":
-        return mapping_advice(found) or "correct it"
-    if kind == "string_type" and isinstance(found, bool | int | float):
-        return "put it in quotes"
-    return "correct it" if found is not None else "fill it in"
+def _length_advice(kind: str, count: Any, found: Any, written: Sequence[str]) -> str:
+    if kind != "too_long" or count != _PAIR or not isinstance(found, list):
+        return ""
+    return "there are brackets too many" if isinstance(found[0], list) else pair_advice(written)
+
+
+def _advice(kind: str, found: Any, known: Iterable[str] = ()) -> str:
+    """What to do about a value of another type; `known`: the keys that are wanted instead."""
+    wanted, advice = _WANTED[kind], "correct it"
+    if found is None:
+        advice = "fill it in"
+    elif isinstance(found, str):
+        advice = _text_advice(kind, found) or advice
+    elif kind == "string_type" and isinstance(found, bool | int | float):
+        advice = "put it in quotes"
+    elif wanted == "a list" and isinstance(found, dict):
+        advice = "begin each entry with '- ', without a name"
+    elif wanted.startswith("a mapping") and isinstance(found, list):
+        shown = ", ".join(f"{key}: ..." for key in sorted(known)) or "name: ..."
+        advice = f"write {{{shown}}}"
+    elif wanted.startswith("a mapping") and isinstance(found, float):
+        advice = "a place is a pair in brackets of its own, like [52.4736, 13.4017]"
+    return advice
+
+
+def _text_advice(kind: str, found: str) -> str:
+    bare = _as_number(found) is not None and not re.search("[_ ]", found)
+    if kind == "bool_type":
+        quoted = found in ("true", "false")
+        return "write the value without quotes" if quoted else bool_advice(found)
+    if kind in ("float_type", "int_type"):
+        return "write the value without quotes" if bare else number_advice(found)
+    return list_advice(found) if _WANTED[kind] == "a list" else mapping_advice(found)
 
 
 def _as_number(text: str) -> float | None:
@@ -163,7 +193,7 @@ def _as_number(text: str) -> float | None:
 
 def _suggestion(word: str, known: Iterable[str]) -> str:
     known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.6)
     if close:
         return f"did you mean '{close[0]}'?"
     return f"use one of {', '.join(known)}" if known else "remove it"

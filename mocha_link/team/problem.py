@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from typing import Any, Final, Self
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.sanitize import sanitize
+from mocha_link.team.path_mistakes import path_advice
 
 MOST_OF_A_KIND: Final = 20
 """Problems with one code that a file is told of; a person mends the first ones and looks again."""
@@ -101,16 +103,23 @@ def bytes_of(path: Path, max_bytes: int, advice: str) -> bytes:
             raw = file.read(max_bytes + 1)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        message = f"cannot read the file: {reason}; check the path"
+        message = f"cannot read the file: {reason}; {path_advice(path, 'check the path')}"
         raise DocumentError.at(path, message, "unreadable") from None
     if len(raw) > max_bytes:
         raise DocumentError.at(path, f"larger than {max_bytes} bytes; {advice}", "too-large")
     return raw
 
 
+_UTF_16: Final = re.compile(rb"(\0[\t\n\r -~]){2}|([\t\n\r -~]\0){2}")
+"""How UTF-16 without a byte order mark begins."""
+
+
 def text_in(raw: bytes, path: Path) -> str:
     """The text that bytes spell. Raises DocumentError: it is not UTF-8."""
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in raw[:4]:
+    if raw.startswith(b"PK\x03\x04"):
+        message = "a ZIP archive (such as a spreadsheet), no text; export it as text"
+        raise DocumentError.at(path, message, "not-utf8")
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or _UTF_16.match(raw):
         message = "UTF-16 text, as Windows programs write 'Unicode'; save the file as UTF-8"
         raise DocumentError.at(path, message, "not-utf8")
     try:

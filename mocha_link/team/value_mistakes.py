@@ -13,7 +13,8 @@ from typing import Final
 _NUMBER: Final = r"[-+]?\d+(?:\.\d*)?"
 _COMMA = re.compile(r"([-+]?\d+),(\d+)")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.' ])\d{3}(\1\d{3})*(,\d+)?")
-_UNIT = re.compile(rf"({_NUMBER})\s*[A-Za-zµ°%][\w/²%]*")
+_UNIT = re.compile(rf"({_NUMBER})\s*([A-Za-zµ°%'′][\w/²%]*)")  # noqa: RUF001 - feet
+_CLOCK = re.compile(r"(\d{1,3}):([0-5]\d)")
 _COMMENT = re.compile(rf"({_NUMBER})#.*")
 _TWO = re.compile(rf"\(?({_NUMBER})\s*[;, ]\s*({_NUMBER})\)?")
 _TWO_COMMAS = re.compile(r"([-+]?\d+),(\d+)\s*[;, ]\s*([-+]?\d+),(\d+)")
@@ -25,6 +26,24 @@ _DMS = re.compile(
 )
 _ALIKE: Final = {"−": "-", "–": "-", "—": "-", "‐": "-", "‑": "-", "٫": ".", "․": "."}  # noqa: RUF001 - characters that look alike
 _QUOTES: Final = "“”„‟‘’‚«»"  # noqa: RUF001
+_IN_OURS: Final = {
+    **dict.fromkeys(("km/h", "kmh", "kph"), 1 / 3.6),
+    **dict.fromkeys(("kt", "kts", "kn", "knots"), 0.514444),
+    **dict.fromkeys(("ft", "feet", "foot", "'", "′"), 0.3048),  # noqa: RUF001 - feet
+    **dict.fromkeys(("min", "mins", "minutes", "minute"), 60.0),
+    **dict.fromkeys(("h", "hour", "hours"), 3_600.0),
+    "mph": 0.44704,
+    "km": 1_000.0,
+    "cm": 0.01,
+    "ms": 0.001,
+    "%": 0.01,
+}
+"""What units of people are in those of our keys: metres, seconds, metres per second, shares."""
+
+_SHORT: Final = 60  # letters of a text that an advice repeats
+_TRUE: Final = {"yes", "y", "on", "ja", "oui", "si"}
+_FALSE: Final = {"no", "n", "off", "nein", "non"}
+_ENDLESS: Final = {"unlimited", "unl", "inf", "infinite", "infinity", "max"}
 _NOTHING: Final = {"none", "nil", "n/a", "na", "no", "off", "-", "nothing"}
 
 
@@ -46,8 +65,13 @@ def _number_advice(text: str, bare: str) -> Iterator[str]:
         yield f"write a comma between the two numbers: {pair}"
     if match := _COMMENT.fullmatch(bare):
         yield f"a comment needs a blank before its '#': {match[1]} #..."
+    if match := _CLOCK.fullmatch(bare):
+        yield f"write seconds: {60 * int(match[1]) + int(match[2])}"
+    if bare.lower() in _ENDLESS:
+        yield "leave the key out where there is no limit"
     if match := _UNIT.fullmatch(bare):
-        yield f"the unit stands in the key's name; write the number alone: {match[1]}"
+        value = float(match[1]) * _IN_OURS.get(match[2].lower(), 1.0)
+        yield f"write it without a unit, in the one of the key's name: {float(f'{value:.3g}'):g}"
 
 
 def mapping_advice(text: str) -> str:
@@ -68,6 +92,18 @@ def _mapping_advice(bare: str) -> Iterator[str]:
         yield f"write a blank behind the colon: '{match[1]}: {match[2]}'"
     if re.match(r"-\S", bare):
         yield "write a blank behind each dash: '- ' begins an entry of a list"
+
+
+def bool_advice(text: str) -> str:
+    """What to write instead of a text that was to be true or false."""
+    word = plain(text).lower()
+    return "write true" if word in _TRUE else "write false" if word in _FALSE else ""
+
+
+def list_advice(text: str) -> str:
+    """What to write instead of a text that was to be a list."""
+    known = mapping_advice(text)
+    return known or f"a list stands in brackets: [{text}]" if len(text) <= _SHORT else known
 
 
 def key_advice(key: str) -> str:

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import BaseModel, Field, model_validator
 
+from air_router.files.missions.mission_mistakes import other_kind
 from air_router.files.usual_values import parse_world
 from air_router.gossip.mapper import MARGIN_M
 from air_router.mission.mission import Mission
@@ -113,6 +114,9 @@ def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed:
         document = Document.from_text("", Path("(default world)"))
     else:
         document = Document.load(path)
+    if other := other_kind(document.data, "world"):
+        message = f"this is {other}; a mission's 'world' names the file of what is simulated"
+        raise DocumentError.at(document.path, message, "wrong-file")
     return _Reader(document, parse_world(document, _World), mission).plan(robots, seed)
 
 

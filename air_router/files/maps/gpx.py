@@ -21,6 +21,7 @@ from air_router.files.zone_terms import NO_TERMS
 from air_router.words import counted
 from geo.frame import FrameError, Geodetic, LocalFrame, polar
 from mocha_link.team.problem import DocumentError
+from mocha_link.team.value_mistakes import number_advice
 
 _HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"
 """Types of points and lines with a meaning."""
@@ -90,7 +91,8 @@ def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
         try:
             place = place_of(*map(float, words))
         except ValueError:
-            message = f"<{element.name}> needs 'lat' and 'lon' in degrees; correct it"
+            advice = next(filter(None, map(number_advice, words)), "correct it")
+            message = f"<{element.name}> needs 'lat' and 'lon' in degrees; {advice}"
             report(element.keys, message, "wrong-type")
             continue
         if place is None:

@@ -37,6 +37,7 @@ from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, terms_data
 from geo.frame import Geodetic, circle_around
+from mocha_link.team.value_mistakes import pair_in
 
 _FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
 _NOT_FOLLOWED: Final = frozenset(
@@ -191,7 +192,9 @@ class _Reader:
             except ValueError:
                 message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
                 self.reading.saw(places)
-                self.reading.report(element.keys, f"{message}; correct it", "wrong-type")
+                meant = pair_in(word).strip("[]").replace(" ", "")
+                advice = f"decimals stand behind a point: {meant}" if meant else "correct it"
+                self.reading.report(element.keys, f"{message}; {advice}", "wrong-type")
                 return None
             place = place_of(latitude_deg, longitude_deg)
             if place is None:

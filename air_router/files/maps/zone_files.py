@@ -34,6 +34,7 @@ from air_router.files.whole_file import PlacedSource, bytes_within, is_file
 from air_router.files.xml_document import kml_in
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
+from mocha_link.team.path_mistakes import path_advice
 from mocha_link.team.problem import DocumentError, Problem, text_in
 
 MAX_BYTES: Final = 32 * 1024 * 1024
@@ -74,6 +75,18 @@ def read_zones(
     return read(raw, path, ZoneChoice(allow, skip))
 
 
+_KNOWN: Final = "GeoJSON, KML, GPX, OpenAir, ArduPilot's fences and geozones (ED-269, ED-318)"
+_YAML: Final = "a YAML file: `air-router convert` writes the zones of a mission as GeoJSON"
+_ELSEWHERE: Final = {
+    ".yaml": _YAML,
+    ".yml": _YAML,
+    ".shp": "a shapefile: `ogr2ogr zones.geojson zones.shp` writes it as GeoJSON",
+    ".dxf": "a drawing: a GIS program writes its areas as GeoJSON",
+    ".csv": "a table: a GIS program writes its areas as GeoJSON",
+}
+"""Files that people try, by the ending of their names, and what leads to zones."""
+
+
 def _in_kmz(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
     kml, others = kml_in(raw, path, MAX_BYTES)
     packed = read_kml(kml, path, choice)
@@ -84,6 +97,9 @@ def _in_kmz(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
 
 
 def _in_json(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
+    if path.suffix.lower() in _ELSEWHERE and not raw.lstrip().startswith((b"{", b"[")):
+        message = f"{_ELSEWHERE[path.suffix.lower()]}; zones are read from {_KNOWN}"
+        raise DocumentError.at(path, message, "unknown-format")
     document = json_from_text(text_in(raw, path), path)
     data = document.data
     if isinstance(data, dict) and data.get("fileType") == "Plan":
@@ -95,10 +111,7 @@ def _in_json(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
         choice.tell(reading, f"restriction or class ({reading.kind} has none)")
     if reading is not None:
         return reading
-    message = (
-        "none of GeoJSON, KML, GPX, OpenAir, ArduPilot's fences and geozones (ED-269, ED-318); "
-        "choose another file"
-    )
+    message = f"none of {_KNOWN}; choose another file"
     raise DocumentError([document.problem((), message, "unknown-format")])
 
 
@@ -148,7 +161,7 @@ def add_zones(
     if draft.frame is None:
         return
     if keys and not is_file(path):
-        draft.report(keys, f"there is no file {path}; correct the path", "no-such-file")
+        draft.report(keys, f"there is no file {path}; {path_advice(path)}", "no-such-file")
         return
     try:
         reading = read_zones(path, allow=allow, skip=skip)

@@ -9,8 +9,13 @@ from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandl
 
 from air_router.files.maps.zone_files import add_zones
 from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint, Uav
+from air_router.files.missions.mission_mistakes import (
+    empty_notes,
+    explained_mission,
+    other_kind,
+)
 from air_router.files.settings import AreaForm, MissionForm, SpotForm, UavForm, WaypointForm
-from air_router.files.usual_values import MISSION, explained, notes
+from air_router.files.usual_values import MISSION, notes
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 from mocha_link.team.document import Document, DocumentError
@@ -46,21 +51,22 @@ def read_mission(document: Document) -> MissionDocument:
         message = "a mission is a mapping of keys and values; see docs/mission-file.md"
         draft.report((), message, "no-mission")
         return draft
-    if {"robots", "kinds"} <= document.data.keys() and "waypoints" not in document.data:
-        message = "this is a team file: name the mission, which says 'team: ...' for this file"
+    if other := other_kind(document.data, "mission"):
+        message = f"this is {other}: name the mission, which says the path of this file"
         draft.report((), message, "no-mission")
         return draft
     try:
         form = document.parse(MissionForm)
     except DocumentError as error:
-        draft.problems.extend(explained(error, document.data, MISSION).problems)
+        draft.problems.extend(explained_mission(error, document).problems)
         draft.unread |= _STAND_INS.keys() - document.data.keys()
         text = json.dumps({**_STAND_INS, **document.data})
         form = _RightParts.model_validate_json(
             text, strict=True, extra="ignore", context=draft.unread
         )
     refused = {problem.keys for problem in draft.problems}
-    draft.notes += [note for note in notes(document, MISSION) if note.keys not in refused]
+    noted = (*empty_notes(document), *notes(document, MISSION))
+    draft.notes += [note for note in noted if note.keys not in refused]
     _fill(draft, form)
     return draft
 

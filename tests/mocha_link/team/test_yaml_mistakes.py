@@ -145,7 +145,11 @@ BY_ACCIDENT = [
     ("[47.397, 8.545]", "§[47.397, 8.545, 30]", "an altitude (30?) has a key of its own"),
     ("altitude_m: 30", "altitude_m: §30,5", f"found text '30,5'; {POINT} 30.5"),
     ("altitude_m: 30", "altitude_m: §1.000,5", "write it without thousands separators"),
-    ("altitude_m: 30", "altitude_m: §30 m", "write the number alone: 30"),
+    (
+        "altitude_m: 30",
+        "altitude_m: §30 m",
+        "write it without a unit, in the one of the key's name: 30",
+    ),
     ("altitude_m: 30", "altitude_m: §30#m", "a comment needs a blank before its '#': 30 #..."),
     ("altitude_m: 30", "altitude_m: §“30”", "only looks like the right one; type it anew: 30"),
     ("8.545]\nalt", "§\u22128.545]\nalt", "only looks like the right one; type it anew: -8.545"),
