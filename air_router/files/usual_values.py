@@ -82,12 +82,14 @@ class Band:
     def guess(self, value: float) -> str:
         """In which other unit it may be, in words; "" if in none that is known."""
         units = self.below if value < self.low else self.above if value > self.high else ()
-        meant = [(unit, unit.in_ours(value)) for unit in units if value]
-        meant.sort(key=lambda each: not self.holds(each[1]))
-        for unit, ours in meant:
-            if self._nearly_holds(ours):
-                return f"given in {unit.name}? then write {float(f'{ours:.3g}'):g}"
-        return ""
+        meant = [(unit.name, unit.in_ours(value)) for unit in units if value]
+        likely = [each for each in meant if self.holds(each[1])]
+        likely = likely or [each for each in meant if self._nearly_holds(each[1])][:1]
+        if not likely:
+            return ""
+        (name, ours), *others = ((name, float(f"{ours:.3g}")) for name, ours in likely)
+        besides = "".join(f" (in {name}: {ours:g})" for name, ours in others)
+        return f"given in {name}? then write {ours:g}{besides}"
 
     def _nearly_holds(self, value: float) -> bool:
         """Whether a number is not far from usual: 1200 feet are high, and feet all the same."""

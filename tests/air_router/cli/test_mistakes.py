@@ -34,7 +34,7 @@ IN_FILES = [  # what is changed in the mission, the command, what is said
     (
         "team: team.yaml|team: tema.yaml",
         "check mission.yaml",
-        "there is no file tema.yaml; correct the path",
+        "there is no file tema.yaml; did you mean 'team.yaml'?",
     ),
     ("seek: [|seek: [jo, ", "check mission.yaml", "[unknown-robot]"),
 ]

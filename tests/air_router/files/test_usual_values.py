@@ -81,7 +81,7 @@ def test_a_band_holds_what_is_usual_and_a_unit_leads_into_it(band):
 
 
 SLIPS = [  # what is changed, what is said, at the mark (§)
-    ("altitude_m: 30", "altitude_m: §400", "is 400 m", "given in feet? then write 122"),
+    ("altitude_m: 30", "altitude_m: §400", "is 400 m", "the sea? then write 100 (in feet: 122)"),
     ("altitude_m: 30", "altitude_m: §1200", "is 1200 m", "given in feet? then write 366"),
     ("altitude_m: 30", "altitude_m: §1.5", "is 1.5 m", "correct it if it is not meant"),
     ("speed_m_s: 4", "speed_m_s: §40", "is 40 m/s", "given in km/h? then write 11.1"),
