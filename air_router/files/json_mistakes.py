@@ -1,6 +1,7 @@
 """What is wrong with a text that is not JSON, in words for the person who wrote or exported it."""
 
 import re
+import unicodedata
 from collections.abc import Callable
 from json import JSONDecodeError
 from typing import Final
@@ -18,6 +19,8 @@ _WORDS: Final = {
     "FALSE": "false",
 }
 _MESSAGES: Final = {
+    "Expecting value": "a value is missing here: a number, text in double quotes, true or null",
+    "property name": "a key in double quotes is missing here",
     "',' delimiter": "a comma is missing before this; add it",
     "':' delimiter": "a colon is missing behind the key; add it",
     "Extra data": "the file goes on behind its last bracket; remove the rest",
@@ -43,7 +46,7 @@ def json_mistake(error: JSONDecodeError) -> tuple[int, str]:
         found = look(error, text, at)
         if found is not None:
             return found
-    return at, f"not valid JSON: {error.msg}; {_AGAIN}"
+    return at, f"cannot be read as JSON from here on; {_AGAIN}"
 
 
 def _cut_off(error: JSONDecodeError, text: str, at: int) -> tuple[int, str] | None:
@@ -70,6 +73,14 @@ def _trailing_comma(error: JSONDecodeError, text: str, at: int) -> tuple[int, st
         after = text[_behind_blanks(text, at + 1) :][:1]
     if text[before : before + 1] == "," and after in {"]", "}"}:
         return before, f"a comma before '{after}'; remove it (JSON has none behind the last entry)"
+    return None
+
+
+def _hidden(error: JSONDecodeError, text: str, at: int) -> tuple[int, str] | None:
+    begin = _behind_blanks(text, at)
+    del error
+    if unicodedata.category(text[begin : begin + 1] or "x") in {"Zs", "Cf", "Cc", "Zl", "Zp"}:
+        return begin, "a character that is not seen (as web pages have them); remove it"
     return None
 
 
@@ -131,6 +142,7 @@ _LOOKS: Final[tuple[Callable[[JSONDecodeError, str, int], tuple[int, str] | None
     _trailing_comma,
     _comment,
     _cut_off,
+    _hidden,
     _quotes,
     _word,
     _number,

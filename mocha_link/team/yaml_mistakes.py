@@ -207,7 +207,10 @@ def _last_open(found: _Text) -> tuple[str, tuple[int, int]]:
 def _colon(found: _Text) -> Answer | None:
     """A key whose colon, or the blank behind it, is missing: on this line or above."""
     if "simple key" in found.context and found.begun is not None:
-        return _key_line(found, found.begun[0]) or _anywhere_above(found)
+        number = found.begun[0]
+        message = "no key and no entry of a list; write 'key: value', or '- ' before an entry"
+        place = (number + 1, found.indent(number) + 1)
+        return _key_line(found, number) or _anywhere_above(found) or (message, place)
     if "mapping values" in found.problem:
         head = found.lines[found.line][: found.column]
         if re.search(r":(\s|$)", head):
@@ -257,23 +260,34 @@ def _indentation(found: _Text) -> Answer | None:
     return message, (found.line + 1, here + 1)
 
 
-def _begins_strangely(found: _Text) -> Answer | None:
-    character = found.lines[found.line][found.column : found.column + 1]
-    if "cannot start any token" in found.problem:
-        message = f"text that begins with '{character}' has to be in quotes"
-    elif "alias" in found.problem or "anchor" in found.context or "tag" in found.context:
-        message = f"text that begins with '{character or '*'}' has to be in quotes"
-    elif "block scalar" in found.context:
-        message = "text that begins with '|' or '>' has to be in quotes"
-    elif "sequence entries" in found.problem:
-        message = "a list with dashes begins on the line below its key; move it there"
-    elif "single document" in found.context:
-        message = "a second document begins here ('---'); a file has one: remove the line"
-    elif "directive" in found.context or "document start" in found.problem:
-        message = "this line is no part of a document; remove it, or put its text in quotes"
-    else:
+_IN_QUOTES: Final = "text that begins with '{}' has to be in quotes"
+_OTHERS: Final = (
+    ("cannot start any token", _IN_QUOTES),
+    ("block scalar", "text that begins with '|' or '>' has to be in quotes"),
+    ("alias", _IN_QUOTES),
+    ("anchor", _IN_QUOTES),
+    ("tag", _IN_QUOTES),
+    ("sequence entries", "a list with dashes begins on the line below its key; move it there"),
+    ("single document", "a second document begins here ('---'); a file has one: remove the line"),
+    ("mapping keys", "a question mark begins a key in YAML; put the text in quotes"),
+    ("node content", "a value is missing before '{}'; add it, or put all in quotes"),
+    (
+        "<block end>",
+        "this follows a value that is complete; put all in quotes, or begin a new line",
+    ),
+    ("directive", "this line is no part of a document; remove it, or put its text in quotes"),
+    ("document start", "this line is no part of a document; remove it, or put its text in quotes"),
+)
+"""What a parser says, in part, and what it means; {} is the character where it noticed."""
+
+
+def _other(found: _Text) -> Answer | None:
+    character = found.lines[found.line][found.column : found.column + 1] or " "
+    said = f"{found.context} {found.problem}"
+    message = next((words for part, words in _OTHERS if part in said), None)
+    if message is None:
         return None
-    return message, (found.line + 1, found.column + 1)
+    return message.format(character), (found.line + 1, found.column + 1)
 
 
 _LOOKS: Final[tuple[Callable[[_Text], Answer | None], ...]] = (
@@ -283,7 +297,7 @@ _LOOKS: Final[tuple[Callable[[_Text], Answer | None], ...]] = (
     _bracket,
     _colon,
     _indentation,
-    _begins_strangely,
+    _other,
 )
 """The first that recognises the text explains it."""
 

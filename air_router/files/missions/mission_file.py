@@ -200,8 +200,8 @@ def _fill_frame(draft: MissionDocument, form: MissionForm) -> None:
         return
     elif "home" not in draft.unread:
         origin, keys = form.home.position, ("home", "position")
-    elif form.waypoints:  # only to look at the rest of a file whose home is wrong
-        origin, keys = form.waypoints[0].position, ("waypoints", 0)
+    elif right := next(_right("waypoints", form.waypoints), None):
+        keys, origin = right[0], right[1].position  # only to look at the rest of the file
     else:
         return
     draft.find_frame(str(keys[0]), origin, keys, " (latitude comes first)")

@@ -197,6 +197,12 @@ def test_while_the_planner_cannot_be_read_no_distance_is_made_up(tmp_path):
     assert inside.message.endswith("; move it out")
 
 
+def test_with_home_and_the_first_waypoint_wrong_the_others_are_looked_at(tmp_path):
+    text = "altitude_m: 20\nwaypoints: [47.0, [47.001, 8.0], [47.001, 8.0]]\nfence: null\n"
+    found = problems(tmp_path, f"home: [47.0]\n{text}no_fly_zones: []\n")
+    assert [problem.code for problem in found] == ["wrong-length", "wrong-type", "same-place"]
+
+
 GOOD = Document.from_text(FILE, Path("mission.yaml")).data
 
 numbers = st.sampled_from([0, -1, 1e-9, 89.9999, 181, 1e7, 1e18, 1e308, -1e308, 5e-324])

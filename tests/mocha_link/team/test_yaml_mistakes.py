@@ -101,6 +101,13 @@ NO_YAML = [  # what is changed into what, at the mark (§) is the place, what is
     ("name: field", "name: §`field`", f"text that begins with '`' {QUOTED}"),
     ("name: field", "name: §*field", f"text that begins with '*' {QUOTED}"),
     ("name: field", "name: |§field", QUOTED),
+    ("[47.397, 8.545]", "§,[47.397, 8.545]", "a value is missing before ','"),
+    ("  - [47.398, 8.545]", "  - [47.398]§, 8.545]", "this follows a value that is complete"),
+    (
+        "  - [47.399, 8.546]",
+        "§[47.399, 8.546]",
+        "no key and no entry of a list; write 'key: value'",
+    ),
     ("fence: null", "§// no fence\nfence: null", "a comment begins with '#', not with '//'"),
     ("team: team.yaml", 'team: "C:\\U§sers\\team.yaml"', "write paths with '/', or use single"),
     ("altitude_m: 30", "altitude_m: §- 30", "a list with dashes begins on the line below its key"),
