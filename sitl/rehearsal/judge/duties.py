@@ -26,7 +26,7 @@ from sitl.rehearsal.judge.space import leads_home, open_space, rooms_of
 _BRAKED_S: Final = 4.0
 """What the vehicle has on top of that to stand still."""
 
-_WAY_TURNS_S: Final = 20.0
+_WAY_TURNS_S: Final = 25.0
 _ON_BOARD_S: Final = 30.0
 """A changed file is on board within so long, and the way home goes on."""
 
@@ -166,8 +166,10 @@ def comes_home(
     if not math.isfinite(since_s) or not case.cruises(case.at(since_s)):
         return
     due_s = _home_by_s(case, since_s)
-    while later_s := [v.from_s for v in case.versions if since_s < v.from_s < due_s]:
-        since_s = later_s[-1] + _ON_BOARD_S  # it waits for that, and has another way then
+    changed_s = (version.from_s for version in case.versions[1:])
+    waits_s = [at_s + _ON_BOARD_S for at_s in changed_s if since_s < at_s + _ON_BOARD_S]
+    while waits_s and waits_s[0] - _ON_BOARD_S < due_s:
+        since_s = waits_s.pop(0)  # it waits for that, and has another way then
         if not case.cruises(case.at(since_s)):
             return
         due_s = _home_by_s(case, since_s)
