@@ -30,7 +30,7 @@ _WAY_TURNS_S: Final = 25.0
 _ON_BOARD_S: Final = 30.0
 """A changed file is on board within so long, and the way home goes on."""
 
-_DETOUR: Final = 2.0
+_DETOUR: Final = 4.0
 """How much longer than straight a way home may be, and what turning there may take."""
 
 _SILENT_S: Final = 5.0

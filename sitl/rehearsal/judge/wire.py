@@ -103,7 +103,7 @@ def climbs_begin_where_it_comes_to_rest(case: Case) -> Iterator[Violation]:
     for message, target in case.legs:
         index = case.at(message.time_s)
         mission = case.version_at(message.time_s).mission
-        low_m = min(mission.altitudes_m) - mission.vertical_margin_m
+        low_m = min(mission.altitudes_m) - mission.vertical_margin_m - case.row.height_m
         here, before = case.place(index), max(index - 10, 0)
         speed_m_s = case.speed_m_s(before, index)
         fast = speed_m_s > _FAST_M_S and command_of(message) == REPOSITION

@@ -26,7 +26,7 @@ HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
 """Stands from 70 s to 90 s."""
 
 BY_HAND = (82.0, "ALARM: it lasts. Pilot: take the vehicle by hand now")
-LONG = track(ROUND * 4)
+LONG = track(ROUND * 5)
 
 
 @lru_cache(maxsize=8)
