@@ -22,7 +22,7 @@ from air_router.routing.router import Router
 from air_router.vehicle.clock import REBOOT_S
 from air_router.vehicle.instructions import Severity
 from air_router.vehicle.vehicle import Telemetry
-from air_router.web.outlines import area_beside, buffer, degrees
+from air_router.web.outlines import area_beside, buffer, degrees, place_in
 from air_router.words import wind_words
 from geo.airspace.zone import Shape
 from geo.frame import Point
@@ -313,10 +313,12 @@ def scenery(mission: Mission, router: Router) -> dict[str, Any]:
     def area(
         name: str, shape: Shape, clearance_m: float, notes: Sequence[str] = (), sign: int = 1
     ) -> dict[str, Any]:
+        is_fence = sign < 0
         kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
         buffers = [buffer(frame, shape, sign * distance_m) for distance_m in kept_m]
         outline = buffer(frame, shape, 0.0)
-        return area_beside(name, outline, buffers, [*notes], is_fence=sign < 0)
+        drawn = area_beside(name, outline, buffers, [*notes], is_fence=is_fence)
+        return {**drawn, "label": None if is_fence else degrees(frame, place_in(shape))}
 
     areas = [area("fence", fence, planner.clearance_m, sign=-1) for fence in mission.fences]
     for zone in (*mission.zones, *mission.climb_corridors):

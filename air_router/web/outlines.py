@@ -77,6 +77,14 @@ def buffer(frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
     return outlines(frame, grown)
 
 
+def place_in(shape: Shape) -> Point:
+    """A place in a shape, where its name may stand."""
+    if isinstance(shape, Circle):
+        return shape.centre
+    place = shape.polygon.representative_point()
+    return Point(place.x, place.y)
+
+
 def outlines(frame: LocalFrame, geometry: BaseGeometry) -> list[Rings]:
     """Polygons with holes, in degrees."""
     return [

@@ -64,8 +64,8 @@ CROWDED = """() => {
   }
   return wrong;
 }"""
-# Texts in the furniture that are hard to read on what is behind them (WCAG: 4.5 to 1).
-PALE = """() => {
+# Texts that are hard to read on what is behind them (WCAG: 4.5 to 1).
+PALE_AMONG = """(selector) => {
   const rgb = (text) => text.match(/[0-9.]+/g).map(Number);
   const light = ([r, g, b]) => {
     const [x, y, z] = [r, g, b].map((of255) => ((of255 / 255 + 0.055) / 1.055) ** 2.4);
@@ -79,9 +79,12 @@ PALE = """() => {
     return rgb(getComputedStyle(document.body).backgroundColor);
   };
   const says = (node) => node.nodeType === Node.TEXT_NODE && node.data.trim();
-  return [...document.querySelectorAll("#layout .card *")].filter((one) => one.checkVisibility()
-    && !one.closest(":disabled") && [...one.childNodes].some(says)).map((one) => {
+  return [...document.querySelectorAll(selector)].filter((one) => one.checkVisibility()
+    && !one.closest(":disabled, [aria-disabled=true]")
+    && [...one.childNodes].some(says)).map((one) => {
       const [a, b] = [light(rgb(getComputedStyle(one).color)), light(behind(one))];
       return [Math.max(a, b) / Math.min(a, b), one.textContent.trim()];
     }).filter(([ratio]) => ratio < 4.5).map(([ratio, text]) => `${text}: ${ratio.toFixed(1)}`);
 }"""
+# Of those, the ones in the furniture.
+PALE = f"() => ({PALE_AMONG})('#layout .card *')"

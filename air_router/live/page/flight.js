@@ -107,6 +107,7 @@ export class Flight {
       case "scenery":
         message.places.forEach(({ at }) => checkPlace(at));
         checkPlaces([message.edges, message.areas.map(({ outline, buffers }) => [outline, buffers])]);
+        message.areas.forEach(({ label }) => label && checkPlace(label));
         this.scenery = message;
         this.bounds = boundsOf(message);
         break;

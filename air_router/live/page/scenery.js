@@ -1,6 +1,7 @@
-// What does not move: fences, zones, the graph, waypoints.
+// What does not move: fences, zones, the graph, waypoints, and what they are called.
 
 import { AirspaceLayer } from "/page/airspace.js";
+import { Labels } from "./labels.js";
 
 const L = globalThis.L;
 
@@ -11,6 +12,7 @@ export class Scenery {
     this.airspace = new AirspaceLayer(map);
     this.still = L.layerGroup().addTo(map);
     this.svg = L.svg({ pane: "graph" });
+    this.labels = new Labels(map);
   }
 
   /** @param {any} scenery as the program tells it */
@@ -23,6 +25,7 @@ export class Scenery {
       const radius = kind === "home" ? 7 : 4;
       L.circleMarker(at, { ...common, className: `spot ${kind}`, radius }).addTo(this.still);
     }
+    this.labels.show(scenery);
     this.map.options.gridOrigin = scenery.places[0]?.at;
   }
 }

@@ -6,7 +6,7 @@ import { colour } from "./theme.js";
 const L = globalThis.L;
 
 /** Panes from below to above, with their height. */
-const PANES = { backdrop: 150, grid: 160, buffers: 360, graph: 380, areas: 400, legs: 420, route: 440 };
+const PANES = { backdrop: 150, grid: 160, buffers: 360, graph: 380, areas: 400, legs: 420, route: 440, labels: 450 };
 
 /** Of the grid: its lines are at least so far apart, and one of these. */
 const LEAST_PIXELS = 70;
@@ -77,9 +77,7 @@ export function createMap(element) {
   for (const [name, height] of Object.entries(PANES)) {
     map.createPane(name).style.zIndex = String(height);
   }
-  map.getPane("grid").style.pointerEvents = "none";
-  map.getPane("buffers").style.pointerEvents = "none";
-  map.getPane("graph").style.pointerEvents = "none";
+  for (const name of ["grid", "buffers", "graph", "labels"]) map.getPane(name).style.pointerEvents = "none";
   L.control.zoom({ position: "bottomright" }).addTo(map);
   L.control.scale({ position: "bottomright", imperial: false, maxWidth: 140 }).addTo(map);
   new Grid({ pane: "grid" }).addTo(map);
