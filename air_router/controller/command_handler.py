@@ -99,6 +99,22 @@ class CommandHandler:
             what = f"{what}; it sets out once {once}"
         context.actions.append(CommandAck(number, by, True, what, None, points))
 
+    def refusals(self) -> dict[str, str]:
+        """Why requests would be refused as things are, by their verbs; all others may be accepted.
+
+        Pages disable their buttons by it. Whether a way is clear, and the battery lasts for it, is
+        looked at when it is requested. Nothing is changed by this, but for the way home that the
+        monitor of returns plans: let it be another one than that of the flight.
+        """
+        refused = {}
+        for verb, check in self._checks.items():
+            try:
+                check(self)
+            except RequestRefusedError as refusal:
+                if refusal.code is not Refusal.OTHER_PLAN:  # with the plan put on board it may be
+                    refused[verb] = str(refusal)
+        return refused
+
     # What may stand against it: each raises RequestRefusedError.
 
     def _check_may_stop(self) -> None:
@@ -164,14 +180,106 @@ class CommandHandler:
         if code is not None:
             raise RequestRefusedError(code, why)
 
+    def _check_may_hold(self) -> None:
+        """It holds already, or may be stopped."""
+        if self._context.state is not State.HOLD:
+            self._check_may_stop()
+
+    def _check_may_explore(self) -> None:
+        """There are waypoints left, and it may fly there."""
+        exploration = self._states.search.search.to_explore
+        if exploration is None:
+            raise RequestRefusedError(Refusal.ONLY_SEARCHES, "this vehicle only searches")
+        self._check_may_move()
+        if not exploration.remaining:
+            raise RequestRefusedError(Refusal.NOTHING_TO_DO, "every waypoint has been visited")
+
+    def _check_may_climb(self, altitude_m: float) -> None:
+        """It may hold at an altitude above home."""
+        self._check_may_move()
+        why = self._states.hold.why_no_climb(altitude_m)
+        if why is not None:
+            raise RequestRefusedError(*why)
+
+    def _check_has_altitudes(self) -> None:
+        """There is another altitude, and it may hold there; which one, the operator says then."""
+        low_m, high_m = self._context.mission.altitudes_m
+        if low_m == high_m:
+            raise RequestRefusedError(Refusal.ALTITUDE, self._states.hold.only_altitudes)
+        self._check_may_climb(high_m)
+
+    def _check_may_go_on(self) -> None:
+        """Something is held, or was given away; whether that can be taken back is not looked at."""
+        context, state = self._context, self._context.state
+        self._check_kept()
+        if state in {State.READY, State.PASSIVE}:
+            if context.in_air:
+                self._check_heard()
+            return
+        if state is not State.HOLD:
+            self._check_in_the_air()
+            nothing = f"nothing is held: it is in {state.name}"
+            raise RequestRefusedError(Refusal.NOTHING_TO_DO, nothing)
+        self._check_may_move()
+
+    def _check_may_go_on_now(self) -> None:
+        """Something is held, or can be taken back with the plan that is on board."""
+        self._check_may_go_on()
+        if self._context.state in {State.READY, State.PASSIVE}:
+            why = self._authority.why_not_back()
+            if why is not None:
+                raise RequestRefusedError(self._why_ours_not(), why)
+
+    @property
+    def _is_given_away(self) -> bool:
+        """It flies, and another has it, or no leg may begin where it is."""
+        context = self._context
+        not_ours = context.held is not None or not context.in_charge
+        ends = context.state in {State.HOME, State.LAND, State.DONE}
+        return context.in_air and not_ours and not ends
+
+    def _check_may_come_home(self) -> None:
+        """It does already, or can be taken back for that, or has not begun yet."""
+        self._check_kept()
+        if self._is_given_away:
+            self._check_heard()
+            why = self._authority.why_not_back(flies_plan=False)
+            if why is not None:
+                raise RequestRefusedError(Refusal.NOT_OURS, why)
+        elif self._context.state is not State.READY:
+            self._check_in_the_air()
+
+    def _check_may_land(self) -> None:
+        """It does already, or hovers where it may come down."""
+        state = self._context.state
+        if state is State.LAND:
+            return
+        self._check_may_move()
+        if state is not State.HOLD:
+            raise RequestRefusedError(Refusal.BUSY, "it lands where it hovers: have it hold first")
+        why = self._states.land.why_no_landing()
+        if why is not None:
+            raise RequestRefusedError(Refusal.NO_WAY, why)
+
+    # what stands against a request, by its verb
+    _checks: ClassVar[Mapping[str, Callable[[Any], None]]] = {
+        "hold": _check_may_hold,
+        "resume": _check_may_go_on_now,
+        "seek": _check_may_move,
+        "explore": _check_may_explore,
+        "goto": _check_may_move,
+        "altitude": _check_has_altitudes,
+        "home": _check_may_come_home,
+        "land": _check_may_land,
+    }
+
     # What is asked.
 
     def _asked_to_hold(self, request: HoldNow) -> Accepted:
-        context = self._context
-        if context.state is State.HOLD:
+        self._check_may_hold()
+        if self._context.state is State.HOLD:
             stops = self._states.hold.stay()
             return Accepted("it stops and hovers" if stops else "it holds already")
-        self._check_may_stop()
         self._states.hold.stop(request.by)
         return Accepted("it stops and hovers")
 
@@ -192,12 +300,8 @@ class CommandHandler:
 
     def _asked_to_explore(self, request: ExploreNow) -> Accepted:
         del request
-        exploration = self._states.search.search.to_explore
-        if exploration is None:
-            raise RequestRefusedError(Refusal.ONLY_SEARCHES, "this vehicle only searches")
-        self._check_may_move()
-        if not exploration.remaining:
-            raise RequestRefusedError(Refusal.NOTHING_TO_DO, "every waypoint has been visited")
+        self._check_may_explore()
+        exploration = self._states.search.search.exploration
         left = f"{exploration.remaining} waypoints are left"
         if self._context.spec.explores:
             return Accepted(f"it explores already: {left}")
@@ -218,21 +322,16 @@ class CommandHandler:
 
     def _asked_to_change_altitude(self, request: ChangeAltitude) -> Accepted:
         context, hold, altitude_m = self._context, self._states.hold, request.altitude_m
-        self._check_may_move()
-        why = hold.why_no_climb(altitude_m)
-        if why is not None:
-            raise RequestRefusedError(*why)
+        self._check_may_climb(altitude_m)
         self._validator.check_way([Goal(context.heard.position)])
         hold.climb(altitude_m)
         verb = "climbs" if altitude_m > context.heard.altitude_m else "descends"
         return Accepted(f"it {verb} to {altitude_m:g} m above home, and holds there")
 
     def _asked_to_go_on(self, request: GoOn) -> Accepted:
-        context, state = self._context, self._context.state
-        self._check_kept()
-        if state in {State.READY, State.PASSIVE}:
-            if context.in_air:
-                self._check_heard()
+        context = self._context
+        self._check_may_go_on()
+        if context.state in {State.READY, State.PASSIVE}:
             upload = request.upload
             if upload and context.on_board is OnBoard.REPLACED:
                 reading = "the plan on board is being read: ask again in a moment"
@@ -244,11 +343,6 @@ class CommandHandler:
                 raise RequestRefusedError(self._why_ours_not(), why)
             first = "the plan is put on board again, then " if upload else ""
             return Accepted(f"{first}the mission goes on from here")
-        if state is not State.HOLD:
-            self._check_in_the_air()
-            nothing = f"nothing is held: it is in {state.name}"
-            raise RequestRefusedError(Refusal.NOTHING_TO_DO, nothing)
-        self._check_may_move()
         return Accepted(self._states.hold.go_on(request.by))
 
     def _why_ours_not(self) -> Refusal:
@@ -259,20 +353,14 @@ class CommandHandler:
 
     def _asked_to_come_home(self, request: ComeHome) -> Accepted:
         context, state = self._context, self._context.state
-        self._check_kept()
+        self._check_may_come_home()
         if state is State.HOME and self._states.home.go_by_one_altitude(request.by):
             return Accepted("it comes home by a way that is clear at the autopilot's altitude")
         if state in {State.HOME, State.LAND}:
             does = "comes home" if state is State.HOME else "lands"
             return Accepted(self._unless_it_stands(f"it {does} already"))
-        not_ours = context.held is not None or not context.in_charge
-        if context.in_air and not_ours and state is not State.DONE:
-            self._check_heard()
-            why = self._authority.take_home()
-            if why is not None:
-                raise RequestRefusedError(Refusal.NOT_OURS, why)
-        elif state is not State.READY:
-            self._check_in_the_air()
+        if self._is_given_away:
+            self._authority.take_home()
         answer = Accepted(self._how_it_comes_home())
         context.come_home(f"{request.by}'s request", by_request=state is not State.READY)
         return answer
@@ -281,12 +369,7 @@ class CommandHandler:
         context, state = self._context, self._context.state
         if state is State.LAND:
             return Accepted(self._unless_it_stands("it lands already"))
-        self._check_may_move()
-        if state is not State.HOLD:
-            raise RequestRefusedError(Refusal.BUSY, "it lands where it hovers: have it hold first")
-        why = self._states.land.why_no_landing()
-        if why is not None:
-            raise RequestRefusedError(Refusal.NO_WAY, why)
+        self._check_may_land()
         context.say(f"landing here, as {request.by} asked")
         place = f"where it hovered, as {request.by} asked"
         context.ending = Ending(f"{request.by} asked to land here", place=place)

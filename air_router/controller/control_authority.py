@@ -438,16 +438,13 @@ class ControlAuthority:
         self._context.signal(Signal.AIRBORNE if ready else Signal.RESUMED)
         return None
 
-    def take_home(self) -> str | None:
-        """Take it back to come home, whatever plan is on board; returns why not, if not."""
-        why = self.why_not_back(flies_plan=False)
-        if why is None:
-            if self._context.on_board is not OnBoard.OURS:
-                self._gate.by_points = True
-                self._context.zones = None  # they count for its legs; what is on board stays
-                self._context.leaving = frozenset()  # it is in none of them
-            self._take_back()
-        return why
+    def take_home(self) -> None:
+        """Take it back to come home, whatever plan is on board; `why_not_back` has looked at it."""
+        if self._context.on_board is not OnBoard.OURS:
+            self._gate.by_points = True
+            self._context.zones = None  # they count for its legs; what is on board stays
+            self._context.leaving = frozenset()  # it is in none of them
+        self._take_back()
 
     def _take_back(self) -> None:
         self._context.alarms.end_all()

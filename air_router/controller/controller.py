@@ -12,7 +12,7 @@ flight, and only then the mission. When that explores, searches and talks stands
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -145,6 +145,9 @@ class Controller:
             self.airspace_update,
             self._standstill,
         )
+        # What pages show must change nothing: the way home that is planned for them is their own.
+        monitor = ReturnMonitor(context, states.reachability)
+        self._shown_commands = replace(commands, _returns=monitor)
         # Who takes which event in; others (links of others, metrics) only concern the record.
         self._reactions: dict[type, Callable[[Any], None]] = {
             Telemetry: self._vehicle_heard,
@@ -385,6 +388,10 @@ class Controller:
         context.actions.append(Finish(landed_by_us, why, context.taken_by, refused))
 
     # What others read.
+
+    def refusals(self) -> Mapping[str, str]:
+        """Why requests would be refused now, by their verbs; see `CommandHandler.refusals`."""
+        return self._shown_commands.refusals()
 
     @property
     def flown(self) -> FlownBefore | None:

@@ -192,6 +192,7 @@ class LiveScene:
             "robots": list(controller.search.targets.names),
             "waypoints_left": controller.exploration.remaining,
             "need_home": _shown(controller.returns.need_home, 3),
+            "refused": controller.refusals(),
             "at": None,
             "route": [],
         }

@@ -60,7 +60,8 @@ CROWDED = """() => {
     const top_one = document.elementFromPoint(x, y);
     if (!scrolled && !one.contains(top_one)) wrong.push(`${name(one)} is covered`);
     if (!one.title && !one.ariaLabel && !one.textContent.trim()) wrong.push("a nameless button");
-    if (one.disabled && !one.title) wrong.push(`${name(one)} does not say why not`);
+    const refused = one.disabled || one.ariaDisabled === "true";
+    if (refused && !one.title) wrong.push(`${name(one)} does not say why not`);
   }
   return wrong;
 }"""

@@ -4,17 +4,18 @@ import contextlib
 
 import pytest
 
+from air_router.controller.controller import Controller
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.live.playback import RecordedFlight
+from air_router.controller.model.states import State
+from air_router.flight.flight_loop import CommandService
+from air_router.gossip.mapper import Mapper
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission
-from air_router.record.log import RecordEntry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
-from geo.frame import Point
 from tests.system.conftest import PENNOVATION
-from tests.system.looker import Looker, served
-from tests.system.page_checks import FITS, PALE_AMONG
-from tests.system.test_map_pages import SIZES, Refusing, viewport
+from tests.system.looker import Looker, expect, served
+from tests.system.page_checks import CROWDED, FITS, HIDDEN, PALE_AMONG
+from tests.system.test_map_pages import SIZES, viewport
 
 # Labels that cover another one, or the spot of a place.
 COVERING = """() => {
@@ -52,25 +53,43 @@ def zoomed(way, until):
     }}"""
 
 
+class Aloft:
+    """A flight that has begun in the air; what is requested on its page is decided as in flight."""
+
+    def __init__(self, mission):
+        self.mission, self.now_s = mission, 0.0
+        self.controller = Controller(FlightSetup(mission, ("io",)))
+        service = CommandService(mission.frame, self.controller, self.take)
+        self.page = LivePage(self.controller, service, dict, mapper=Mapper(mission))
+        armed = {"armed": True, "mode": FlightMode.MISSION}
+        for more in ({"altitude_m": 0.0}, {"altitude_m": 0.0, **armed}, {"in_air": True, **armed}):
+            self.now_s += 1.0
+            self.take(Telemetry(self.now_s, mission.home, **{"altitude_m": 40.0, **more}))
+        assert self.controller.state is State.INIT
+
+    def take(self, event):
+        decided = self.controller.handle(event, self.now_s)
+        self.page.step(event, decided, self.now_s)
+        return decided
+
+
 @contextlib.contextmanager
-def looking(browser, mission, **context):
-    """A page of a vehicle of this mission in the air; gives it, and what is announced on it."""
-    told = Telemetry(1.0, Point(0, 0), 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
-    setup = RecordEntry(0.0, "setup", FlightSetup(mission, ("io",)))
-    film = RecordedFlight([setup, RecordEntry(1.0, "event", told)])
-    page = LivePage(film.controller, Refusing(), dict, mapper=film.mapper)
-    film.go_on(2.0, page, 10)
-    with served(page) as (address, _), contextlib.closing(browser.new_context(**context)) as own:
+def looking(browser, flight, **context):
+    """A person who looks at a flight's page."""
+    with (
+        served(flight.page) as (address, _),
+        contextlib.closing(browser.new_context(**context)) as own,
+    ):
         looker = Looker(own.new_page(), address)
         looker.page.locator("path.area.fence").first.wait_for()
-        yield looker, page
+        yield looker
         assert looker.faults == []
 
 
 @pytest.fixture(scope="module")
 def named(browser):
     mission = load_mission(PENNOVATION)
-    with looking(browser, mission) as (looker, _):
+    with looking(browser, Aloft(mission)) as looker:
         yield looker.page, mission
 
 
@@ -103,3 +122,60 @@ def test_names_come_and_go_with_the_room_for_them(named):
     page.wait_for_function(zoomed("out", f"({NAMES})().length < {fitted / 2}"))
     assert page.locator(".spot.waypoint").count() == len(mission.waypoints)
     page.keyboard.press("f")
+
+
+def test_a_button_that_would_be_refused_says_why_and_asks_for_nothing(browser):
+    flight = Aloft(load_mission(PENNOVATION))
+    with looking(browser, flight, viewport=viewport(SIZES[0])) as looker:
+        page = looker.page
+
+        def button(verb):
+            return page.locator(f'[data-verb="{verb}"]')
+
+        reasons = {
+            "resume": "nothing is held: it is in INIT",
+            "land": "it lands where it hovers: have it hold first",
+            "altitude": "only 40 m above home is flown; 'altitudes_m' in the mission allows others",
+        }
+        for verb, why in reasons.items():
+            expect(button(verb)).to_be_disabled()
+            expect(button(verb)).to_have_attribute("title", why)
+            expect(button(verb)).to_have_accessible_description(why)
+            button(verb).dispatch_event("click")  # as a finger does
+            looker.shows("#hint", f"Not now: {why}.")
+            assert page.locator("dialog[open]").count() == 0
+        for verb in ("hold", "explore", "goto", "home"):
+            expect(button(verb)).to_be_enabled()
+        expect(page.locator("#robots button")).to_be_enabled()
+        assert page.evaluate(CROWDED) == []
+        looker.ask(button("hold").click)
+        expect(button("resume")).to_be_enabled()
+        assert button("resume").get_attribute("title") == ""
+        expect(button("altitude")).to_be_disabled()
+        late = (
+            "sockets.at(-1).send(JSON.stringify({ request: 'altitude', altitude_m: 50, id: 99 }))"
+        )
+        answer = looker.ask(lambda: page.evaluate(late))  # it was on its way before
+        assert f"refused: {reasons['altitude']}" in answer
+
+
+@pytest.mark.parametrize("size", SIZES[1:], ids=str)
+def test_points_that_were_chosen_with_a_finger_are_cancelled_with_a_finger(browser, size):
+    flight = Aloft(load_mission(PENNOVATION))
+    with looking(browser, flight, viewport=viewport(size), has_touch=True) as looker:
+        page = looker.page
+        goto, cancel = page.locator('[data-verb="goto"]'), page.get_by_role("button", name="Cancel")
+        expect(cancel).to_have_count(0)
+        for way_out in (cancel.tap, lambda: page.keyboard.press("Escape")):
+            goto.tap()
+            expect(cancel).to_be_visible()
+            page.touchscreen.tap(size[0] / 3, size[1] / 2)
+            expect(page.locator(".wanted")).to_have_count(1)
+            expect(goto).to_have_text("Fly there")
+            assert page.evaluate(HIDDEN, ["#cancel"]) == []
+            assert page.evaluate(CROWDED) == []
+            way_out()
+            expect(page.locator(".wanted")).to_have_count(0)
+            expect(goto).to_have_text("Go to …")
+            expect(cancel).to_have_count(0)
+        assert flight.controller.state is State.INIT

@@ -265,7 +265,7 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
     film = RecordedFlight(record)
     page = LivePage(film.controller, Refusing(), dict, mapper=film.mapper)
     told = page.scene.vehicle
-    page.scene.vehicle = lambda: {**told(), "state": "HOLD", "altitude_m": 40.2}
+    page.scene.vehicle = lambda: {**told(), "state": "HOLD", "altitude_m": 40.2, "refused": {}}
     with served(page) as (address, end):
         looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)
         hold = looker.page.locator('[data-verb="hold"]')

@@ -80,13 +80,18 @@ class HoldState(StateHandler):
         context.signal(Signal.RESUMED)
         return "it goes on"
 
+    @property
+    def only_altitudes(self) -> str:
+        """Which altitudes are flown, and what allows others."""
+        low_m, high_m = self._context.mission.altitudes_m
+        flown = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
+        return f"only {flown} above home is flown; 'altitudes_m' in the mission allows others"
+
     def why_no_climb(self, altitude_m: float) -> tuple[Refusal, str] | None:
         """Why it may not hold at another altitude above home; None if it may."""
         low_m, high_m = self._context.mission.altitudes_m
         if not low_m <= altitude_m <= high_m:
-            flown = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
-            why = f"only {flown} above home is flown; 'altitudes_m' in the mission allows others"
-            return Refusal.ALTITUDE, why
+            return Refusal.ALTITUDE, self.only_altitudes
         if self._context.state is not State.HOLD:
             return Refusal.BUSY, "its altitude is changed where it hovers: have it hold first"
         context, gate = self._context, self._gate

@@ -87,6 +87,7 @@ function told(flight, message) {
   if (flight !== chosen) return;
   if (message.type === "scenery") scenery.show(message);
   if (message.type === "vehicle") panel.showVehicle(message);
+  if (message.type === "vehicle") verbs.allow(flight);
   if (message.type === "vehicle" && following && message.at) map.panTo(message.at, { animate: false });
   if (message.type === "robots") panel.showRobots(message.robots);
   if (message.type === "links") panel.showLinks(message.links);

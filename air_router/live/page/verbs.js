@@ -1,6 +1,6 @@
 // What the operator can ask for, with a question before it is done; only a hold comes at once.
 
-import { byId } from "/page/element.js";
+import { byId, setText } from "/page/element.js";
 import { number, question } from "/page/question.js";
 
 const L = globalThis.L;
@@ -24,6 +24,7 @@ export class Verbs {
     for (const button of document.querySelectorAll("[data-verb]")) {
       button.addEventListener("click", () => this.pressed(button.dataset.verb));
     }
+    byId("cancel").addEventListener("click", () => this.stop());
     map.on("click", ({ latlng }) => this.choosing && this.add(latlng));
     document.addEventListener("keydown", (event) => {
       if (!this.choosing || document.querySelector("dialog[open]")) return;
@@ -34,20 +35,28 @@ export class Verbs {
     });
   }
 
-  /** Requests need a flight that hears them; the buttons say why they are of no use.
+  /** Requests need a flight that hears them, and that would not refuse them now; the buttons say why they are of no use.
    *  @param {import("./flight.js").Flight} flight */
   allow(flight) {
-    const why = flight.isOver ? "the flight is over" : flight.connected ? "" : "the flight does not answer";
-    if (why && this.choosing) this.stop();
-    for (const button of document.querySelectorAll("#verbs button, #robots button")) {
-      button.disabled = Boolean(why);
-      button.title = why;
+    const gone = flight.isOver ? "the flight is over" : flight.connected ? "" : "the flight does not answer";
+    if (gone && this.choosing) this.stop();
+    for (const button of document.querySelectorAll("#verbs [data-verb], #robots button")) {
+      refuse(button, gone, reason(flight, button.dataset.verb ?? "seek"));
     }
-    byId("why").textContent = why && `No requests: ${why}.`;
+    setText(byId("why"), gone && `No requests: ${gone}.`);
+  }
+
+  /** Whether a request would be refused as things are; then the reason is said. @param {string} verb */
+  isRefused(verb) {
+    const flight = this.chosen();
+    const why = reason(flight, verb);
+    if (why) this.say(`${who(flight)}Not now: ${why}.`);
+    return Boolean(why);
   }
 
   /** @param {string} verb */
   async pressed(verb) {
+    if (this.isRefused(verb)) return;
     if (verb === "goto") {
       if (this.choosing && this.wanted.length) await this.fly();
       else if (this.choosing) this.stop();
@@ -62,6 +71,7 @@ export class Verbs {
 
   /** @param {string} robot */
   async seek(robot) {
+    if (this.isRefused("seek")) return;
     const flight = this.chosen();
     const what = `the vehicle stops its present task and flies to where ${robot} should be.`;
     if (await sure(flight, `Seek ${robot} now?`, what, "Seek")) await this.ask(flight, { request: "seek", robot });
@@ -71,16 +81,10 @@ export class Verbs {
   async changeAltitude() {
     const flight = this.chosen();
     const [low, high] = flight.scenery.altitudes_m;
-    if (low === high) {
-      this.say(`${who(flight)}the mission is flown at ${low} m only; altitudes_m in its file allows others.`);
-    } else if (flight.vehicle?.state !== "HOLD") {
-      this.say(`${who(flight)}the altitude is changed while the vehicle holds: press Hold first.`);
-    } else {
-      const label = `Metres above home, ${low} to ${high}`;
-      const range = { min: low, max: high, value: Math.round(flight.vehicle.altitude_m) };
-      const altitude_m = await number(`${who(flight)}Change altitude?`, label, range, "Change");
-      if (altitude_m !== null) await this.ask(flight, { request: "altitude", altitude_m });
-    }
+    const label = `Metres above home, ${low} to ${high}`;
+    const range = { min: low, max: high, value: Math.round(flight.vehicle.altitude_m) };
+    const altitude_m = await number(`${who(flight)}Change altitude?`, label, range, "Change");
+    if (altitude_m !== null) await this.ask(flight, { request: "altitude", altitude_m });
   }
 
   /** Have all UAVs hold, and name those that are gone. @param {import("./flight.js").Flight[]} flights */
@@ -92,7 +96,7 @@ export class Verbs {
 
   choose() {
     this.mark(true);
-    this.say("Click where to fly; more clicks add points. Press the button again (or Enter) to fly there, Esc to cancel.", true);
+    this.say("Press the map where to fly, more than once for more points; then Fly there (Enter), or Cancel (Esc).", true);
   }
 
   /** @param {any} latlng */
@@ -126,6 +130,7 @@ export class Verbs {
     const button = byId("verbs").querySelector('[data-verb="goto"]');
     button.setAttribute("aria-pressed", String(choosing));
     button.textContent = "Go to …";
+    byId("cancel").hidden = !choosing;
     this.map.getContainer().classList.toggle("drawing", choosing);
     if (!choosing) this.say("");
   }
@@ -138,6 +143,24 @@ export class Verbs {
       return this.ask(flight, { ...request, upload: true });
     }
     setTimeout(() => this.say(text)); // after what stops choosing
+  }
+}
+
+/** Why a flight would refuse a request now; "" if it may accept it.
+ *  @param {import("./flight.js").Flight} flight @param {string} verb @returns {string} */
+function reason(flight, verb) {
+  return flight.vehicle?.refused?.[verb] ?? "";
+}
+
+/** Show that a button is of no use, and why. One that would be refused now can still be reached and pressed, which
+ *  says why: a disabled one says nothing to a finger or a keyboard.
+ *  @param {any} button @param {string} gone why there is no flight to ask @param {string} why it would refuse */
+function refuse(button, gone, why) {
+  button.disabled = Boolean(gone);
+  button.title = gone || why;
+  for (const [name, value] of [["aria-disabled", gone || !why ? "" : "true"], ["aria-description", gone || why]]) {
+    if (value) button.setAttribute(name, value);
+    else button.removeAttribute(name);
   }
 }
 

@@ -115,6 +115,18 @@ def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, away, pennovati
     )
 
 
+def test_what_a_button_says_of_altitude_and_landing(holding, hovering, pretend, pennovation):
+    def refused(flight):
+        return flight.controller.refusals()
+
+    assert not {"altitude", "land"} & refused(holding).keys()
+    assert holding.operator_asks(GoOn()).accepted
+    assert refused(holding)["altitude"].endswith("have it hold first")
+    assert refused(holding)["land"].endswith("have it hold first")
+    for flight in (hovering(pennovation), pretend(pennovation)):  # in the air and on the ground
+        assert refused(flight)["altitude"].startswith("only 40 m above home is flown")
+
+
 def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission, pennovation):
     assert mission.altitudes_m == (30.0, 60.0)
     assert pennovation.altitudes_m == (40.0, 40.0)

@@ -22,10 +22,24 @@ from air_router.controller.model.events import (
     RobotPose,
     RobotSought,
 )
-from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
+from air_router.controller.model.requests import (
+    ComeHome,
+    ExploreNow,
+    GoOn,
+    GoTo,
+    HoldNow,
+    LandNow,
+    SeekNow,
+)
 from air_router.controller.model.states import State
 from air_router.controller.safety_monitor import FOREIGN_TARGET_M
-from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent
+from air_router.vehicle.vehicle import (
+    Ages,
+    FlightMode,
+    LinkSilent,
+    PlanCompared,
+    PlanReplaced,
+)
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
@@ -148,6 +162,21 @@ EXPECTED = {
         S.READY: R.NOT_OURS,
         S.PASSIVE: R.NOT_OURS,  # it flies in another mode than Hold
     },
+    LandNow(): {
+        **dict.fromkeys(IN_THE_AIR, R.BUSY),
+        **NEITHER,
+        S.HOLD: R.NO_WAY,  # it still moves
+        S.LAND: S.LAND,
+    },
+}
+VERBS = {
+    HoldNow: "hold",
+    SeekNow: "seek",
+    ExploreNow: "explore",
+    GoTo: "goto",
+    ComeHome: "home",
+    GoOn: "resume",
+    LandNow: "land",
 }
 
 
@@ -156,7 +185,9 @@ def test_every_request_in_every_state(in_state, request_):
     assert set(EXPECTED[request_]) == set(State)
     for state, expected in EXPECTED[request_].items():
         flight = in_state(state)
+        shown = flight.controller.refusals().get(VERBS[type(request_)])
         answer, commanded = ask(flight, request_)
+        assert shown == (None if answer.accepted else answer.why)  # a button says so before
         if isinstance(expected, State):
             assert answer.accepted, (state, answer)
             assert flight.controller.state is expected, state
@@ -306,6 +337,31 @@ def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it
     ask(flight, HoldNow())
     flight.fly_to_state(State.HOME, 120.0)  # its time is over
     assert ask(flight, HoldNow())[0].code is Refusal.COMING_HOME
+
+
+def test_a_page_that_shows_what_is_refused_changes_no_flight(in_state):
+    watched, alone = (
+        in_state(State.HOME, duration_s=100.0, endurance_s=900.0, battery_reserve=0.08)
+        for _ in range(2)
+    )
+    for flight, looks in ((watched, True), (alone, False)):
+        for _ in range(60):
+            flight.step()
+            assert not looks or "hold" not in flight.controller.refusals()
+        ask(flight, HoldNow())
+    needs = [flight.controller.returns.need_home for flight in (watched, alone)]
+    assert needs[0] == needs[1] > 0.0  # what it comes home by
+    assert watched.track == alone.track
+    assert [*map(repr, watched.actions)] == [*map(repr, alone.actions)]
+
+
+def test_a_resume_that_takes_an_upload_is_not_shown_as_refused(in_state):
+    flight = in_state(State.INIT)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.give(PlanCompared(flight.now_s, "8 items"))
+    flight.fly_to_state(State.PASSIVE, 30.0)
+    assert "resume" not in flight.controller.refusals()
+    assert ask(flight, GoOn())[0].code is Refusal.OTHER_PLAN  # and the page offers the upload
 
 
 def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
