@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import json
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Coroutine, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
@@ -44,6 +45,7 @@ from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.mission.flight_plan import FlightPlan
 from air_router.record.recorder import Recorder
+from air_router.repeats import Repeats, times
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.instructions import Severity
 from air_router.vehicle.vehicle import FlightMode, Vehicle
@@ -202,6 +204,7 @@ class FlightLoop:
         self._gossip = gossip
         self._recorder = recorder
         self._status = status
+        self._repeats = Repeats[tuple[str, Severity]]()  # of what is said on the terminal
         self.page: Page = NoPage()
         self.motions = MotionSender(
             vehicle,
@@ -249,6 +252,7 @@ class FlightLoop:
             self.page.step(event, actions, now_s)
             for action in actions:
                 self._act(action, now_s)
+            self._say_repeats(now_s)
 
     def _act(self, action: Action, now_s: float) -> None:
         match action:
@@ -267,7 +271,7 @@ class FlightLoop:
             case CommandAck(by=by, accepted=accepted, why=why):
                 self._gossip.tell_answer(action)
                 word = "accepted" if accepted else "refused"
-                self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
+                self._say(f"{by}: {word}: {why}", Severity.INFO, now_s, alone=True)
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
@@ -275,7 +279,7 @@ class FlightLoop:
                 self.end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
-        self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")
+        self._say(f"{change.source.name} -> {change.target.name}", Severity.INFO, now_s)
         if change.target is State.PASSIVE:
             self.motions.call_off()
         if change.source is State.READY:
@@ -303,7 +307,28 @@ class FlightLoop:
 
     def _show(self, said: Announce, now_s: float) -> None:
         label = "" if said.severity is Severity.INFO else f"{said.severity.name}: "
-        self._status.say(f"{now_s:8.1f} s  {label}{said.words}", said.severity)
+        self._say(f"{label}{said.words}", said.severity, now_s)
+
+    def _say(self, text: str, severity: Severity, now_s: float, *, alone: bool = False) -> None:
+        """Say a line that stays; one that comes again and again is counted.
+
+        Args:
+            text: The line.
+            severity: An alarm is never counted.
+            now_s: The vehicle's time.
+            alone: Nor is this line.
+        """
+        if alone or severity is Severity.ALARM:
+            self._say_repeats(now_s, last=True)
+            self._repeats.clear()
+        elif self._repeats.again((text, severity), now_s):
+            return
+        self._status.say(f"{now_s:8.1f} s  {text}", severity)
+
+    def _say_repeats(self, now_s: float, *, last: bool = False) -> None:
+        """Say how often lines came again, once that is due; `last`: or is not due any more."""
+        for (text, severity), count in self._repeats.due(math.inf if last else now_s):
+            self._status.say(f"{now_s:8.1f} s  {times(count)}: {text}", severity)
 
     def end(self, outcome: str, exit_code: ExitCode) -> None:
         """The flight is over; the first outcome counts."""
@@ -323,6 +348,7 @@ class FlightLoop:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         self._carry_out()
+        self._say_repeats(self._clock.boot_s(), last=True)
 
     def _on_task_done(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)

@@ -18,6 +18,7 @@ from air_router.controller.targets.target_list import TargetTrack
 from air_router.gossip.interactions import Interactions
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
+from air_router.repeats import Repeats, times
 from air_router.routing.router import Router
 from air_router.vehicle.clock import REBOOT_S
 from air_router.vehicle.instructions import Severity
@@ -85,7 +86,8 @@ class LiveScene:
 
     Attributes:
         track: Latitude and longitude of the points of the flown track.
-        news: The lines of the log.
+        news: The lines of the log; one that came before without a pause says how often, and a page
+            shows it in place of that one.
         alarms: What the pilot or the operator has to act on, and warnings; the newest last.
         interactions: Contacts and syncs.
         rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
@@ -107,6 +109,7 @@ class LiveScene:
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
         self.news: History[dict[str, Any]] = History(MOST_NEWS)
+        self._repeats = Repeats[tuple[str, str]]()  # lines of news, by kind and text
         self.alarms: list[dict[str, Any]] = []
 
     # What happens.
@@ -293,8 +296,15 @@ class LiveScene:
             self.track.add(self._pair(position))
 
     def _tell(self, kind: str, text: str, severity: str | None = None) -> None:
-        line = {"n": self.news.count + 1, "t": round(self._now_s, 1), "kind": kind, "text": text}
-        self.news.add(line if severity is None else {**line, "severity": severity})
+        line: dict[str, Any] = {"n": self.news.count + 1, "t": round(self._now_s, 1)}
+        line |= {"kind": kind, "text": text}
+        if severity is not None:
+            line["severity"] = severity
+        if kind == "answer" or severity == Severity.ALARM.value:  # each stands for itself
+            self._repeats.clear()
+        elif count := self._repeats.again((kind, text), self._now_s):
+            line["again"] = times(count)
+        self.news.add(line)
 
     def _pair(self, point: Point) -> list[float]:
         return degrees(self._frame, point)

@@ -34,6 +34,10 @@ An alarm whose condition lasts (an input that the vehicle stands for, a zone wit
 vehicle that hovers after hands off) is said again after 10 s, then every 30 s, and then asks the
 pilot to take the vehicle by hand. It ends with the condition, or once a pilot has the vehicle.
 
+Infos and warnings that come again and again are one line with a count on the
+[terminal](terminal.md) and the [live page](live-page.md); each alarm is a line of its own, and
+STATUSTEXT carries them all.
+
 ## All of them
 
 Every warning and alarm ends with what the pilot or the operator does about it. These are all of

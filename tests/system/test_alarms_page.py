@@ -88,3 +88,22 @@ def test_what_is_over_is_shown_no_longer(shown):
     announce(Announce("position not heard", Severity.ALARM, FLY_OUT, "position"))
     expect(page.locator("#news .alarm")).to_have_count(1)
     expect(page.locator("#alarms")).to_be_hidden()  # the controller does not know of it
+
+
+def test_what_comes_again_and_again_is_one_line_with_a_count_but_each_alarm_has_its_own(shown):
+    looker, announce = shown
+    page = looker.page
+    for _ in range(4):
+        announce(Announce("searching"), NEAR)
+        announce(Announce("talking"))
+    announce(*4 * [BREACH])
+    news = page.locator("#news li")
+    expect(news.filter(has_text="talking")).to_have_text("2 s talking again 3 times")
+    expect(news.filter(has_text="searching")).to_have_text("2 s searching again 3 times")
+    expect(news.filter(has_text=NEAR.text)).to_have_count(1)
+    expect(news.filter(has_text=NEAR.text)).to_contain_text("Warning: too near")
+    expect(news.filter(has_text=BREACH.text)).to_have_count(4)
+    told = news.all_inner_texts()
+    page.reload()  # a page that is opened later shows the same
+    expect(news).to_have_count(len(told))
+    assert news.all_inner_texts() == told

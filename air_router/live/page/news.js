@@ -10,13 +10,15 @@ export class News {
     /** Of each flight how many lines there are, and when the last one was.
      *  @type {Map<import("./flight.js").Flight, {n: number, atMs: number}>} */
     this.newest = new Map();
-    /** @type {{item: any, flight: import("./flight.js").Flight, atMs: number}[]} */
+    /** @type {{item: any, flight: import("./flight.js").Flight, atMs: number, what: string}[]} `what`: kind and text */
     this.shown = [];
   }
 
   /** Vehicles' clocks differ: what is told to a new page is put in by how long ago it was, all else is new.
    *  @param {import("./flight.js").Flight} flight
-   *  @param {{now_s: number, lines: {n: number, t: number, kind: string, severity?: string, text: string}[]}} news */
+   *  One that comes again and again takes the place of the one before, and says how often.
+   *  @param {{now_s: number,
+   *    lines: {n: number, t: number, kind: string, severity?: string, text: string, again?: string}[]}} news */
   add(flight, { now_s: nowS, lines }) {
     const before = this.newest.get(flight);
     const last = before ?? { n: 0, atMs: 0 };
@@ -26,14 +28,24 @@ export class News {
       const when = element("small", { textContent: `${line.t.toFixed(0)} s ` });
       const who = flight.colour ? [element("b", { className: flight.colour, textContent: `${flight.name} ` })] : [];
       const grave = line.severity ? [element("strong", { textContent: `${LABELS[line.severity]}: ` })] : [];
+      const often = line.again ? [element("small", { className: "again", textContent: ` ${line.again}` })] : [];
       const className = `${line.kind} ${line.severity ?? ""}`.trim();
-      this.insert({ item: element("li", { className }, when, ...who, ...grave, line.text), flight, atMs: last.atMs });
+      const what = `${line.kind} ${line.text}`;
+      if (line.again) this.drop(flight, what);
+      const item = element("li", { className }, when, ...who, ...grave, line.text, ...often);
+      this.insert({ item, flight, atMs: last.atMs, what });
     }
     this.newest.set(flight, last);
     for (const { item } of this.shown.splice(MOST_NEWS)) item.remove();
   }
 
-  /** @param {{item: any, flight: import("./flight.js").Flight, atMs: number}} line */
+  /** Take out what was shown of a line before. @param {import("./flight.js").Flight} flight @param {string} what */
+  drop(flight, what) {
+    const found = this.shown.findIndex((line) => line.flight === flight && line.what === what);
+    if (found >= 0) this.shown.splice(found, 1)[0].item.remove();
+  }
+
+  /** @param {{item: any, flight: import("./flight.js").Flight, atMs: number, what: string}} line */
   insert(line) {
     const found = this.shown.findIndex(({ atMs }) => atMs <= line.atMs);
     const place = found < 0 ? this.shown.length : found;

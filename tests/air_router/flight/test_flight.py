@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from air_router.control.command_request import View
+from air_router.control.command_request import View, parse_command
 from air_router.controller.model.actions import FlyToNode, StateChanged
 from air_router.controller.model.events import AirspaceChanged, CommandConfirmed
 from air_router.controller.model.flight_setup import FlightSetup
@@ -35,6 +35,7 @@ from air_router.vehicle.vehicle import (
     Inspection,
     LinkSilent,
     PlanReplaced,
+    PlanTried,
     Telemetry,
     WrongVehicle,
 )
@@ -425,6 +426,30 @@ def test_the_operator_has_the_mission_resumed_by_a_signal(rig):
     result = flight.run()
     assert result.outcome == "done"
     assert {"PASSIVE", "EXPL"} <= set(result.report["states_visited"])
+
+
+def test_lines_that_come_again_and_again_are_counted_but_for_alarms(rig):
+    flight = rig(duration_s=None)
+    why = "no multicopter with PX4 is on the link (a plane)"
+
+    def asks(words):
+        return lambda: flight.flight.commands.grant(parse_command(words), "a test")
+
+    def hears(event):
+        return lambda: flight.vehicle.callback(event)
+
+    tried = [(150.0 + t, hears(PlanTried(150.0 + t, "a station"))) for t in range(8)]
+    tried.insert(6, (155.5, asks("explore")))
+    others = [(180.0 + t, hears(WrongVehicle(180.0 + t, (why, None)[t % 2]))) for t in range(6)]
+    flight.plan(*tried, *others, (200.0, flight.becomes(FlightMode.LAND)))
+    flight.run()
+    lines = [line[11:].strip() for line in flight.out.getvalue().splitlines()]
+    told = [line.partition(": a station")[0] for line in lines if "a station tries" in line]
+    # After the answer the line is told in full once more: it may be news.
+    assert told == ["WARNING", "again 5 times: WARNING", "WARNING", "again: WARNING"]
+    answer = next(number for number, line in enumerate(lines) if line.startswith("a test: "))
+    assert lines[answer - 1].startswith("again 5 times: WARNING: a station")
+    assert len([line for line in lines if line.startswith(f"ALARM: {why}")]) == 3
 
 
 def test_ctrl_c_twice_leaves_at_once(rig, monkeypatch):

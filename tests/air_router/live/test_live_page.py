@@ -9,7 +9,7 @@ import aiohttp
 import numpy as np
 import pytest
 
-from air_router.controller.model.actions import CommandAck
+from air_router.controller.model.actions import Announce, CommandAck
 from air_router.controller.model.events import AirspaceChanged, RobotPath, RobotPose
 from air_router.controller.model.requests import HoldNow
 from air_router.controller.model.states import State
@@ -19,6 +19,8 @@ from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage, MapFeed
+from air_router.repeats import PAUSE_S
+from air_router.vehicle.instructions import BE_READY, FLY_OUT, Severity
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.serving import HERE, add_web, web_of
 from geo.frame import Point
@@ -172,6 +174,32 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     ]
     flight.controller.handle(HoldNow(), flight.now_s)
     assert scene.vehicle()["what"] == State.HOLD.value
+
+
+def test_lines_that_come_again_say_how_often_but_no_alarm_and_no_answer_does(flight):
+    scene = LiveScene(flight.mission, flight.controller, "titan")
+    info, warning = Announce("searching"), Announce("too near", Severity.WARNING, BE_READY)
+    alarm = Announce("breach", Severity.ALARM, FLY_OUT)
+    for second in range(3):
+        scene.step(None, (info, warning), 50.0 + second)
+    scene.step(None, (alarm, alarm, info, CommandAck("7", "eve", False, "no"), info, info), 53.0)
+    scene.step(None, (info,), 50.0 + 10 * PAUSE_S)
+    told = [(line["text"].partition(".")[0], line.get("again")) for line in scene.news.since()]
+    assert told == [
+        ("searching", None),
+        ("too near", None),
+        ("searching", "again"),
+        ("too near", "again"),
+        ("searching", "again 2 times"),
+        ("too near", "again 2 times"),
+        ("breach", None),
+        ("breach", None),
+        ("searching", None),  # it may be new after an alarm
+        ("eve: refused: no", None),
+        ("searching", None),
+        ("searching", "again"),
+        ("searching", None),
+    ]
 
 
 def test_after_a_reboot_of_the_vehicle_the_page_goes_on(flight):
