@@ -260,6 +260,31 @@ class Changes(ABC):
             raise EditError("a mission needs a waypoint; move it instead")
         self._take_out(handle.entry)
 
+    def reorder(self, edit: edits.Reorder) -> None:
+        """Move a waypoint; those between its old and its new place move up."""
+        moved = self._handle(edit.keys)
+        if moved not in self.waypoints:
+            raise EditError("only waypoints have an order")
+        if edit.index >= len(self.waypoints):
+            raise EditError(f"the mission has only {len(self.waypoints)} waypoints")
+        order = [handle for handle in self.waypoints if handle is not moved]
+        order.insert(edit.index, moved)
+        self._order(order)
+
+    def reverse(self, edit: edits.Reverse) -> None:
+        """The last waypoint comes first."""
+        del edit
+        self._order(self.waypoints[::-1])
+
+    def _order(self, order: Sequence[Handle]) -> None:
+        """Write the waypoints' entries in another order; what stands between them stays there."""
+        places = [handle.entry for handle in self.waypoints if handle.entry is not None]
+        entries = [
+            value_at(self.data, handle.entry) for handle in order if handle.entry is not None
+        ]
+        for place, entry in zip(places, entries, strict=True):
+            self._at(place[:-1])[place[-1]] = entry
+
     @abstractmethod
     def add_area(self, edit: edits.AddArea) -> None:
         """Add a zone or a fence."""

@@ -81,6 +81,21 @@ class AddWaypoint(_Edit):
     at: _Place
 
 
+class Reorder(_PartEdit):
+    """Move a waypoint to another place in the order; then so many waypoints are before it."""
+
+    words: ClassVar[str] = "reorder waypoints"
+    do: Literal["reorder"]
+    index: _Index
+
+
+class Reverse(_Edit):
+    """Turn the order of the waypoints round."""
+
+    words: ClassVar[str] = "reverse waypoints"
+    do: Literal["reverse"]
+
+
 class AddRallyPoint(_Edit):
     """Add a rally point."""
 
@@ -185,6 +200,8 @@ Edit = (
     | Resize
     | AddCorner
     | AddWaypoint
+    | Reorder
+    | Reverse
     | AddRallyPoint
     | AddArea
     | Remove

@@ -8,6 +8,7 @@ import difflib
 import io
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -350,6 +351,55 @@ def test_a_page_that_was_told_every_change_looks_like_one_opened_now(mission, op
     for what, box in told:
         same = [other for name, other in opened if name == what]
         assert any(box == pytest.approx(other, abs=2) for other in same), what
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)], ids=str)
+def test_waypoints_are_reordered_in_the_list_by_keys_and_buttons_and_reversed(
+    mission, open_page, size
+):
+    page = open_page(mission)
+    page.page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+
+    def waypoints():
+        text = mission.read_text().partition("\nwaypoints:")[2].partition("\nfence:")[0]
+        return [*map(json.loads, re.findall(r"(?m)^ +- (\[39[^\]]+\])", text)[:39])]
+
+    def saved(done):
+        done()
+        expect(page.page.locator("#save")).to_be_enabled()
+        page.save()
+        if page.page.locator("#count").inner_text() != "0":
+            page.page.get_by_role("button", name="Save the draft").click()
+        page.expect_saved()
+        return waypoints()
+
+    first, second, third, *rest = before = waypoints()
+    assert len(before) == 39
+    page.page.locator("#parts summary").click()
+    rows = page.page.locator("#list li.waypoint")
+    expect(rows).to_have_count(39)
+
+    def drags():
+        rows.nth(0).evaluate("(row) => row.scrollIntoView({ block: 'center' })")
+        top = rows.nth(0).bounding_box()
+        page.drag(page.middle(rows.nth(2).locator(".grip")), (top["x"] + 40, top["y"] + 3))
+
+    assert saved(drags) == [third, first, second, *rest]
+    expect(page.place("waypoint 1")).to_have_class(re.compile("selected"))
+
+    def presses():
+        page.page.keyboard.press("PageDown")
+        expect(page.place("waypoint 2")).to_have_class(re.compile("selected"))
+        page.page.keyboard.press("PageDown")
+        expect(page.place("waypoint 3")).to_have_class(re.compile("selected"))
+
+    assert saved(presses) == before
+    earlier = page.page.get_by_role("button", name="Earlier")
+    assert saved(earlier.click) == [first, third, second, *rest]
+    undo = page.page.locator("#undo")
+    expect(undo).to_have_attribute("title", "Undo reorder waypoints (Ctrl+Z)")
+    assert saved(undo.click) == before
+    assert saved(page.page.locator("#reverse").click) == before[::-1]
 
 
 @pytest.mark.parametrize("locale", ["en-US", "de-DE", "ar-EG"])

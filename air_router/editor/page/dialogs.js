@@ -10,6 +10,7 @@ const KEYS = [
   ["Arrow keys", "move what is selected by 1 m; Shift: 10 m, Alt: 10 cm"],
   ["Tab, Enter", "go from place to place, and select"],
   ["N, Shift+N", "next and previous waypoint"],
+  ["PgUp, PgDn", "the selected waypoint earlier or later in the order; in the list, drag it"],
   ["W Z C E R P", "waypoints, zone, circle, fence, rally point, route"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo and redo"],
   ["Ctrl+S", "saves the file; comments stay"],

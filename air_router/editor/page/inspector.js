@@ -7,9 +7,11 @@ import { cornersOf } from "./selection.js";
 import { same } from "./store.js";
 
 export class Inspector {
-  /** @param {import("./store.js").Store} store @param {import("./selection.js").Selection} selection */
-  constructor(store, selection) {
+  /** @param {import("./store.js").Store} store @param {import("./selection.js").Selection} selection
+   *  @param {import("./order.js").Order} order of the waypoints */
+  constructor(store, selection, order) {
     this.store = store;
+    this.order = order;
     this.selection = selection;
     this.box = byId("inspector");
     selection.addEventListener("change", () => this.show());
@@ -45,7 +47,12 @@ export class Inspector {
         this.row(["Mission's altitude", () => set(null)]);
       }
     }
-    if (place.removable) this.row(["Remove", () => this.remove(place.keys), "danger"]);
+    const buttons = [];
+    const index = this.order.indexOf(place.keys);
+    if (index > 0) buttons.push(["Earlier", () => this.order.step(place.keys, -1)]);
+    if (index >= 0 && index + 1 < this.order.waypoints.length) buttons.push(["Later", () => this.order.step(place.keys, 1)]);
+    if (place.removable) buttons.push(["Remove", () => this.remove(place.keys), "danger"]);
+    if (buttons.length) this.row(...buttons);
   }
 
   /** @param {import("/page/airspace.js").Area} area @param {import("./selection.js").Selected} now */

@@ -5,11 +5,12 @@ import { cornersOf } from "./selection.js";
 import { same } from "./store.js";
 
 const ARROWS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
+const ORDER = { PageUp: -1, PageDown: 1 };
 const TOOLS = { w: "waypoint", z: "zone", e: "fence", c: "circle", r: "rally", p: "route" };
 const ONE_MOVE_MS = 800;
 
 /** @param {{store: import("./store.js").Store, selection: import("./selection.js").Selection,
- *   tools: import("./tools.js").Tools, places: import("./places.js").Places, map: any,
+ *   tools: import("./tools.js").Tools, places: import("./places.js").Places, order: import("./order.js").Order, map: any,
  *   save: () => void, fit: () => void, help: () => void}} page */
 export function startKeyboard(page) {
   const { store, selection, tools } = page;
@@ -22,6 +23,7 @@ export function startKeyboard(page) {
     if (event.ctrlKey || event.metaKey) return command(key, event.shiftKey);
     if (event.target instanceof HTMLInputElement) return false;
     if (ARROWS[event.key] && selection.now) return nudge(ARROWS[event.key], event);
+    if (ORDER[event.key] && selection.now && page.order.step(selection.now.keys, ORDER[event.key])) return true;
     if (event.key === "Delete" || event.key === "Backspace") return remove();
     if (event.key === "Escape") return escape();
     if (event.key === "Enter" && ["zone", "fence"].includes(tools.tool)) {

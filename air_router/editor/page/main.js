@@ -12,6 +12,7 @@ import { help } from "./dialogs.js";
 import { Inspector } from "./inspector.js";
 import { startKeyboard } from "./keyboard.js";
 import { Legs } from "./legs.js";
+import { Order } from "./order.js";
 import { Panel } from "./panel.js";
 import { Places } from "./places.js";
 import { Selection } from "./selection.js";
@@ -42,8 +43,9 @@ const tools = new Tools(map, store, selection, legs);
 const places = new Places(map, store, selection, tools);
 const airspace = new AirspaceLayer(map, pressed);
 const corners = new Corners(map, store, selection);
-const inspector = new Inspector(store, selection);
-const panel = new Panel(store, visit);
+const order = new Order(store, selection);
+const inspector = new Inspector(store, selection, order);
+const panel = new Panel(store, visit, order);
 let toastTimer = 0;
 
 /** A click on an area. @param {import("/page/airspace.js").Area} area @param {any} event */
@@ -234,4 +236,4 @@ byId("help").addEventListener("click", help);
 byId("fit").addEventListener("click", fit);
 byId("save").addEventListener("click", () => save());
 byId("parts").addEventListener("toggle", () => store.state && panel.list(store.state));
-startKeyboard({ store, selection, tools, places, map, save, fit, help });
+startKeyboard({ store, selection, tools, places, order, map, save, fit, help });

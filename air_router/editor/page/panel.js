@@ -32,9 +32,11 @@ const OPTIONAL = ["duration_s", "endurance_s", ...WORDS];
 
 export class Panel {
   /** @param {import("./store.js").Store} store
-   *  @param {(keys: import("./store.js").Keys | null, at: number[][]) => void} visit shows a place */
-  constructor(store, visit) {
+   *  @param {(keys: import("./store.js").Keys | null, at: number[][]) => void} visit shows a place
+   *  @param {import("./order.js").Order} order of the waypoints */
+  constructor(store, visit, order) {
     this.store = store;
+    this.order = order;
     this.visit = visit;
   }
 
@@ -108,10 +110,12 @@ export class Panel {
   /** @param {import("./store.js").State} state */
   list(state) {
     if (!byId("parts").open) return;
-    const entries = state.places.map((place) => [label(place), place.keys, [place.at], place.wrong]);
+    const entries = state.places.map((place) =>
+      [label(place), place.keys, [place.at], place.wrong, place.kind === "waypoint" && place.keys !== null]);
+    byId("reverse").disabled = this.order.waypoints.length < 2;
     for (const area of state.areas) {
       const at = area.circle ? [area.circle.centre] : area.rings.flatMap((ring) => ring.corners);
-      entries.push([area.fence ? "Fence" : `Zone: ${area.name}`, area.keys, at, area.wrong]);
+      entries.push([area.fence ? "Fence" : `Zone: ${area.name}`, area.keys, at, area.wrong, false]);
     }
     const text = JSON.stringify(entries);
     const box = byId("list");
@@ -119,10 +123,12 @@ export class Panel {
     this.listShown = text;
     const focused = [...box.children].findIndex((item) => item.contains(document.activeElement));
     box.replaceChildren(
-      ...entries.map(([name, keys, at, wrong]) => {
+      ...entries.map(([name, keys, at, wrong, hasOrder]) => {
         const button = element("button", { textContent: name, className: wrong ? "wrong" : "" });
         button.addEventListener("click", () => this.visit(keys, at));
-        return element("li", {}, button);
+        const row = element("li", { className: hasOrder ? "waypoint" : "" }, button);
+        if (hasOrder) row.append(this.order.grip(row, keys));
+        return row;
       }),
     );
     box.children[focused]?.firstChild.focus();

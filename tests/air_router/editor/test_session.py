@@ -277,6 +277,56 @@ def test_numbers_and_altitudes(session):
     assert "  - {position: [39.9427630, -75.2016829]}  # 5\n" in session.editable.text
 
 
+def test_waypoints_take_another_order_with_their_altitudes_and_remarks_stay(tmp_path):
+    path = tmp_path / "field.yaml"
+    waypoints = (
+        "  - [39.9424, -75.1998]  # first",
+        "  - {position: [39.9423, -75.1999], altitude_m: 31.0}  # second",
+        "  - [39.9422, -75.1996]  # third",
+    )
+    write_starter(path, (39.9421, -75.1998))
+    text = path.read_text()
+    head, _, rest = text.partition("waypoints:\n")
+    path.write_text("\n".join([f"{head}waypoints:", *waypoints, *rest.splitlines()[1:], ""]))
+    session = EditSession(MissionFile(path))
+    before = session.editable.text
+    session.edit(edits.Reorder(do="reorder", keys=waypoint(3), index=0))
+    shown = [p for p in session.view()["places"] if p["kind"] == "waypoint"]
+    assert [(p["at"][0], p["altitude_m"]) for p in shown] == [
+        (39.9422, None),
+        (39.9424, None),
+        (39.9423, 31.0),
+    ]
+    assert re.findall("# (first|second|third)", session.editable.text) == [
+        "first",
+        "second",
+        "third",
+    ]
+    session.undo()
+    assert session.editable.text == before
+    session.edit(edits.Reverse(do="reverse"))
+    shown = [p["at"][0] for p in session.view()["places"] if p["kind"] == "waypoint"]
+    assert shown == [39.9422, 39.9423, 39.9424]
+    for keys, index, why in (
+        (waypoint(1), 3, "only 3 waypoints"),
+        (("home", "position"), 0, "order"),
+    ):
+        with pytest.raises(EditError, match=why):
+            session.edit(edits.Reorder(do="reorder", keys=keys, index=index))
+
+
+def test_the_waypoints_of_a_plan_change_places_and_what_is_between_stays(plan):
+    def kinds():
+        items = plan.editable.document.data["mission"]["items"]
+        return [item.get("command", item["type"]) for item in items]
+
+    places = [h.pair for h in plan.editable.parts.waypoints]
+    before = kinds()
+    plan.edit(edits.Reverse(do="reverse"))
+    assert [h.pair for h in plan.editable.parts.waypoints] == places[::-1]
+    assert kinds() == before
+
+
 def test_a_plan_is_edited_in_place(plan):
     before = plan.editable.text
     places = [place for place in plan.view()["places"] if place["kind"] == "waypoint"]

@@ -52,6 +52,7 @@ class Hand:
     def act(self):
         ways = [self.move, self.remove, self.remove_area, self.resize, self.name, self.set_altitude]
         ways += [self.add_corner, self.add_waypoint, self.add_rally_point, self.add_area]
+        ways += [self.reorder, self.reverse]
         self.pick(ways)()
 
     def do(self, edit):
@@ -104,6 +105,23 @@ class Hand:
         index = self.draw(st.integers(0, len(self.editable.parts.waypoints)))
         self.added(edits.AddWaypoint(do="add_waypoint", index=index, at=at), at)
         assert self.editable.parts.waypoints[index].pair == at
+
+    def reorder(self):
+        order = self.editable.parts.waypoints[:]
+        handle = self.pick(order)
+        index = self.draw(st.integers(0, len(order) - 1))
+        before = self.do(edits.Reorder(do="reorder", keys=handle.keys, index=index))
+        order.remove(handle)
+        order.insert(index, handle)
+        self.ordered(before, order)
+
+    def reverse(self):
+        order = self.editable.parts.waypoints[::-1]
+        self.ordered(self.do(edits.Reverse(do="reverse")), order)
+
+    def ordered(self, before, order):
+        assert [h.pair for h in self.editable.parts.waypoints] == [h.pair for h in order]
+        assert pairs(self.editable) == pairs(before)
 
     def add_rally_point(self):
         at = self.draw(places)
