@@ -5,6 +5,7 @@ Fetches the tiles of a place from a map server that the user names, into an MBTi
 
 import argparse
 import hashlib
+import http.client
 import math
 import sqlite3
 import sys
@@ -17,9 +18,12 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+from urllib.parse import urlsplit
 
 from air_router import __version__
 from air_router.errors import AirRouterError, ExitCode, UsageError
+from air_router.mission.loading import load_mission
+from air_router.mission.mission import Mission
 from air_router.web.tile_file import (
     HIGHEST_ZOOM,
     MOST_TILE_BYTES,
@@ -28,14 +32,35 @@ from air_router.web.tile_file import (
     read_bounds,
     tiles_within,
 )
+from geo.frame import Point
 from mocha_link.path_safety import check_links
+from mocha_link.sanitize import sanitize
 
 MOST_TILES: Final = 5_000
 """More are fetched only where the user says so: two hours of a server's time."""
 
+MOST_MB: Final = 200.0
+"""Nor more bytes, whatever the server answers."""
+
+FINEST: Final = 19
+"""The finest zoom level that is fetched unless the user says so: 0.3 m a pixel at the equator."""
+
+_COARSEST_TILES: Final = 4
+"""Of the coarsest level there are so many, at most: the whole mission in one view."""
+
+_AROUND_M: Final = 200.0
+_MOST_AROUND_M: Final = 10_000.0
+_FORBIDDEN: Final = {
+    "openstreetmap.org": "https://operations.osmfoundation.org/policies/tiles/",
+}
+"""Servers whose terms forbid copies for use without them, and where they say so."""
+
+_MB: Final = 1_000_000
+_CHUNK: Final = 64 * 1024
 _FASTEST: Final = 10.0  # tiles per second
 _EVERY: Final = 50  # tiles, so often it is told how far it is
-_TIMEOUT_S: Final = 20.0
+_TIMEOUT_S: Final = 20.0  # in which nothing comes
+_WHOLE_S: Final = 60.0  # in which a tile has come
 _TRIES: Final = 3
 _LONGEST_WAIT_S: Final = 60.0
 _NOTHING_THERE: Final = (HTTPStatus.NO_CONTENT, HTTPStatus.NOT_FOUND, HTTPStatus.GONE)
@@ -92,12 +117,14 @@ class TileFetcher:
         per_second: So many are asked for, at most.
         contact: Where the server's operator reaches the user; goes along with every request.
         pause: Lets so many seconds pass.
+        most_bytes: So many are kept of what it answers, in one run.
     """
 
     template: str
     per_second: float
     contact: str = ""
     pause: Callable[[float], None] = time.sleep
+    most_bytes: float = MOST_MB * _MB
     _asked_s: float = field(default=-math.inf, init=False)  # monotonic
 
     def __post_init__(self) -> None:
@@ -107,6 +134,13 @@ class TileFetcher:
                 f"'{self.template}' is not the address of tiles; write it like "
                 "https://tiles.example.org/{z}/{x}/{y}.png"
             )
+        host = urlsplit(self.template).hostname or ""
+        for name, terms in _FORBIDDEN.items():
+            if host == name or host.endswith(f".{name}"):
+                raise UsageError(
+                    f"the terms of {host} forbid copies for use offline ({terms}); "
+                    "docs/editing.md names servers that allow them"
+                )
 
     def tile(self, key: TileKey) -> bytes | None:
         """A tile; None if the server has none there.
@@ -127,8 +161,8 @@ class TileFetcher:
                     raise _stopped(where, f"the server says {error.code} {error.reason}") from None
                 self.pause(_wait_s(error.headers.get("Retry-After")))
                 continue
-            except (OSError, ValueError) as error:
-                raise _stopped(where, f"{getattr(error, 'reason', None) or error}") from None
+            except (OSError, ValueError, http.client.HTTPException) as error:
+                raise _stopped(where, _why(error)) from None
             if data and picture_kind(data) is None:
                 raise _stopped(where, "the answer is no picture (PNG, JPEG, WebP) up to 1 MiB")
             return data or None
@@ -143,7 +177,13 @@ class TileFetcher:
         agent = f"air-router/{__version__} ({about})"
         request = urllib.request.Request(address, headers={"User-Agent": agent})  # noqa: S310 - http
         with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - http
-            data: bytes = answer.read(MOST_TILE_BYTES + 1)
+            data, until_s = b"", time.monotonic() + _WHOLE_S
+            while len(data) <= MOST_TILE_BYTES and (chunk := answer.read1(_CHUNK)):
+                data += chunk
+                if time.monotonic() > until_s:
+                    raise TimeoutError(f"the tile has not come within {_WHOLE_S:.0f} s")
+            if answer.length and len(data) <= MOST_TILE_BYTES:
+                raise http.client.IncompleteRead(data, answer.length)
         return data
 
 
@@ -154,6 +194,7 @@ class Fetched:
     new: int
     before: int
     none: int  # the server has no such tile
+    bytes: int = 0  # of the new ones
 
 
 def fetch(
@@ -169,7 +210,7 @@ def fetch(
         UsageError: the file is another one, or cannot be written.
         FetchError: what was fetched until then is in the file, and the next call goes on there.
     """
-    new = before = none = 0
+    new = before = none = size = 0
     with _opened(path, fetcher.template) as file:
         facts = _facts(path, area, attribution)
         file.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", facts.items())
@@ -184,12 +225,19 @@ def fetch(
             if data is None:
                 none += 1
                 continue
+            size += len(data)
+            if size > fetcher.most_bytes:
+                raise _stopped(
+                    f"tile {count + 1} of {len(area)}",
+                    f"more than {fetcher.most_bytes / _MB:g} MB have come; choose fewer zoom "
+                    "levels, or say --most-mb",
+                )
             file.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (*place, data))
             suffix = (picture_kind(data) or "").removeprefix("image/").replace("jpeg", "jpg")
             file.execute("INSERT OR IGNORE INTO metadata VALUES ('format', ?)", (suffix,))
             file.commit()
             new += 1
-    return Fetched(new, before, none)
+    return Fetched(new, before, none, size)
 
 
 _HAS: Final = "SELECT 1 FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
@@ -239,6 +287,31 @@ def bounds_of(text: str) -> Bounds:
     return bounds
 
 
+def bounds_around(mission: Mission, around_m: float) -> Bounds:
+    """Where a mission lies, its fences too, and so many metres around."""
+    points = [mission.home, *(w.position for w in mission.waypoints), *mission.rally_points]
+    boxes = [(*point, *point) for point in points]
+    boxes += [shape.polygon.bounds for shape in mission.fences]
+    west_m, south_m = (min(box[side] for box in boxes) - around_m for side in (0, 1))
+    east_m, north_m = (max(box[side] for box in boxes) + around_m for side in (2, 3))
+    corners = [Point(east, north) for east in (west_m, east_m) for north in (south_m, north_m)]
+    places = [mission.frame.to_geodetic(corner) for corner in corners]
+    latitudes = [place.latitude_deg for place in places]
+    longitudes = [place.longitude_deg for place in places]
+    bounds = min(latitudes), min(longitudes), max(latitudes), max(longitudes)
+    if bounds[3] - bounds[1] > 180:
+        raise UsageError("the mission lies across the antimeridian: give --bounds for one side")
+    return bounds
+
+
+def zooms_for(bounds: Bounds) -> range:
+    """From the level on which few tiles show everything, to the finest that is usual."""
+    fits = (
+        z for z in range(FINEST, 0, -1) if len(TileArea(bounds, range(z, z + 1))) <= _COARSEST_TILES
+    )
+    return range(next(fits, 0), FINEST + 1)
+
+
 def zooms_of(text: str) -> range:
     """Zoom levels "15-19", or one.
 
@@ -262,8 +335,19 @@ def _wait_s(told: str | None) -> float:
         return _LONGEST_WAIT_S / _TRIES
 
 
+def _why(error: Exception) -> str:
+    """What went wrong on the way, in words."""
+    if isinstance(error, http.client.IncompleteRead):
+        return f"the answer broke off ({error})"
+    if isinstance(error, http.client.HTTPException) and not isinstance(error, OSError):
+        return f"the answer is not HTTP ({error})"
+    return str(getattr(error, "reason", None) or error)
+
+
 def _stopped(where: str, why: str) -> FetchError:
-    return FetchError(f"{where}: {why}; what was fetched is kept: run the command again to go on")
+    return FetchError(
+        f"{where}: {sanitize(why)}; what was fetched is kept: run the command again to go on"
+    )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -273,13 +357,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--image and --web-image. Ask for what its terms allow. Ctrl-C ends; run again to go on."
     )
     parser.epilog = (
-        "example: air-router tiles fetch site.mbtiles --bounds 39.939,-75.204,39.945,-75.196 "
-        "--zooms 15-19 --url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'"
+        "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
+        "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'"
     )
     parser.add_argument("do", choices=("fetch",), help="what to do")
     parser.add_argument("file", type=Path, metavar="FILE", help="MBTiles file; it is gone on with")
-    parser.add_argument("--bounds", required=True, metavar="S,W,N,E", help="in degrees")
-    parser.add_argument("--zooms", required=True, metavar="Z-Z", help="zoom levels (15-19, say)")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--mission", type=Path, metavar="M", help="of the place of this mission")
+    where.add_argument("--bounds", metavar="S,W,N,E", help="of this place, in degrees")
+    parser.add_argument(
+        "--around",
+        type=float,
+        default=_AROUND_M,
+        metavar="METRES",
+        help=f"so far around the mission (default {_AROUND_M:g})",
+    )
+    parser.add_argument(
+        "--zooms",
+        metavar="Z-Z",
+        help=f"zoom levels (default: from a view of everything to {FINEST})",
+    )
     parser.add_argument("--url", required=True, metavar="URL", help="with {z}, {x} and {y}")
     parser.add_argument(
         "--attribution", required=True, metavar="TEXT", help="whom the map has to name"
@@ -299,20 +396,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"refuse to fetch more tiles than these (default {MOST_TILES})",
     )
+    parser.add_argument(
+        "--most-mb",
+        type=float,
+        default=MOST_MB,
+        metavar="N",
+        help=f"stop at so many megabytes (default {MOST_MB:g})",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fetch, and say how far it is."""
     if not 0 < arguments.per_second <= _FASTEST:
         raise UsageError(f"--per-second is more than 0 and at most {_FASTEST:g}")
-    area = TileArea(bounds_of(arguments.bounds), zooms_of(arguments.zooms))
+    if not 0 <= arguments.around <= _MOST_AROUND_M:
+        raise UsageError(f"--around is 0 to {_MOST_AROUND_M:g} metres")
+    if not arguments.most_mb > 0:
+        raise UsageError("--most-mb is more than 0")
+    if not arguments.attribution.strip():
+        raise UsageError("--attribution says whom the map has to name; the server's terms say that")
+    if arguments.mission is None:
+        bounds = bounds_of(arguments.bounds)
+    else:
+        bounds = bounds_around(load_mission(arguments.mission), arguments.around)
+    zooms = zooms_for(bounds) if arguments.zooms is None else zooms_of(arguments.zooms)
+    area = TileArea(bounds, zooms)
     count = len(area)
     if count > arguments.most:
         raise UsageError(
             f"these are {count} tiles; choose smaller bounds or fewer zoom levels, or say "
             f"--most {count}"
         )
-    fetcher = TileFetcher(arguments.url, arguments.per_second, arguments.contact)
+    fetcher = TileFetcher(
+        arguments.url,
+        arguments.per_second,
+        arguments.contact,
+        most_bytes=arguments.most_mb * _MB,
+    )
 
     def tell(done: int) -> None:
         if done % _EVERY == 0:
@@ -321,6 +441,6 @@ def run(arguments: argparse.Namespace) -> int:
     fetched = fetch(arguments.file, area, fetcher, arguments.attribution, tell)
     print(
         f"{arguments.file}: {fetched.new} tiles fetched, {fetched.before} were there, "
-        f"{fetched.none} the server does not have"
+        f"{fetched.none} the server does not have ({fetched.bytes / _MB:.1f} MB)"
     )
     return ExitCode.DONE

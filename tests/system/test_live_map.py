@@ -1,6 +1,7 @@
 """The live page's map and its buttons, as a person sees and presses them, in three sizes."""
 
 import contextlib
+import threading
 
 import pytest
 
@@ -12,6 +13,10 @@ from air_router.gossip.mapper import Mapper
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.web.fetch_command import TileArea, TileFetcher, bounds_around, fetch
+from air_router.web.serving import HERE, Web
+from air_router.web.tile_file import TileFile
+from tests.air_router.web.test_tile_fetch import MapServer
 from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker, expect, served
 from tests.system.page_checks import CROWDED, FITS, HIDDEN, PALE_AMONG
@@ -30,6 +35,10 @@ COVERING = """() => {
   return [...pairs, ...spots].filter(([a, b]) => over(a, b)).length;
 }"""
 NAMES = "() => [...document.querySelectorAll('.map-label')].map((one) => one.textContent)"
+GROUNDS = """(selector) => [...document.querySelectorAll(selector)]
+  .map((one) => getComputedStyle(one).backgroundColor)"""
+ALL_SEEN = """() => [...document.querySelectorAll(".leaflet-backdrop-pane img")]
+  .every((tile) => tile.naturalWidth === 256)"""
 # Waypoints in the window beside which there is no number.
 NAMELESS = """() => {
   if (document.querySelector(".leaflet-zoom-anim")) return -1;
@@ -56,11 +65,11 @@ def zoomed(way, until):
 class Aloft:
     """A flight that has begun in the air; what is requested on its page is decided as in flight."""
 
-    def __init__(self, mission):
+    def __init__(self, mission, web=HERE):
         self.mission, self.now_s = mission, 0.0
         self.controller = Controller(FlightSetup(mission, ("io",)))
         service = CommandService(mission.frame, self.controller, self.take)
-        self.page = LivePage(self.controller, service, dict, mapper=Mapper(mission))
+        self.page = LivePage(self.controller, service, dict, mapper=Mapper(mission), web=web)
         armed = {"armed": True, "mode": FlightMode.MISSION}
         for more in ({"altitude_m": 0.0}, {"altitude_m": 0.0, **armed}, {"in_air": True, **armed}):
             self.now_s += 1.0
@@ -179,3 +188,33 @@ def test_points_that_were_chosen_with_a_finger_are_cancelled_with_a_finger(brows
             expect(goto).to_have_text("Go to …")
             expect(cancel).to_have_count(0)
         assert flight.controller.state is State.INIT
+
+
+def test_a_ground_that_was_fetched_is_shown_offline_with_whom_to_name(browser, tmp_path):
+    mission, path = load_mission(PENNOVATION), tmp_path / "site.mbtiles"
+    with MapServer() as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        fetcher = TileFetcher(server.template, 10.0, pause=lambda _: None)
+        area = TileArea(bounds_around(mission, 200.0), range(16, 18))
+        fetched = fetch(path, area, fetcher, "© City of P.")
+        server.shutdown()
+        thread.join()
+    assert fetched.new == len(area)
+    flight = Aloft(mission, Web(tiles=TileFile.read(path)))  # the server is gone
+    with looking(browser, flight, viewport=viewport(SIZES[-1])) as looker:
+        page = looker.page
+        page.locator(".leaflet-backdrop-pane img").first.wait_for()
+        page.wait_for_function(ALL_SEEN)
+        name = page.locator(".leaflet-control-attribution")
+        expect(name).to_have_text("© City of P.")
+        expect(name).to_be_in_viewport()
+        page.wait_for_function(FITS)
+        page.wait_for_function(f"() => !({CROWDED})().length")
+        named = ".map-label, .leaflet-control-attribution"  # readable on any picture
+        for theme in ("light", "dark"):
+            page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
+            assert page.evaluate(PALE_AMONG, named) == []
+            assert "rgba(0, 0, 0, 0)" not in page.evaluate(GROUNDS, named)
+        address = page.url
+        assert looker.strangers(address) == []

@@ -120,7 +120,9 @@ function addTiles(map, { address, bounds, lowest, highest, attribution }) {
   const tell = () => control.setPrefix(map.getZoom() < from && "zoom in for the picture");
   map.on("zoomend", tell);
   tell();
+  map.getContainer().classList.add("pictured");
   return () => {
+    map.getContainer().classList.remove("pictured");
     map.off("zoomend", tell);
     for (const part of [layer, control]) part.remove();
   };

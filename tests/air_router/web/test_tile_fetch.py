@@ -1,12 +1,15 @@
 """Tiles that are fetched from a server on this machine: which, how politely, and again."""
 
 import http.server
+import socket
 import threading
+from pathlib import Path
 
 import pytest
 
 from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
+from air_router.mission.loading import load_mission
 from air_router.web.fetch_command import (
     FetchError,
     TileArea,
@@ -14,11 +17,13 @@ from air_router.web.fetch_command import (
     TileKey,
     bounds_of,
     fetch,
+    zooms_for,
     zooms_of,
 )
 from air_router.web.tile_file import TileFile
 from tests.air_router.tile_maker import picture, tile_at
 
+PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml"
 BOUNDS = (39.939, -75.204, 39.945, -75.196)
 WORDS = ",".join(map(str, BOUNDS))
 
@@ -132,3 +137,71 @@ def test_absurd_numbers_of_tiles_and_what_is_no_server_are_refused(server, tmp_p
     for bounds in ("1,2,3", "1,2,3,4,5", "a,b,c,d", "2,0,1,1", "0,0,91,1"):
         with pytest.raises(UsageError, match="S,W,N,E"):
             bounds_of(bounds)
+
+
+def test_the_ground_of_a_mission_is_fetched_from_its_file_alone(server, tmp_path, capsys):
+    path, mission = tmp_path / "site.mbtiles", load_mission(PENNOVATION)
+    common = ["tiles", "fetch", str(path), "--url", server.template, "--per-second", "10"]
+    named = [*common, "--mission", str(PENNOVATION), "--attribution", "© City"]
+    assert main([*named, "--zooms", "16-17", "--around", "100"]) == ExitCode.DONE
+    assert "MB)" in capsys.readouterr().out
+    south, west, north, east = TileFile.read(path).bounds
+    metres = [mission.frame.to_local(*corner) for corner in ((south, west), (north, east))]
+    fence = mission.fences[0].polygon.bounds
+    assert metres[0] == pytest.approx((fence[0] - 100, fence[1] - 100), abs=0.5)
+    assert metres[1] == pytest.approx((fence[2] + 100, fence[3] + 100), abs=0.5)
+    zooms = zooms_for((south, west, north, east))
+    assert zooms[-1] == 19
+    assert len(TileArea((south, west, north, east), zooms[:1])) <= 4
+    assert main([*named, "--around", "-1"]) == ExitCode.USAGE
+    assert main([*named, "--most-mb", "nan"]) == ExitCode.USAGE
+    assert main([*common, "--mission", str(PENNOVATION), "--attribution", " "]) == ExitCode.USAGE
+    assert "whom the map has to name" in capsys.readouterr().err
+    nothing = [*named[:-4], "--mission", str(tmp_path / "none.yaml"), "--attribution", "City"]
+    assert main(nothing) == ExitCode.INVALID_FILE
+    assert "none.yaml" in capsys.readouterr().err
+
+
+def test_no_more_bytes_are_fetched_than_were_asked_for(server, tmp_path):
+    area, path = TileArea(BOUNDS, range(17, 18)), tmp_path / "site.mbtiles"
+    limit = 2.5 * len(picture(0, 0))
+    fetcher = TileFetcher(server.template, 10.0, pause=lambda _: None, most_bytes=limit)
+    with pytest.raises(FetchError, match=r"more than .* MB have come; .*--most-mb; what was"):
+        fetch(path, area, fetcher, "© City")
+    assert len(server.asked) == 3  # the third is one too many, and is not kept
+    fetcher.most_bytes = 1e6
+    told = fetch(path, area, fetcher, "© City")  # it goes on
+    assert told.before == 2
+    assert told.bytes == sum(len(picture(x, y)) for _, x, y, code in server.asked[3:])
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (b"HTTP/1.1 200 OK\r\nContent-Length: 5000\r\n\r\n\x89PNG", "4 bytes read, 4996 more"),
+        (b"what?\r\n\r\n", "not HTTP .what"),
+        (b"", "closed connection"),
+        (b"HTTP/1.1 200 OK\r\n\r\n<html>login</html>", "no picture"),
+    ],
+)
+def test_what_a_broken_server_answers_is_one_clear_error(answer, why):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve():
+            with listening.accept()[0] as connection:
+                connection.recv(4096)
+                connection.sendall(answer)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        template = f"http://127.0.0.1:{listening.getsockname()[1]}/{{z}}/{{x}}/{{y}}"
+        with pytest.raises(FetchError, match=rf"tile 3/1/2: .*{why}.*run the command again"):
+            TileFetcher(template, 10.0, pause=lambda _: None).tile(TileKey(3, 1, 2))
+        thread.join()
+
+
+def test_a_server_whose_terms_forbid_it_is_not_asked():
+    for host in ("tile.openstreetmap.org", "a.tile.openstreetmap.org"):
+        with pytest.raises(UsageError, match="forbid copies for use offline"):
+            TileFetcher(f"https://{host}/{{z}}/{{x}}/{{y}}.png", 1.0)
+    TileFetcher("https://notopenstreetmap.org/{z}/{x}/{y}.png", 1.0)
