@@ -1,6 +1,9 @@
 """What is known of a flight that another companion goes on with: by its record, or by the vehicle.
 
 The record is replayed: the controller that flew knows since when it flew, and what it explored.
+Without a record the vehicle knows since when it flies, and nothing of what was explored: its plan
+item is where it was sent to last, perhaps to seek a robot or to come home past items that it never
+flew. So none of the waypoints counts as explored then, and all are flown again.
 """
 
 from __future__ import annotations
@@ -139,14 +142,14 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
         if recorded is not None and recorded[0].airborne_s >= (info.took_off_s or 0.0):
             words = _words(mission, recorded[0], telemetry, f"by its record {path}")
             return Resumption(*recorded, words)
-    visited = _before(mission, telemetry.item)
-    if info.took_off_s is not None:
-        flown = FlownBefore(info.took_off_s, visited)
-        how = "by what the vehicle says"
-    else:
-        flown = FlownBefore(0.0, visited)
-        how = "by its plan item; since when is not known, so from when it was switched on"
-    how += "; without a record heights count from the home that it has now"
+    flown = FlownBefore(info.took_off_s or 0.0)
+    how = "by what the vehicle says"
+    if info.took_off_s is None:
+        how = "since when is not known, so from when it was switched on"
+    how += (
+        "; without a record all waypoints are explored again, and heights count from the home that "
+        "it has now"
+    )
     return Resumption(flown, None, _words(mission, flown, telemetry, how))
 
 
@@ -184,13 +187,6 @@ def _setup(path: Path) -> FlightSetup | None:
 def _identity(mission: Mission) -> tuple[object, ...]:
     """What makes it the same mission, whatever zones were drawn since."""
     return mission.home, mission.uav, mission.waypoints
-
-
-def _before(mission: Mission, item: int | None) -> int:
-    """How many waypoints come before the one that the vehicle was sent to by its plan."""
-    node = None if item is None else FlightPlan.of(mission).node_of(item)
-    numbers = [waypoint.number for waypoint in mission.waypoints]
-    return numbers.index(node) if node in numbers else 0
 
 
 def _words(mission: Mission, flown: FlownBefore, telemetry: Telemetry, how: str) -> str:

@@ -309,6 +309,15 @@ class Fault(Enum):
     RESUMED_AMONG = Kind(
         "a zone is drawn while no companion runs", 8, inspections.resumed_among, "INIT"
     )
+    RESUMED_BLIND = Kind(
+        *("companion killed while it seeks, and resumed without a record", 8),
+        *(inspections.without_record, "SEARCH"),
+        waypoints=9,
+        mission={
+            "duration_s": 420,
+            "timers": {"init_s": 25, "explore_s": 60, "search_s": 8, "communicate_s": 10},
+        },
+    )
     PAST_ALL = Kind(
         *("sent along every zone and fence", 4, inspections.past_all, "INIT"),
         mission={"duration_s": 400},
@@ -379,7 +388,7 @@ _ALONE: Final = frozenset(
         *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
-        Fault.ASKED_IN_IDLE,
+        *(Fault.ASKED_IN_IDLE, Fault.RESUMED_BLIND),
         *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL),
     }
 )

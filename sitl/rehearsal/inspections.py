@@ -72,6 +72,18 @@ def resumed_among(dice: random.Random) -> Iterator[Row]:
     yield kill_s + dice.uniform(2.0, 8.0), "restart"
 
 
+def without_record(dice: random.Random) -> Iterator[Row]:
+    """Killed on its way to a waypoint far on where a robot may be; the next one has no record.
+
+    Robots are heard in some of these, so that a search may have ended by then.
+    """
+    if dice.randrange(3):
+        yield 0.0, "vanish"
+    kill_s = dice.uniform(1.0, 30.0)
+    yield kill_s, "kill"
+    yield kill_s + dice.uniform(2.0, 25.0), "restart"
+
+
 def file_changed(dice: random.Random) -> Iterator[Row]:
     """The operator changes other keys, alone and with a zone, and then the fence."""
     keys = list(_MORE)

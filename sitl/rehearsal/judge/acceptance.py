@@ -116,6 +116,7 @@ ACCEPTED: Final = MappingProxyType(
         "ALTERED_LISTS": _row(End.LANDED, End.STAYED),
         "FENCE_MOVED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
         "RESUMED_AMONG": _row(End.LANDED, End.HOVERS),
+        "RESUMED_BLIND": _row(End.LANDED, explores=True),
         "LANDED_AT": _row(End.LANDED, End.ASKED),
         "SECOND_UAV": _row(End.LANDED, End.ASKED),
         "ASKED_EVERYWHERE": _row(End.LANDED, End.ASKED),

@@ -283,15 +283,19 @@ def all_waypoints_are_visited(case: Case) -> Iterator[Violation]:
 
 
 def what_is_resumed_is_known(case: Case) -> Iterator[Violation]:
-    """A companion that is started anew knows since when it flies, and what its record says."""
-    words = re.compile(r"in the air for (\d+) s, (\d+) of \d+ waypoints explored \(by (.*)")
+    """A companion that is started anew takes no waypoint for explored that was not.
+
+    Unless it says that this is not known it knows since when it flies, by its record or PX4.
+    """
+    words = re.compile(r"in the air for (-?\d+) s, (\d+) of \d+ waypoints explored \((.*)")
     for at_s, text in case.said:
         found = words.search(text)
-        if found is None or "is not known" in found[3]:
+        if found is None:
             continue
         flown_s, most = at_s - float(case.time_s[int(case.flying.argmax())]), explored(case, at_s)
-        early_s = _RECORD_S if found[3].startswith("its record") else _TAKE_OFF_S
-        if not flown_s - early_s < float(found[1]) < flown_s + _LATE_S or int(found[2]) > most:
+        early_s = _RECORD_S if found[3].startswith("by its record") else _TAKE_OFF_S
+        in_time = flown_s - early_s < float(found[1]) < flown_s + _LATE_S
+        if int(found[2]) > most or not (in_time or "is not known" in found[3]):
             wrong = f"{found[0]}, but it flew {flown_s:.0f} s and was at {most} of them"
             yield Violation(at_s, "told", wrong)
 

@@ -103,14 +103,19 @@ def test_the_record_of_a_flight_before_this_one_is_left_alone(
     assert by_record or flown.airborne_s == took_off_s
 
 
-def test_without_a_record_the_vehicle_is_asked(mission):
-    item = FlightPlan.of(mission).item_of(4)
+@pytest.mark.parametrize("node", [0, 1, 4, 37])
+def test_without_a_record_the_vehicle_is_asked_since_when_and_no_waypoint_is_explored(
+    mission, node
+):
+    """It may be on its way to any item to seek a robot, or home: that is no progress."""
+    item = FlightPlan.of(mission).item_of(node)
     heard = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
     flown, _, words = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), heard)
-    assert flown == FlownBefore(50.0, 3)
-    assert words.startswith("in the air for 150 s, 3 of ")
+    assert flown == FlownBefore(50.0)
+    assert words.startswith(f"in the air for 150 s, 0 of {len(mission.waypoints)} waypoints")
+    assert "without a record all waypoints are explored again" in words
     flown, _, words = flown_before(mission, INFO, heard)
-    assert flown == FlownBefore(0.0, 3)
+    assert flown == FlownBefore(0.0)
     assert "so from when it was switched on" in words
 
 

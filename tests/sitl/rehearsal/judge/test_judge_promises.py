@@ -140,6 +140,26 @@ def test_waypoints_are_visited_in_their_turn_or_told_as_left_out():
         assert ("waypoint 3 was neither visited" in str(judge(flown).violations)) != good
 
 
+@pytest.mark.parametrize(
+    ("words", "wrong"),
+    [
+        ("40 s, 0 of 3 waypoints explored (by what the vehicle says)", False),
+        ("40 s, 1 of 3 waypoints explored (by what the vehicle says)", False),
+        ("40 s, 2 of 3 waypoints explored (by what the vehicle says)", True),
+        ("40 s, 2 of 3 waypoints explored (since when is not known)", True),
+        ("900 s, 0 of 3 waypoints explored (since when is not known)", False),
+        ("39 s, 1 of 3 waypoints explored (by its record flight.mcap)", False),
+        ("39 s, 2 of 3 waypoints explored (by its record flight.mcap)", True),
+        ("900 s, 1 of 3 waypoints explored (by its record flight.mcap)", True),
+    ],
+)
+def test_what_is_resumed_is_no_further_than_it_was(words, wrong):
+    """It was at the first waypoint, and is on its way to the second."""
+    said = [(20.0, "20.0 s  READY -> INIT"), (40.0, f"in the air for {words}")]
+    texts = str(judge(evidence(faults=("RESTART",), said=said)).violations)
+    assert ("was at 1 of them" in texts) is wrong
+
+
 def test_the_charge_covers_the_way_home():
     text = f"{TEXT}endurance_s: 200\n"
 
