@@ -154,7 +154,9 @@ class Companion:
         records: Path | None = None,
         uav: str | None = None,
         start: datetime | None = None,
+        result_first: bool = False,
     ) -> None:
+        self._result_first = result_first
         self._loop = SimulatedLoop(world)
         self._send = send
         self._status = _Status(say, self._loop.time)
@@ -219,7 +221,7 @@ class Companion:
             self._link.receive(name, fields, sender)
 
     def _connect(self, url: str, system_id: int) -> StandIn:
-        self._link = StandIn(self._send, url, system_id)
+        self._link = StandIn(self._send, url, system_id, result_first=self._result_first)
         return self._link
 
     def _unix_s(self) -> float:

@@ -38,6 +38,9 @@ _AT_ONCE: Final = frozenset({"ready", "armed"})
 _DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone", "change")
 """And how the names of others begin."""
 
+RESULT_FIRST: Final = 0.5
+"""Share of the flights in which a transfer's result is handed over before its MISSION_ACK."""
+
 _WIND: Final = {"WIND_COV": 2.0}
 FLIGHT_S: Final = 260.0
 
@@ -187,6 +190,11 @@ class Fault(Enum):
     PLAN_IN_RENEWAL = Kind(
         "another mission put on board while ours is being renewed",
         *(8, takeovers.plan_in_renewal, "INIT"),
+    )
+    LIST_AMONG_OURS = Kind(
+        "another station stores a list as soon as ours is there",
+        *(2 * len(takeovers.LISTS_AMONG_OURS), steps(), "ready"),
+        turns=takeovers.LISTS_AMONG_OURS,
     )
     RESTARTED_ON_ANOTHER = Kind(
         "another mission put on board while no companion runs", 8, takeovers.replaced_alone, "INIT"
@@ -389,7 +397,7 @@ _ALONE: Final = frozenset(
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
         *(Fault.ASKED_IN_IDLE, Fault.RESUMED_BLIND),
-        *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL),
+        *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL, Fault.LIST_AMONG_OURS),
     }
 )
 """Two things at once already, or nothing: not combined with others."""
@@ -426,6 +434,17 @@ class Scene:
     def draws(self) -> bool:
         """Whether zones are drawn into the mission file."""
         return any(happening.what.startswith(_DRAWS) for happening in self.schedule())
+
+    @property
+    def result_first(self) -> bool:
+        """Whether MAVSDK hands over a transfer's result before its MISSION_ACK.
+
+        Where courses come by turns every second scene has it, so that with an odd number of them
+        each comes with both.
+        """
+        if self.fault.value.turns:
+            return self.seed % 2 == 1
+        return self.chance("MAVSDK").random() < RESULT_FIRST
 
     def most(self, what: str) -> float:
         """The most that its faults have of `loss`, `late_s` or `old_s`."""

@@ -273,6 +273,32 @@ class Pilot:
             self._taken("plan")
         return True
 
+    def do_list_after(self, what: tuple[str, str]) -> None:
+        """As soon as one of our lists is stored, a station stores one of its own."""
+        ours, theirs = (MissionType[name.upper()] for name in what)
+        stations, plan = self._flight.stations, self._flight.autopilot.plan
+        before = plan.identifier(ours)
+
+        def store() -> bool:
+            if plan.identifier(ours) == before or not stations.may_upload:
+                return False
+            match theirs:
+                case MissionType.MISSION:
+                    stations.other_plan()
+                case MissionType.FENCE:
+                    stations.add_zone(self._dice.uniform(10.0, 40.0))
+                case _:
+                    stations.delete(theirs)
+            self._flight.happened(SceneEventKind.LIST_STORED, theirs.name.lower())
+            if self._flight.autopilot.armed:
+                if theirs is MissionType.MISSION:
+                    self._taken("plan")
+                else:
+                    self._flight.happened(SceneEventKind.FENCE_CHANGED, "added")
+            return True
+
+        self._operator.wait_for(store)
+
     def do_fence(self, ahead_m: float | None) -> None:
         """A station adds a zone so far ahead, or deletes the fence."""
         if not self._operator.flies:

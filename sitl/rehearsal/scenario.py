@@ -223,6 +223,7 @@ class Scenario(World, ABC):
             records=self._logs,
             uav=self._uav,
             start=START if self._dated else None,
+            result_first=self.scene.result_first,
         )
         try:
             companion.run()

@@ -31,6 +31,22 @@ plan_at_start: Final = steps((choice(0.0, 1.0, 2.0, 4.0), "plan", choice("same",
 plan_in_renewal: Final = steps((0.0, "reload", 25.0), (uniform(2.5, 8.0), "plan", "other"))
 """A station puts its plan on board while ours is being put there anew."""
 
+LISTS_AMONG_OURS: Final[tuple[Course, ...]] = (
+    *(
+        steps((0.0, "list after", (ours, theirs), "ready"))
+        for ours, theirs in (
+            *(("fence", "fence"), ("rally", "fence"), ("rally", "rally")),
+            *(("mission", "mission"), ("mission", "fence")),
+        )
+    ),
+    *(
+        steps((0.0, "list after", ("fence", theirs), "INIT"), (1.0, "reload", 25.0, "INIT"))
+        for theirs in ("mission", "fence")
+    ),
+)
+"""A station stores one of its lists as soon as one of ours is stored, and before the vehicle has
+said so: while we get ready, and while a changed fence is put on board."""
+
 restart_taken: Final = chain(
     (0.0, "kill"),
     (uniform(0.5, 4.0), "pilot", choice(*SURE[1:])),

@@ -209,7 +209,7 @@ class OnboardPlan:
             await self._clear_rally_points()
         if self._telemetry.mission_reports > 0 and not self._tells_state:
             # What its arming checks say next is of this mission, and not of the one before.
-            await _transfer("no mission", self._plugins.raw.clear_mission_async)
+            await self._clear_mission()
         self._telemetry.forget_words()
         for places, items in ((self.fence, plan.fence), (self.rally, plan.rally)):
             if items:
@@ -223,9 +223,7 @@ class OnboardPlan:
             await self.compare(plan)  # it has all that was sent
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
             # was switched on: it judges a mission anew only if it is another.
-            await self._may_change(MISSION)
-            await _transfer("no mission", self._plugins.raw.clear_mission_async)
-            self._put(MISSION, ())
+            await self._clear_mission()
             await self._upload(self.mission, plan.items)
             await self._feasible(len(plan.items))
         return await self.compare(plan)  # last: reports have come that tell which plan is read
@@ -280,6 +278,15 @@ class OnboardPlan:
         items = await self.download(self.mission)
         _compare(self.mission.what, list(plan.items), items)
         return said
+
+    async def _clear_mission(self) -> None:
+        """Take the mission off board, so that the one that follows is judged anew."""
+        await self._may_change(MISSION)
+        result, *_ = await _transfer("no mission", self._plugins.raw.clear_mission_async)
+        cleared = result == MissionRawResult.SUCCESS
+        if not cleared:  # what follows replaces it
+            self._telemetry.guard.clear_refused(MISSION)
+        self._put(MISSION, () if cleared else None)
 
     async def _clear_fence(self) -> None:
         """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""

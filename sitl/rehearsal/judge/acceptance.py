@@ -194,6 +194,11 @@ ACCEPTED: Final = MappingProxyType(
         "PLAN_IN_RENEWAL": _row(
             *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
         ),
+        "LIST_AMONG_OURS": _row(
+            *(End.LANDED, End.STAYED, End.PILOT),
+            notice_s=3.0,
+            says="another ground station has changed|plan on board was|another plan is|fence|rally",
+        ),
         "PLAN_AT_START": _row(
             *(End.LANDED, End.STAYED, End.PILOT), notice_s=3.0, says="plan on board|another plan"
         ),

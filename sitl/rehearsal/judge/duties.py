@@ -90,6 +90,9 @@ _DEEP_M, _MOVED_M, _STANDS_S, _TOLD_S = 0.5, 4.0, 25.0, 12.0
 given so long before counts."""
 
 _NOT_ON_BOARD: Final = re.compile(" is not on board: ")
+_BOARD_S, _LEFT_S = 45.0, 5.0
+"""A changed fence is on board within the one; a vehicle is left to the pilot within the other."""
+
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 
 
@@ -323,9 +326,16 @@ def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
 
 
 def a_fence_that_is_not_on_board_ends_the_mission(case: Case) -> Iterator[Violation]:
-    """Where it says that its zones did not get on board it comes home: there is no second wall."""
+    """Where it says that its zones did not get on board it comes home: there is no second wall.
+
+    Where another station has stored its own meanwhile the vehicle may be left to the pilot.
+    """
+    changed = [h.time_s for h in case.evidence.told(SceneEventKind.FENCE_CHANGED)]
     for at_s, text in case.said:
         if _NOT_ON_BOARD.search(text):
+            anothers = any(at_s - _BOARD_S < changed_s < at_s for changed_s in changed)
+            if anothers and case.has_said("hands off", at_s, at_s + _LEFT_S):
+                continue
             yield from comes_home(case, News(at_s, "its fence is not on board"), at_s, [])
 
 

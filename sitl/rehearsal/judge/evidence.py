@@ -106,6 +106,7 @@ class SceneEventKind(StrEnum):
     ESTIMATE_OFF = "estimate off"  # metres that it is wrong by from now on, horizontally
     HOME_MOVED = "home moved"  # (latitude_deg, longitude_deg, altitude_amsl_m)
     FENCE_CHANGED = "fence changed"  # by another station; "deleted", "added" ...
+    LIST_STORED = "list stored"  # by another station, among ours: "mission", "fence", "rally"
     BATTERY = "battery"  # seconds that it takes from full to empty from now on
     # One direction of an exchange with a robot is over: (robot, "in" to us or "out", when it began,
     # what the robot handed to us by it: a list of (robot that made it, topic, bytes)).

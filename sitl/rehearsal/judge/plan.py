@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.case import Case, MissionVersion, Responsible, Violation
 from sitl.rehearsal.judge.evidence import (
+    ARM,
     AUTOPILOT,
     EVERYTHING,
     FENCE,
@@ -40,6 +41,9 @@ _SETTLES_S: Final = 45.0
 
 _COMPARED_S: Final = 20.0
 """Within this what another station has put on board is known to be another."""
+
+_UNDER_WAY_S: Final = 0.1
+"""What is received so much later was sent after it happened."""
 
 _FAR_M: Final = 2000.0
 _STANDS_M_S: Final = 1.0
@@ -228,6 +232,31 @@ def no_leg_begins_beside_anothers_fence(case: Case) -> Iterator[Violation]:
         for message, _ in case.legs:
             if from_s < message.time_s < until_s:
                 text = f"a leg, though the fence on board is another since {begin_s:.1f} s"
+                yield Violation(message.time_s, "plan", text)
+                break
+
+
+def no_list_follows_anothers(case: Case) -> Iterator[Violation]:
+    """Once the vehicle says that a station has stored a list, none of ours follows by itself.
+
+    Nor is it armed with that on board. An operator may have ours put there again.
+    """
+    orders_s = [
+        h.time_s for h in case.evidence.told(SceneEventKind.REQUEST, SceneEventKind.STARTED)
+    ]
+    for stored in case.evidence.told(SceneEventKind.LIST_STORED):
+        from_s = stored.time_s + _UNDER_WAY_S
+        told_s = (m.time_s for m in case.heard("MISSION_CURRENT") if m.time_s > from_s)
+        known_s = next(told_s, math.inf) + case.evidence.reaction_s
+        until_s = min((at_s for at_s in orders_s if at_s > stored.time_s), default=math.inf)
+        for message in case.commands:
+            begins = message.name in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
+            arms = command_of(message) == ARM
+            if (begins or arms) and known_s < message.time_s < until_s:
+                what = "armed" if arms else "a list is begun"
+                text = (
+                    f"{what}, though a station stored its {stored.value} at {stored.time_s:.1f} s"
+                )
                 yield Violation(message.time_s, "plan", text)
                 break
 

@@ -2,6 +2,9 @@
 
 Nothing but MAVSDK's C++ library is replaced: time-outs, repetitions, heartbeats and answers are
 those of MAVSDK 4.1, messages are those that it would send.
+
+A MISSION_ACK reaches a companion twice: as the result of its transfer, and as the message itself by
+`MavlinkDirect`. MAVSDK's threads hand over either one first, and a scene says which.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import asyncio
 import contextlib
 import json
 import math
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final, cast
@@ -56,6 +59,10 @@ _HEARTBEAT: Final = {
     "system_status": 4,  # MAV_STATE_ACTIVE
     "mavlink_version": 3,
 }
+RESULT_FIRST_S: Final = 0.002
+"""So much later than the result of a transfer its MISSION_ACK is handed over, where that is second.
+What came after it waits behind it: `MavlinkDirect` keeps the order."""
+
 _REPEATS: Final = 3
 _IN_PROGRESS: Final = 5  # MAV_RESULT
 _MISSION, _FENCE, _RALLY = 0, 1, 2  # MAV_MISSION_TYPE
@@ -76,14 +83,17 @@ class StandIn(Px4Connection):
         send: The companion's end of the link.
         url: As for the real one.
         system_id: The vehicle's.
+        result_first: The result of a transfer is handed over before its MISSION_ACK.
 
     Attributes:
         send: The same; another one where the link is cut.
     """
 
-    def __init__(self, send: Send, url: str, system_id: int) -> None:
+    def __init__(self, send: Send, url: str, system_id: int, *, result_first: bool = False) -> None:
         super().__init__(url, system_id)
         self.send = send
+        self._result_first = result_first
+        self._waiting: deque[Callable[[], None]] = deque()  # for `MavlinkDirect`, in order
         self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
         self._direct: defaultdict[str, list[FromAny]] = defaultdict(list)
         self._heard = asyncio.Event()  # a HEARTBEAT of the vehicle
@@ -107,6 +117,7 @@ class StandIn(Px4Connection):
 
     async def close(self) -> None:
         """End what goes on."""
+        self._waiting.clear()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -117,11 +128,24 @@ class StandIn(Px4Connection):
         `MavlinkDirect` hands on all of one system; the rest of MAVSDK knows its autopilot.
         """
         autopilot = (self.system_id, _AUTOPILOT)
-        for direct in tuple(self._direct.get(name, ())):
-            direct(fields, sender or autopilot)
+        hand_on = partial(self._hand_on, name, fields, sender or autopilot)
+        if self._waiting or (self._result_first and name == "MISSION_ACK"):
+            self._waiting.append(hand_on)
+            if len(self._waiting) == 1:
+                asyncio.get_running_loop().call_later(RESULT_FIRST_S, self._hand_on_waiting)
+        else:
+            hand_on()
         if sender in {None, autopilot}:
             for listener in tuple(self._listeners.get(name, ())):
                 listener(fields)
+
+    def _hand_on(self, name: str, fields: Fields, sender: tuple[int, int]) -> None:
+        for direct in tuple(self._direct.get(name, ())):
+            direct(fields, sender)
+
+    def _hand_on_waiting(self) -> None:
+        while self._waiting:
+            self._waiting.popleft()()
 
     def listen_to_all(self, name: str, listener: FromAny) -> Callable[[], None]:
         """Hand messages of a name to this, with their senders; returns what ends it."""

@@ -31,11 +31,18 @@ def identity(items):
     return [(item.command, item.x, item.y, item.z) for item in items]
 
 
+def number_of(items):
+    """By which it tells one list from another; 0: it is empty."""
+    return hash(repr(items)) if items else 0
+
+
 class Board:
     """A PX4 as MAVSDK shows it: it judges a mission only if it is another than before."""
 
-    def __init__(self, *, good=True, tells_state=True, judges_after=0):
+    def __init__(self, *, good=True, tells_state=True, judges_after=0, result_first=False):
         self.good = good
+        self.result_first = result_first  # MAVSDK's result is read before our MISSION_ACK
+        self.unread = []  # such answers
         self.tells_state = tells_state  # in MISSION_CURRENT, as from PX4 1.17 on
         self.judges_after = judges_after  # so many reports of its arming checks
         self.reports = ArmingReports()
@@ -79,7 +86,7 @@ class Board:
 
     def numbered(self):
         """From now on it tells ids, as PX4 does since 1.15."""
-        self.plan_ids = PlanIds(*map(hash, map(repr, (self.items, self.fence, self.rally))))
+        self.plan_ids = PlanIds(*map(number_of, (self.items, self.fence, self.rally)))
 
     async def shows(self, condition, _limit_s):
         if condition():
@@ -87,6 +94,8 @@ class Board:
         for _ in range(10):
             self.mission_reports += 1
             self.time_s += 1.0
+            while self.unread:
+                self.guard.stored(*self.unread.pop(0))
             if self.plan_ids is not None:
                 self.numbered()
                 self.guard.told(self.plan_ids)
@@ -119,8 +128,10 @@ class Board:
         answer(MissionRawResult.SUCCESS, None)
 
     def _stored(self, kind, items):
-        if self.plan_ids is not None:
-            self.guard.stored(kind, hash(repr(items)))
+        if self.plan_ids is not None and self.result_first:
+            self.unread.append((kind, number_of(items)))
+        elif self.plan_ids is not None:
+            self.guard.stored(kind, number_of(items))
         self.after(kind)
 
     def clear_mission_async(self, answer):
@@ -356,14 +367,43 @@ def test_a_plan_that_is_not_waited_for_any_more_reads_nothing_and_leaves_the_wat
     assert board.guarded == "ours"
 
 
-@pytest.mark.parametrize("ids", [True, False])  # an older PX4 tells none: it is read back
+@pytest.mark.parametrize("result_first", [True, False])
+def test_our_lists_are_ours_whether_their_answer_or_the_result_comes_first(
+    pennovation, result_first
+):
+    plan, board = FlightPlan.of(pennovation), Board(result_first=result_first)
+    board.numbered()
+    onboard = board.onboard()
+    asyncio.run(onboard.upload(plan))
+    shorter = dataclasses.replace(plan, fence=plan.fence[:-4], rally=plan.rally[:-1])
+    asyncio.run(onboard.renew(shorter, lambda: None))
+    assert len(board.fence) == len(shorter.fence)
+    assert board.guard.changed == frozenset()
+
+
+@pytest.mark.parametrize("result", [MissionRawResult.SUCCESS, MissionRawResult.TIMEOUT])
+def test_a_mission_that_we_have_cleared_is_not_anothers_change(pennovation, result):
+    """On a PX4 before 1.17 one that is on board is cleared first; what it answers may be lost."""
+    plan, board = FlightPlan.of(pennovation), Board(tells_state=False)
+    board.items = [to_raw(n, item, 0) for n, item in enumerate(plan.items[:-1])]
+    board.numbered()
+    clear = board.clear_mission_async
+    board.clear_mission_async = lambda answer: clear(lambda *_: answer(result, None))
+    asyncio.run(board.onboard().upload(plan))
+    assert len(board.items) == len(plan.items)
+
+
+@pytest.mark.parametrize(
+    ("ids", "result_first"),
+    [(True, True), (True, False), (False, False)],  # an older PX4 tells none: it is read back
+)
 @pytest.mark.parametrize("after", [FENCE, RALLY])
 @pytest.mark.parametrize("first", [True, False])
 def test_what_another_station_changes_meanwhile_is_written_over_by_no_list(
-    pennovation, ids, after, first
+    pennovation, ids, result_first, after, first
 ):
     """From the first list to the last, in the first upload and when the plan is renewed."""
-    plan, board = FlightPlan.of(pennovation), Board()
+    plan, board = FlightPlan.of(pennovation), Board(result_first=result_first)
     onboard = board.onboard()
     if ids:
         board.numbered()

@@ -26,6 +26,7 @@ from tests.sitl.rehearsal.judge.test_judge import (
     track,
     upload,
 )
+from tests.sitl.rehearsal.judge.test_judge_inputs import flight
 
 FILE = yaml.safe_load(TEXT)
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
@@ -98,6 +99,53 @@ def test_without_its_fence_on_board_it_comes_home():
     said = [(32.0, "the changed fence is not on board: refused")]
     assert kinds(evidence(said=said)) == set()
     assert kinds(evidence(track(ROUND * 3), said=said)) == {"home"}
+
+
+@pytest.mark.parametrize(
+    ("happening", "words", "excused"),
+    [
+        (
+            (25.0, SceneEventKind.FENCE_CHANGED, "added"),
+            "hands off: another plan is on board",
+            True,
+        ),
+        ((25.0, SceneEventKind.FENCE_CHANGED, "added"), "holding", False),
+        ((95.0, SceneEventKind.FENCE_CHANGED, "added"), "hands off: another plan", False),
+        ((25.0, SceneEventKind.FAULT, "reload"), "hands off: another plan is on board", False),
+    ],
+)
+def test_what_is_left_to_the_pilot_over_anothers_fence_does_not_come_home(
+    happening, words, excused
+):
+    said = [(32.0, "the changed fence is not on board: it is another's"), (33.0, words)]
+    flown = evidence(track(ROUND * 3), said=said, happenings=(SceneEvent(*happening),))
+    assert ("home" in kinds(flown)) is not excused
+
+
+@pytest.mark.parametrize(
+    ("at_s", "sent", "asked_s", "wrong"),
+    [
+        (31.0, "MISSION_COUNT", None, True),
+        (31.0, "MISSION_CLEAR_ALL", None, True),
+        (30.1, "MISSION_COUNT", None, False),  # it cannot be known yet
+        (31.0, "MISSION_REQUEST_LIST", None, False),
+        (31.0, "MISSION_COUNT", 30.5, False),  # the operator wants ours there
+        (31.0, "MISSION_COUNT", 29.0, True),
+    ],
+)
+def test_no_list_of_ours_follows_one_that_a_station_has_stored(at_s, sent, asked_s, wrong):
+    scene = [SceneEvent(30.0, SceneEventKind.LIST_STORED, "fence")]
+    scene += [] if asked_s is None else [SceneEvent(asked_s, SceneEventKind.REQUEST, "reload")]
+    begins = ours(at_s, sent, count=4, mission_type=2)
+    flown = flight(more=[begins], happenings=tuple(scene), reaction_s=0.004)
+    texts = str(judge(flown).violations)
+    assert ("a list is begun, though a station stored its fence" in texts) is wrong
+
+
+def test_nothing_is_armed_over_a_list_that_a_station_has_stored():
+    stored = (SceneEvent(0.2, SceneEventKind.LIST_STORED, "mission"),)
+    flown = flight(more=[command(0.9, 400, param1=1.0)], happenings=stored, reaction_s=0.004)
+    assert "armed, though a station stored its mission" in str(judge(flown).violations)
 
 
 def test_no_rally_point_stays_in_a_zone():
