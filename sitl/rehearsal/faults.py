@@ -164,6 +164,11 @@ class Fault(Enum):
         "pilot takes over while commands of ours wait", 16, takeovers.taken_in_haste
     )
     SILENCE_TAKEN = Kind("pilot takes over during a silence", 12, takeovers.silence_taken)
+    CHOSEN_BACK = Kind(
+        "pilot chooses the mode of before over an order of ours that has not shown",
+        *(3 * len(takeovers.CHOSEN_BACK), steps(), "INIT"),
+        turns=takeovers.CHOSEN_BACK,
+    )
     STALL_TAKEN = Kind(
         *("pilot takes over while the companion stands still for 0.2 to 2 s", 40),
         takeovers.stalled_taken,
@@ -388,7 +393,7 @@ _ALONE: Final = frozenset(
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.IDLE, Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
-        Fault.STALL_TAKEN,
+        *(Fault.STALL_TAKEN, Fault.CHOSEN_BACK),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
         Fault.JUMPING_POSES,

@@ -119,6 +119,23 @@ class Pilot:
         if self._operator.flies and self._flight.stations.chosen(mode, self._flight.stations.first):
             self._taken(mode.name)
 
+    def do_choose_back(self, _: None) -> None:
+        """As soon as the vehicle takes a mode of ours the pilot chooses the one before again.
+
+        No message has shown ours: to the companion the vehicle was in one mode all the time.
+        """
+        flight, autopilot = self._flight, self._flight.autopilot
+
+        def choose_back() -> None:
+            shown = autopilot.mode
+            if autopilot.intended is shown or not self._operator.flies or autopilot.failsafe.acting:
+                return
+            flight.after_order = lambda: None
+            if flight.stations.chosen(shown, flight.stations.first):
+                self._taken("mode of before")
+
+        flight.after_order = choose_back
+
     def do_second_station(self, name: str) -> None:
         """Another station chooses a mode."""
         stations = self._flight.stations

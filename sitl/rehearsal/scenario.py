@@ -70,6 +70,10 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
+def _nothing() -> None:
+    """No message of the companion is waited for."""
+
+
 class Scenario(World, ABC):
     """Flies one scene, in which the companion's loop runs.
 
@@ -88,6 +92,7 @@ class Scenario(World, ABC):
         mission: As it was at the start.
         seek: Who is sought.
         companion: That runs now; None: none.
+        after_order: Called once a message of the companion has reached the vehicle.
     """
 
     def __init__(self, scene: Scene, path: Path) -> None:
@@ -98,6 +103,7 @@ class Scenario(World, ABC):
         self._dated = scene.fault is Fault.DAILY_HOURS
         self._uav = ANOTHER if scene.fault is Fault.SECOND_UAV else None
         self.companion: Companion | None = None
+        self.after_order: Callable[[], object] = _nothing
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
         self._speaker = Sender(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
@@ -291,6 +297,7 @@ class Scenario(World, ABC):
 
         def arrive(arrived: Mapping[str, Any]) -> None:
             vehicle.receive(vehicle.onboard, speaker.pack_values(name, arrived))
+            self.after_order()
 
         arrives = self.link.send(Way.UP, name, fields, self.now_s, arrive)
         self._record(speaker, name, fields, delivered=arrives)

@@ -31,6 +31,15 @@ plan_at_start: Final = steps((choice(0.0, 1.0, 2.0, 4.0), "plan", choice("same",
 plan_in_renewal: Final = steps((0.0, "reload", 25.0), (uniform(2.5, 8.0), "plan", "other"))
 """A station puts its plan on board while ours is being put there anew."""
 
+CHOSEN_BACK: Final[tuple[Course, ...]] = (
+    steps((0.0, "ask", "hold"), (6.0, "choose back"), (6.1, "ask", "resume")),
+    steps((0.0, "choose back"), (0.1, "ask", "hold")),
+    steps((0.0, "choose back"), (0.1, "request", 0.8)),
+    steps((0.0, "ask", "hold"), (8.0, "choose back"), (8.1, "ask", "land")),
+)
+"""The pilot chooses the mode of before as soon as a jump, a hold, a go-to or a landing of ours has
+begun, and before any message shows it."""
+
 LISTS_AMONG_OURS: Final[tuple[Course, ...]] = (
     *(
         steps((0.0, "list after", (ours, theirs), "ready"))

@@ -5,8 +5,10 @@ end: a mode that was received before may be another by now (`px4_mode_check`). T
 `Px4Commands._look`, and nothing that moves the vehicle leaves beside it.
 
 Sending a command again because no answer came, as MAVSDK does, takes the vehicle back from
-a pilot who chose something else meanwhile. Here it leaves again only on a HEARTBEAT from some time
-after it left that still shows what was before; what leads to a place does not leave again at all.
+a pilot who chose something else meanwhile. That may be the mode of before: a vehicle that has
+acknowledged another one, and is not in it, was in it for a moment, and is another's. Here it leaves
+again only on a HEARTBEAT from some time after it left that still shows what was before; what leads
+to a place does not leave again at all.
 """
 
 import logging
@@ -56,6 +58,9 @@ LOOKED_S: Final = 0.02
 
 POLL_S: Final = 0.1
 """So often the vehicle's mode is requested while it is waited for."""
+
+ACTS_S: Final = 0.2
+"""So long after its acknowledgement the mode of an order is that of the vehicle: within 20 ms."""
 
 SAME_M: Final = 1.0
 """A target nearer than this to a place is that place: PX4 tells it to a centimetre."""
@@ -305,7 +310,8 @@ class Px4Commands:
         if sent.order.moves and not attempt:
             self._unfollowed.append(sent)
         sent.last_s = loop_s()
-        sent.refusal = None
+        if sent.refusal is not None:  # what was answered was about the time before
+            sent.refusal, sent.accepted, sent.acked_s = None, False, math.inf
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self._send(sent.order.wire(attempt), sent.order.words)
 
@@ -327,6 +333,9 @@ class Px4Commands:
                 return verdict
             if await self._telemetry.shows(judged, min(left_s, POLL_S)):
                 return verdict
+            if self._should_show(sent) and await self.check.received(left_s):
+                # In the mode of now it is not: it was, for a moment that no message has shown.
+                return verdict if judged() else OrderOutcome.TAKEN
             # A mode that it has now and no HEARTBEAT has told yet is a pilot's as soon as another
             # follows: the sooner ours is known, the sooner that shows.
             self.check.request()
@@ -339,6 +348,16 @@ class Px4Commands:
         if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
             return OrderOutcome.REFUSED
         return OrderOutcome.AGAIN if more and self._no_other_chose(sent) else None
+
+    def _should_show(self, sent: SentOrder) -> bool:
+        """Whether PX4 has changed the mode as this very order said, long enough ago to show it.
+
+        The first acknowledgement of a mode says nothing on PX4 1.16 and 1.17; the second, which
+        follows at once, is a refusal where it does not change.
+        """
+        changes = sent.order.leads_to is not sent.before.mode
+        accepted = sent.accepted and sent.refusal is None
+        return changes and accepted and loop_s() >= sent.acked_s + ACTS_S
 
     def _late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""

@@ -179,6 +179,7 @@ ACCEPTED: Final = MappingProxyType(
         "LAYERS": _row(End.LANDED, End.PILOT),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "SILENCE_TAKEN": _row(End.LANDED, End.PILOT),
+        "CHOSEN_BACK": _row(End.PILOT, says="pilot"),
         "STALL_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "LEFT_BEHIND": _row(End.LANDED, End.PILOT, notice_s=3.0),

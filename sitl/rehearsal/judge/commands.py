@@ -46,7 +46,7 @@ _CROSSES_S: Final = 0.05
 it: no look at the mode can prevent that, and the vehicle shows that it follows us."""
 
 _SHOWS_LATER_S: Final = 1.0
-_UNSHOWN: Final = frozenset({"item", "reposition", "plan", "airframe"})
+_UNSHOWN: Final = frozenset({"item", "reposition", "plan", "airframe", "mode of before"})
 """A pilot's choices that no mode shows: where the vehicle goes does, or the next HEARTBEAT."""
 
 _HOVER: Final = frozenset({2, 3, 13, 14, 15, 29, 35})

@@ -93,6 +93,7 @@ class SceneEventKind(StrEnum):
     MISSION_FILE = "mission file"  # the text as it is to be flown from now on, after a reload
     FILE_LEFT = "mission file left"  # (when it was asked to read it, the text that it did not take)
     PILOT = "pilot"  # what the pilot or a station chose: mode name, "sticks", "item", "plan" ...
+    # and "mode of before": again, over an order of ours that no message had shown
     HANDED_OVER = "handed over"  # None: the pilot, who took off, chose Mission mode for us
     DISARMED = "disarmed"  # who: "pilot", "station"; also by force in the air
     REBOOTED = "rebooted"  # None: the autopilot was started anew, on the ground at home

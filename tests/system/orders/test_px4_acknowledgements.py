@@ -96,14 +96,18 @@ def test_of_the_two_acknowledgements_of_a_mode_the_second_counts(run, hovering):
     assert px4.commands() == JUMP
 
 
-def test_what_is_refused_for_now_is_asked_for_again(run):
+@pytest.mark.parametrize("first", [(), (ACCEPTED,)])  # as PX4 1.16 and 1.17 say at once
+def test_what_is_refused_for_now_is_asked_for_again(run, first):
+    """Also if nothing is answered to that: the acceptance of before says nothing of it."""
+
     def later(px4, order):
-        if len(px4.orders) < 2:
-            px4.acknowledge(order, TEMPORARILY_REJECTED)
-        else:
+        if len(px4.orders) == 1:
+            for result in (*first, TEMPORARILY_REJECTED):
+                px4.acknowledge(order, result)
+        elif len(px4.orders) == 3:
             follows(px4, order)
 
-    assert run(later, hold).commands() == ORDERS[hold] * 2
+    assert run(later, hold).commands() == ORDERS[hold] * 3
 
 
 def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):

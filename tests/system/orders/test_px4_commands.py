@@ -12,6 +12,7 @@ from air_router.errors import PlanRefusedError
 from air_router.vehicle.px4.px4_motions import ATTEMPTS
 from geo.frame import Point
 from tests.system.orders.verbs import (
+    ACCEPTED,
     JUMP,
     ORDERS,
     STOP,
@@ -95,6 +96,25 @@ def test_a_pilot_s_mode_ends_it_at_once(run, verb):
 @pytest.mark.usefixtures("patient")
 def test_a_pilot_s_mode_ends_a_stop_at_once(run, hovering):
     assert run(takes_over, fails(hold, "the pilot chose"), **hovering).commands() == STOP
+
+
+def chosen_back(px4, order):
+    """It does what it is told, and a pilot has chosen the mode of before when it is told next."""
+    set_item(px4, order)
+    if order.get_type() != "MISSION_SET_CURRENT":
+        px4.acknowledge(order, ACCEPTED)
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize("verb", ORDERS)
+def test_the_mode_of_before_that_a_pilot_chose_before_ours_has_shown_is_not_ended(run, verb):
+    px4 = run(chosen_back, fails(verb, "the pilot chose"), **state_for(verb))
+    assert px4.commands() == ORDERS[verb]
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_hold_that_a_pilot_chose_before_a_jump_has_shown_is_not_ended(run, hovering):
+    assert run(chosen_back, fails(jump, "the pilot chose Hold"), **hovering).commands() == JUMP
 
 
 def other_item(px4, _order):
