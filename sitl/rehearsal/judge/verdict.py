@@ -46,6 +46,9 @@ _GAP_S: Final = 1.0
 _STALE_S: Final = 1.5
 """A mode that is heard may be so old, and is believed for so long."""
 
+_OLDEST_S: Final = 0.1
+"""A message that came at once tells how the vehicle was so long ago, at most."""
+
 _CRUISES: Final = 0.9
 """Above so much of its altitude it does not climb any more."""
 
@@ -228,7 +231,10 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
 
 
 def _was_lied_to(case: Case) -> bool:
-    """Whether it let go just after a mode, or a failsafe, was heard that the vehicle was not in."""
+    """Whether it let go just after a mode, or a failsafe, was heard that the vehicle was not in.
+
+    Or that it was in no more: a message that comes at once tells no mode which was left by then.
+    """
     let_go_s = min(_hands_off_s(case), default=math.inf)
     for message in case.evidence.heard:
         named = message.component == AUTOPILOT and message.name in {"HEARTBEAT", "CURRENT_MODE"}
@@ -238,7 +244,10 @@ def _was_lied_to(case: Case) -> bool:
         about = case.evidence.samples[first : last + 1]
         critical = number(message.fields, "system_status") >= _CRITICAL
         mode = number(message.fields, "custom_mode")
-        if all(sample.custom_mode != mode for sample in about):
+        now = case.evidence.samples[
+            case.at(message.time_s - _OLDEST_S) : case.at(message.time_s) + 1
+        ]
+        if any(all(each.custom_mode != mode for each in samples) for samples in (about, now)):
             return True
         if critical and not any(sample.failsafe for sample in about):
             return True

@@ -1,6 +1,7 @@
 """The judge in the companion's seat: by hand, what was heard, and what was not made of it."""
 
 import dataclasses
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -107,6 +108,16 @@ def test_what_says_that_it_is_no_multicopter_is_not_commanded():
     assert kinds_of(13, 50.0, 80.0) == set()  # a hexarotor
     assert kinds_of(1, 59.8, 80.0) == set()  # it could not be known yet
     assert kinds_of(22, 50.0, 55.0) == set()  # it was over
+
+
+@pytest.mark.parametrize(("left_s", "wrong"), [(50.0, False), (math.inf, True), (50.25, True)])
+def test_a_mode_that_is_told_after_it_was_left_may_be_taken_for_a_pilots(left_s, wrong):
+    """It is told all the time that it is in Mission mode."""
+    hold = 0x03040000
+    states = [(*s[:5], hold if 0.05 * n >= left_s else s[5]) for n, s in enumerate(FLOWN)]
+    said = [CRUISES, (50.3, "50.3 s  WARNING: hands off: the pilot chose Mission mode")]
+    texts = [violation.text for violation in judge(flight(states, said=said)).violations]
+    assert any("but none had" in text for text in texts) is wrong
 
 
 CRUISES = (43.0, "43.0 s  READY -> INIT")
