@@ -169,6 +169,7 @@ class _Attempts:
 
     unanswered: deque[tuple[float, SentOrder]] = field(default_factory=deque)  # when it left
     newest: SentOrder | None = None  # its answer is waited for
+    unsettled_s: float = -math.inf  # when one left last whose answer may yet be taken for another's
 
 
 class Px4Commands:
@@ -278,7 +279,9 @@ class Px4Commands:
         await self.look(order.words, out_of, objection)
         telemetry = self._telemetry
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan_ids, loop_s())
-        self._tried[order.command].newest = sent
+        tried = self._tried[order.command]
+        tried.newest = sent
+        tried.unsettled_s = max([tried.unsettled_s, *(left_s for left_s, _ in tried.unanswered)])
         verdict = None
         for attempt in range(attempts):
             if attempt:
@@ -295,6 +298,8 @@ class Px4Commands:
             if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
+        if sent.last_s > sent.first_s + SETTLED_S:  # it left again, and may be followed once more
+            tried.unsettled_s = sent.last_s
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
@@ -304,7 +309,7 @@ class Px4Commands:
             raise error(self._why_not(sent, verdict))
         if order.moves:  # what left before it is void, on a link in order
             self._unfollowed.clear()
-        self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
+        tried.unanswered.clear()  # on a link in order: lost, or here by now
 
     def _leave(self, sent: SentOrder, attempt: int) -> None:
         if sent.order.moves and not attempt:
@@ -353,8 +358,11 @@ class Px4Commands:
         """Whether PX4 has changed the mode as this very order said, long enough ago to show it.
 
         The first acknowledgement of a mode says nothing on PX4 1.16 and 1.17; the second, which
-        follows at once, is a refusal where it does not change.
+        follows at once, is a refusal where it does not change. What answers one that left before,
+        and is late, may be taken for an answer to this one: then nothing is known.
         """
+        if sent.first_s - self._tried[sent.order.command].unsettled_s <= LATE_S:
+            return False
         changes = sent.order.leads_to is not sent.before.mode
         accepted = sent.accepted and sent.refusal is None
         return changes and accepted and loop_s() >= sent.acked_s + ACTS_S

@@ -93,7 +93,7 @@ def test_a_pilot_who_takes_it_while_the_companion_stands_still_keeps_it(monkeypa
 def test_whatever_can_happen_happens(monkeypatch):
     """Every fault that any scene has, one after the other in a single flight."""
     kinds = {m.what: m for s in scenes() for m in s.schedule() if m.what not in LAST}
-    happen = [m._replace(at_s=30.0 + 2.0 * n, phase="armed") for n, m in enumerate(kinds.values())]
+    happen = [m._replace(at_s=30.0 + 1.5 * n, phase="armed") for n, m in enumerate(kinds.values())]
     end_s = happen[-1].at_s
     happen += [
         ScheduledFault(end_s + 5.0 * n, what, VALUE.get(what), "armed")
