@@ -64,9 +64,6 @@ _SETTLED_S: Final = 8.0
 _ANSWERED_S: Final = 1.0
 _LANDS_HERE: Final = ": accepted: it lands where it hovers"
 _STATUS: Final = re.compile(r"^[A-Z]+ *\|")
-_AGAIN: Final = re.compile(r"^ *[0-9.]+ s  again( [0-9]+ times)?: ")
-"""The terminal counts what was announced before; the ground station reads each."""
-
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
 _LABEL: Final = re.compile(r"^( *[0-9.]+ s  )?(WARNING|ALARM): ")
 _INSTRUCTION: Final = re.compile(r"\. ((?:Pilot|Operator): .+)$")
@@ -199,8 +196,7 @@ class Case:
         self.level = (self.above_m >= low_m) & (self.above_m <= high_m + _TOO_HIGH_M)
         self.off_m = self._estimate_off()
         self.commands = [m for m in evidence.messages if m.component == COMPANION]
-        counted = (_STATUS, _AGAIN)
-        lines = (line for line in evidence.lines if not any(m.match(line.text) for m in counted))
+        lines = (line for line in evidence.lines if not _STATUS.match(line.text))
         self.announced = [Announced.of(line.time_s, line.text) for line in lines]
         self.said = [(each.time_s, each.text) for each in self.announced]
         self.given = list(self._given())

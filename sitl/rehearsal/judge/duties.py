@@ -79,6 +79,9 @@ _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HO
 _ANNOUNCED: Final = re.compile(
     r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"
 )
+_AGAIN: Final = re.compile(r"^ *[0-9.]+ s  again( [0-9]+ times)?: ")
+"""The terminal counts what was announced before; the ground station reads each."""
+
 _SEVERITIES: Final = {"": 6, "WARNING": 4, "ALARM": 2}
 """MAV_SEVERITY by the label of a line: INFO, WARNING, CRITICAL."""
 
@@ -387,7 +390,8 @@ def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
     ]
     for at_s, label, line, instruction in case.announced if case.evidence.heard else ():
         announced = _ANNOUNCED.match(line)
-        if announced is None or not case.answers(at_s, at_s + _SENT_S, ours=False):
+        again = _AGAIN.match(line)
+        if announced is None or again or not case.answers(at_s, at_s + _SENT_S, ours=False):
             continue
         words = f"{announced[1]}. {instruction}" if instruction else announced[1]
         severity = _SEVERITIES[label]
