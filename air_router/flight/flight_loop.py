@@ -314,15 +314,15 @@ class FlightLoop:
 
         Args:
             text: The line.
-            severity: An alarm is never counted.
+            severity: Only an info is counted.
             now_s: The vehicle's time.
             alone: Nor is this line.
         """
         if alone or severity is Severity.ALARM:
             self._say_repeats(now_s, last=True)
             self._repeats.clear()
-        elif self._repeats.again((text, severity), now_s):
-            return
+        elif severity is Severity.INFO and self._repeats.again((text, severity), now_s):
+            return  # a warning is never late
         self._status.say(f"{now_s:8.1f} s  {text}", severity)
 
     def _say_repeats(self, now_s: float, *, last: bool = False) -> None:

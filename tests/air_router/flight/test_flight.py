@@ -34,6 +34,7 @@ from air_router.vehicle.vehicle import (
     FlightMode,
     Inspection,
     LinkSilent,
+    PlanCompared,
     PlanReplaced,
     PlanTried,
     Telemetry,
@@ -428,7 +429,7 @@ def test_the_operator_has_the_mission_resumed_by_a_signal(rig):
     assert {"PASSIVE", "EXPL"} <= set(result.report["states_visited"])
 
 
-def test_lines_that_come_again_and_again_are_counted_but_for_alarms(rig):
+def test_lines_that_come_again_and_again_are_counted_but_for_warnings(rig):
     flight = rig(duration_s=None)
     why = "no multicopter with PX4 is on the link (a plane)"
 
@@ -438,17 +439,19 @@ def test_lines_that_come_again_and_again_are_counted_but_for_alarms(rig):
     def hears(event):
         return lambda: flight.vehicle.callback(event)
 
-    tried = [(150.0 + t, hears(PlanTried(150.0 + t, "a station"))) for t in range(8)]
-    tried.insert(6, (155.5, asks("explore")))
+    tried = [(130.0 + t, hears(PlanTried(130.0 + t, "a station"))) for t in range(3)]
+    same = [(150.0 + t, hears(PlanCompared(150.0 + t))) for t in range(8)]
+    tried += [*same[:6], (155.5, asks("explore")), *same[6:]]
     others = [(180.0 + t, hears(WrongVehicle(180.0 + t, (why, None)[t % 2]))) for t in range(6)]
     flight.plan(*tried, *others, (200.0, flight.becomes(FlightMode.LAND)))
     flight.run()
     lines = [line[11:].strip() for line in flight.out.getvalue().splitlines()]
-    told = [line.partition(": a station")[0] for line in lines if "a station tries" in line]
+    assert len([line for line in lines if line.startswith("WARNING: a station tries")]) == 3
+    told = [line.partition("the plan on board")[0] for line in lines if "as this mission" in line]
     # After the answer the line is told in full once more: it may be news.
-    assert told == ["WARNING", "again 5 times: WARNING", "WARNING", "again: WARNING"]
+    assert told == ["", "again 5 times: ", "", "again: "]
     answer = next(number for number, line in enumerate(lines) if line.startswith("a test: "))
-    assert lines[answer - 1].startswith("again 5 times: WARNING: a station")
+    assert lines[answer - 1].startswith("again 5 times: the plan on board flies")
     assert len([line for line in lines if line.startswith(f"ALARM: {why}")]) == 3
 
 
