@@ -279,7 +279,9 @@ class FlightLoop:
                 self.end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
-        self._say(f"{change.source.name} -> {change.target.name}", Severity.INFO, now_s)
+        # Each is told: with their times they are the flight's history.
+        words = f"{change.source.name} -> {change.target.name}"
+        self._status.say(f"{now_s:8.1f} s  {words}", Severity.INFO)
         if change.target is State.PASSIVE:
             self.motions.call_off()
         if change.source is State.READY:
