@@ -173,7 +173,7 @@ MUTANTS = (
          "self.moving = self.rest != start or bool(self.pending)", "self.moving = bool(self.pending)",
          "router"),
     _row("whole margin or none", "air_router.router",
-         "self._airspace.with_margin(graph.mission.planner.departure_margin_m)", "self._airspace", "router"),
+         "self._airspace.with_margin(min(tracking.flown_m, most_m))", "self._airspace", "router"),
     _row("leg to a zone", "air_router.router",
          "if self._airspace.point_clear(end) and (whole", "if (whole", "router"),
     _row("no way from afar", "air_router.router", "            if seen:", "            if True:",

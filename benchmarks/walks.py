@@ -31,7 +31,7 @@ from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, read
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("air_router", "mocha_link", "geo")
-FLIGHT, RUN, SESSION = "pair-one-dead-1", "run-two-uavs", "sync-connections-2"
+FLIGHT, RUN, SESSION = "urban-reload-3", "run-path-loss-original", "sync-connections-2"
 ASK_S: Final = 70.0
 """When the page asks, simulated seconds: in cruise, with a clear way to the place."""
 
@@ -206,7 +206,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.walks")
     parser.add_argument("--json", action="store_true", help="for programs")
     arguments = parser.parse_args()
-    found = of_controller(FLIGHT) | {FOUND: of_controller(RUN)[FOUND]}
+    met = of_controller(RUN)
+    found = of_controller(FLIGHT) | {walk: met[walk] for walk in (FOUND, SYNCED)}
     found |= of_page() | {MADE: of_construction(), FRAME: of_frame()}
     over = [w for w in WALKS if any(n > most for n, most in zip(found[w], w.budget, strict=True))]
     if arguments.json:

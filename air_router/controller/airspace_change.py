@@ -43,7 +43,7 @@ def among_both(router: Router, mission: Mission, off_m: float) -> bool:
 
 def widened_router(mission: Mission, off_m: float) -> Router:
     """Plans among what applies from the cruise altitudes to so far above or below them."""
-    planning = _at_both(mission, off_m).with_margin(mission.planner.tracking_margin_m)
+    planning = _at_both(mission, off_m).with_margin(mission.tracking.planned_m)
     return Router(WaypointGraph(replace(mission, planning_airspace=planning)))
 
 

@@ -280,7 +280,8 @@ class Controller:
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, context.now_s)
         self.returns.check(telemetry)
-        held_up = context.zones is not None or self._climb.climb is not None or context.jumped
+        held_up = context.zones is not None or self._climb.climb is not None
+        held_up |= context.jumped or context.rough
         if (held_up or context.doubts) and self._waits(telemetry):
             return
         ends_s = math.inf if context.ends_s is None else context.ends_s
@@ -293,7 +294,7 @@ class Controller:
             context.handler.retry()
 
     def _waits(self, telemetry: Telemetry) -> bool:
-        """Whether the mission waits: zones change, it climbs first, or its altitude has jumped."""
+        """Whether the mission waits: zones change, it climbs first, or is off what was planned."""
         climb = self._climb
         if self.context.doubts:
             return True  # a hold would end the order of a pilot before it is known as such
@@ -306,7 +307,7 @@ class Controller:
                     "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
                 )
             return True
-        return self.context.jumped
+        return self.context.jumped or self.context.rough
 
     def _time_has_come(self) -> None:
         """The state's time is over, or points wait for another state."""
@@ -317,7 +318,7 @@ class Controller:
     def _item_reached(self, event: ItemReached) -> None:
         """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
         context = self.context
-        waits = context.zones is not None or context.jumped or context.doubts
+        waits = context.zones is not None or context.jumped or context.rough or context.doubts
         if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):

@@ -13,6 +13,8 @@ flies, zones are being changed, or the vehicle lands.
 | the satellites' altitude leaves the autopilot's by 3.5 m | for some seconds | it is told |
 | by 6 m | for some seconds | home, by ways that are clear at both: which is right? |
 | nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
+| satellites (h_acc) or wind worse than planned for | for 3 s | hold until they are good for 5 s |
+| that | 30 s | home |
 | faster than commanded | for 2 s | hold, then on at the commanded speed |
 | much slower | for 5 s of a leg | it is told |
 | one of these, a third time within 3 minutes | at once | home |

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from air_router.controller.conditions import ConditionsWatch
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
@@ -259,7 +260,7 @@ class SpeedWatch:
 
 @dataclass(slots=True, eq=False)
 class Envelope:
-    """Looks at height, clearance and speed together.
+    """Looks at height, clearance, speed and conditions together.
 
     Args:
         context: What was planned.
@@ -273,22 +274,29 @@ class Envelope:
     _height: HeightWatch = field(init=False)
     _clearance: ClearanceWatch = field(init=False)
     _speed: SpeedWatch = field(init=False)
+    _conditions: ConditionsWatch = field(init=False)
     _looks: bool = False  # the telemetry before was looked at
 
     def __post_init__(self) -> None:
         self._height = HeightWatch(self._context)
         self._clearance = ClearanceWatch(self._context)
         self._speed = SpeedWatch(self._context, self._gate)
+        self._conditions = ConditionsWatch(self._context)
 
     def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
         """What begins, or is over, of a vehicle that flies its mission by our commands."""
         self._looks = True
         in_doubt = abs(self._home.receiver_off_m) >= DOUBT_M
+        conditions, accuracy_m = self._conditions, telemetry.accuracy_m
+        planned_m = self._context.mission.planner.position_accuracy_m
+        poor = accuracy_m is not None and accuracy_m > planned_m
+        rough = conditions.waits or poor or telemetry.wind_m_s is not None
         found = (
             self._height.look(telemetry),
             self._home.doubt(telemetry) if in_doubt else None,
             self._clearance.look(telemetry),
             self._speed.look(telemetry),
+            conditions.look(telemetry) if rough else None,
         )
         return tuple(filter(None, found))
 
@@ -296,7 +304,7 @@ class Envelope:
         """It does not fly its mission by our commands just now."""
         if self._looks:
             self._looks = False
-            for watch in (self._height, self._clearance, self._speed):
+            for watch in (self._height, self._clearance, self._speed, self._conditions):
                 watch.forget()
 
 

@@ -12,6 +12,7 @@ from air_router.editor.file_changes import SECTIONS
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.mission import Mission
 from air_router.mission.team import UAV_KIND
+from air_router.mission.tracking import TrackingMargin
 from air_router.routing.router import Route
 from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees, line
 from mocha_link.team.document import DocumentError, Problem
@@ -72,7 +73,8 @@ def _kept(analysis: MissionAnalysis, area: Area | None, *, is_fence: bool) -> li
         return []
     planner = document.planner
     clearance_m = planner.clearance_m if area.terms.clearance_m is None else area.terms.clearance_m
-    kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
+    margin_m = TrackingMargin.of(planner, document.speed_m_s).planned_m
+    kept_m = (clearance_m, clearance_m + margin_m)
     sign = -1 if is_fence else 1
     return [_buffer(document.frame, area.shape, sign * distance_m) for distance_m in kept_m]
 

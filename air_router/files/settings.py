@@ -58,8 +58,11 @@ class PlannerSettings:
 
     Attributes:
         clearance_m: the least distance of the vehicle to zones and fence.
-        tracking_margin_m: kept on top of it when planning: what wind, position noise and braking
-            may take.
+        tracking_margin_m: kept on top of it when planning, at least: what wind, position noise and
+            braking may take. Speed, wind and accuracy may ask for more (`mission.tracking`).
+        wind_m_s: the mean wind that the mission is planned for, with the gusts that come with it.
+        position_accuracy_m: the horizontal accuracy that it is planned for, as the satellite
+            receiver reports it.
         max_edge_m: the longest connection between two waypoints of the graph.
         acceptance_radius_m: nearer than this to a waypoint counts as there.
         vertical_margin_m: how far the vehicle may be off the altitudes that it flies at, when zones
@@ -73,6 +76,8 @@ class PlannerSettings:
 
     clearance_m: Clearance = 5.0
     tracking_margin_m: Annotated[float, Field(ge=0.02, le=1_000)] = 1.5
+    wind_m_s: Annotated[float, Field(ge=0, le=25)] = 5.0
+    position_accuracy_m: Annotated[float, Field(gt=0, le=10)] = 1.0
     max_edge_m: Annotated[float, Field(gt=0, le=10_000)] = 100.0
     acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = 2.0
     vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = 5.0
@@ -80,16 +85,6 @@ class PlannerSettings:
     vertical_separation_m: Annotated[float, Field(ge=4, le=1_000)] = 10.0
     home_separation_m: Annotated[float, Field(ge=4, le=1_000)] = 20.0
     kind: PlannerKind = "waypoints"
-
-    @property
-    def distance_m(self) -> float:
-        """What routes keep away: clearance and tracking margin."""
-        return self.clearance_m + self.tracking_margin_m
-
-    @property
-    def departure_margin_m(self) -> float:
-        """The margin of a leg that starts where the vehicle is, a little off the planned one."""
-        return self.tracking_margin_m / 2
 
 
 DEFAULT_SPEED_M_S = 3.5

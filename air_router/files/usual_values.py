@@ -131,6 +131,8 @@ MISSION: Final = (
     Band("timers.revisit_s", 1, 3_600, " s", (MINUTES, HOURS), (MS,), _STATE),
     Band("planner.clearance_m", 1, 100, " m", (KM,), (CM, FEET), _KEPT),
     Band("planner.tracking_margin_m", 0.3, 20, " m", (KM,), (CM, FEET), _KEPT),
+    Band("planner.wind_m_s", 0, 15, " m/s", (), (KM_H,), "small multicopters fly to 12 m/s"),
+    Band("planner.position_accuracy_m", 0.3, 5, " m", (), (CM, FEET), "GPS has 0.5 to 3 m"),
     Band("planner.max_edge_m", 10, 3_000, " m", (KM,), (CM, FEET), "a leg between waypoints"),
     Band("planner.acceptance_radius_m", 0.5, 10, " m", (), (FEET,), "PX4 has 2 m for multicopters"),
     Band("planner.vertical_margin_m", 2, 50, " m", (), (FEET,), "barometer and GPS differ by less"),

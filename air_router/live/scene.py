@@ -325,7 +325,7 @@ def scenery(mission: Mission, router: Router) -> dict[str, Any]:
         name: str, shape: Shape, clearance_m: float, notes: Sequence[str] = (), sign: int = 1
     ) -> dict[str, Any]:
         is_fence = sign < 0
-        kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
+        kept_m = (clearance_m, clearance_m + mission.tracking.planned_m)
         buffers = [buffer(frame, shape, sign * distance_m) for distance_m in kept_m]
         outline = buffer(frame, shape, 0.0)
         drawn = area_beside(name, outline, buffers, [*notes], is_fence=is_fence)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from air_router.files.mission_document import Area, MissionDocument, Uav
+from air_router.mission.tracking import TrackingMargin
 from geo.airspace.zone import Circle
 from geo.frame import Point
 from mocha_link.team.document import Problem
@@ -89,8 +90,9 @@ def check_fleet(draft: MissionDocument) -> None:
     if len(draft.uavs) < 2:
         return
     planner = draft.planner
+    distance_m = planner.clearance_m + TrackingMargin.of(planner, draft.speed_m_s).planned_m
     levels = list(zip(draft.uavs, layers_of(draft), strict=True))
-    homes_m = max(planner.home_separation_m, column_radius_m(draft) + planner.distance_m)
+    homes_m = max(planner.home_separation_m, column_radius_m(draft) + distance_m)
     for (_, lower), (uav, layer) in itertools.combinations(levels, 2):
         apart_m = abs(layer.level_m - lower.level_m)
         if apart_m < planner.vertical_separation_m:

@@ -18,6 +18,7 @@ from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers, WhenExplored
 from air_router.files.zone_terms import HomeAltitudeError
 from air_router.mission.fleet import Layer
+from air_router.mission.tracking import TrackingMargin
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Shape, Zone, ZoneError
 from geo.frame import LocalFrame, Point
@@ -117,7 +118,9 @@ def areas_of(draft: MissionDocument, window: FlightWindow) -> MissionAreas:
     flown_m += draft.altitudes_m
     margin_m = draft.planner.vertical_margin_m
     cruise = Band(min(flown_m) - margin_m, max(flown_m) + margin_m)
-    return _areas(fences, zones, climb_corridors, draft.planner, _if_timed(zones, window), cruise)
+    tracking_m = TrackingMargin.of(draft.planner, draft.speed_m_s).planned_m
+    timed = _if_timed(zones, window)
+    return _areas(fences, zones, climb_corridors, draft.planner, tracking_m, timed, cruise)
 
 
 def _if_timed(zones: tuple[Zone, ...], window: FlightWindow) -> FlightWindow | None:
@@ -131,6 +134,7 @@ def _areas(  # noqa: PLR0913, PLR0917 - all that counts
     zones: tuple[Zone, ...],
     climb_corridors: tuple[Zone, ...],
     planner: PlannerSettings,
+    margin_m: float,
     window: FlightWindow | None,
     cruise: Band,
 ) -> MissionAreas:
@@ -157,7 +161,7 @@ def _areas(  # noqa: PLR0913, PLR0917 - all that counts
         climb_corridors=climb_corridors,
         cruise=cruise,
         airspace=kept(airspace.zones),
-        planning_airspace=kept(airspace.zones, planner.tracking_margin_m),
+        planning_airspace=kept(airspace.zones, margin_m),
         climb_airspace=kept(climb.zones),
         above_airspace=kept(active.at(cruise.lower_m, math.inf).zones),
         idle_zones=tuple(idle),
@@ -289,6 +293,16 @@ class Mission(MissionAreas):
         )
 
     @property
+    def tracking(self) -> TrackingMargin:
+        """What is kept on top of every clearance."""
+        return TrackingMargin.of(self.planner, self.speed_m_s)
+
+    @property
+    def planning_distance_m(self) -> float:
+        """What routes keep away from what has no clearance of its own."""
+        return self.planner.clearance_m + self.tracking.planned_m
+
+    @property
     def altitudes_m(self) -> tuple[float, float]:
         """The lowest and the highest above home that it flies at, or may be sent to."""
         margin_m, cruise = self.planner.vertical_margin_m, self.cruise
@@ -325,7 +339,10 @@ class Mission(MissionAreas):
     def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
         """The same mission among other fences and zones; climb_corridors of other UAVs stay."""
         window = _if_timed(zones, self.window)
-        areas = _areas(fences, zones, self.climb_corridors, self.planner, window, self.cruise)
+        margin_m = self.tracking.planned_m
+        areas = _areas(
+            fences, zones, self.climb_corridors, self.planner, margin_m, window, self.cruise
+        )
         return replace(self, **areas.parts())
 
     @property
@@ -344,7 +361,7 @@ class Mission(MissionAreas):
     @property
     def landings(self) -> tuple[Point, ...]:
         """The rally points that nothing was drawn over in flight."""
-        airspace = self.climb_airspace.with_margin(self.planner.tracking_margin_m)
+        airspace = self.climb_airspace.with_margin(self.tracking.planned_m)
         return tuple(place for place in self.rally_points if airspace.point_clear(place))
 
     @property

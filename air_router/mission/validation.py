@@ -13,6 +13,7 @@ from shapely import Polygon, STRtree
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint, RefusedRing
 from air_router.files.zone_terms import HomeAltitudeError
 from air_router.mission.mission import Mission, MissionAreas
+from air_router.mission.tracking import TrackingMargin
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
 from geo.frame import FrameError, Point
@@ -264,7 +265,7 @@ def _check_spots(draft: MissionDocument, areas: MissionAreas, far: Collection[st
     cruise = areas.planning_airspace
     climb = cruise
     if areas.climb_airspace is not areas.airspace:
-        climb = areas.climb_airspace.with_margin(draft.planner.tracking_margin_m)
+        climb = areas.climb_airspace.with_margin(_margin_m(draft))
     if "planner" in draft.unread:
         cruise, climb = areas.airspace.as_drawn(), areas.climb_airspace.as_drawn()
     landings = [*([draft.home] if draft.home else []), *draft.rally_points]
@@ -302,8 +303,12 @@ def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airs
         draft.report(spot.keys, message, near)
 
 
+def _margin_m(draft: MissionDocument) -> float:
+    return TrackingMargin.of(draft.planner, draft.speed_m_s).planned_m
+
+
 def _needs(draft: MissionDocument, kept_m: float) -> str:
-    margin_m = draft.planner.tracking_margin_m
+    margin_m = _margin_m(draft)
     return f"{kept_m:g} m (clearance {kept_m - margin_m:g} m + tracking margin {margin_m:g} m)"
 
 
@@ -328,7 +333,8 @@ def _check_ways(draft: MissionDocument, areas: MissionAreas) -> None:
         draft.report(
             spot.keys,
             f"no clear way leads from home to {spot.label}: {answers[part]} at "
-            f"{_needs(draft, draft.planner.distance_m)}; open a gap, or move or remove the "
+            f"{_needs(draft, draft.planner.clearance_m + _margin_m(draft))}; open a gap, or move "
+            "or remove the "
             "waypoint",
             "waypoint-unreachable",
         )

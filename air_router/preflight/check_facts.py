@@ -8,6 +8,7 @@ from typing import Any
 from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan
 from air_router.mission.mission import Mission
 from air_router.mission.team import finders
+from air_router.preflight.expected_clearance import expected_clearances
 from air_router.preflight.survey import MissionSurvey, SurveyedLeg
 from air_router.routing.return_planner import LANDING_MARGIN, Pace, Way, straight_returns
 from air_router.words import counted
@@ -42,10 +43,10 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
     flies, allowed = _altitudes(flown), _altitudes(mission.altitudes_m)
     asked = f"; {allowed} on request" if allowed != flies else ""
     yield "flies", f"{flies} above home at {mission.speed_m_s:g} m/s{asked}"
-    margin = (
-        f"clearance {planner.clearance_m:g} m + tracking margin {planner.tracking_margin_m:g} m"
-    )
-    yield "keeps", f"{planner.distance_m:g} m from zones and fence ({margin}){_own(mission)}"
+    kept_m, margin_m = mission.planning_distance_m, mission.tracking.planned_m
+    margin = f"clearance {planner.clearance_m:g} m + tracking margin {margin_m:.2f} m"
+    yield "keeps", f"{kept_m:.2f} m from zones and fence ({margin}){_own(mission)}"
+    yield from _expected(mission)
     points = len(FlightPlan.of(mission).fence)
     limit = f" of {FENCE_POINTS} that a PX4 stores"
     if points > FENCE_POINTS:
@@ -63,6 +64,23 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
         "graph",
         f"{edges} up to {planner.max_edge_m:g} m, {detours}, {pieces}; routes: {planner.kind}",
     )
+
+
+def _expected(mission: Mission) -> Iterator[_Row]:
+    """What the true vehicle keeps at the least, by the kind of leg, and where it is too little."""
+    planner, kinds = mission.planner, expected_clearances(mission)
+    conditions = (
+        f"wind to {planner.wind_m_s:g} m/s, satellites to {planner.position_accuracy_m:g} m (h_acc)"
+    )
+    margin = mission.tracking
+    off = f"{margin.error_m:.2f} m off a leg at {mission.speed_m_s:g} m/s, {margin.turn_m:.2f} m"
+    yield "plans for", f"{conditions}: it may be {off} in turns"
+    words = ", ".join(f"{kind.name} {kind.kept_m:.1f} m" for kind in kinds)
+    yield "expected", f"at the least, of zones and fence: {words}"
+    for kind in kinds:
+        if kind.short_m > 0:
+            short = f"{kind.kept_m:.2f} m of {kind.to}, {kind.promised_m:g} m are promised"
+            yield "WARNING", f"{kind.name}: {short}; {kind.advice}"
 
 
 def _legs(findings: MissionSurvey) -> Iterator[_Row]:
@@ -182,8 +200,20 @@ def facts_of(findings: MissionSurvey) -> dict[str, Any]:
         "cruise_m": [mission.cruise.lower_m, mission.cruise.upper_m],
         "window": str(mission.window),
         "clearance_m": mission.planner.clearance_m,
-        "planning_distance_m": mission.planner.distance_m,
+        "planning_distance_m": mission.planning_distance_m,
         "planner": mission.planner.kind,
+        "tracking": {
+            "error_m": mission.tracking.error_m,
+            "turn_m": mission.tracking.turn_m,
+            "planned_m": mission.tracking.planned_m,
+            "flown_m": mission.tracking.flown_m,
+            "turned_m": mission.tracking.turned_m,
+            "wind_m_s": mission.planner.wind_m_s,
+            "position_accuracy_m": mission.planner.position_accuracy_m,
+        },
+        "expected_clearance_m": {
+            kind.name: round(kind.kept_m, 3) for kind in expected_clearances(mission)
+        },
         "seek": list(mission.seek),
         "seek_policy": mission.seek_policy,
         "found_by": {
@@ -298,9 +328,9 @@ def _own(mission: Mission) -> str:
     own = [zone for zone in mission.airspace.zones if zone.clearance_m is not None]
     if not own:
         return ""
-    margin_m = mission.planner.tracking_margin_m
+    margin_m = mission.tracking.planned_m
     kept = ", ".join(
-        f"{(zone.clearance_m or 0.0) + margin_m:g} m from {zone.name}" for zone in own[:4]
+        f"{(zone.clearance_m or 0.0) + margin_m:.2f} m from {zone.name}" for zone in own[:4]
     )
     more = f" and {len(own) - 4} more" if len(own) > 4 else ""
     return f"; {kept}{more}"

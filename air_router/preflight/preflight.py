@@ -23,9 +23,6 @@ from air_router.words import wind_words
 
 FEWEST_SATELLITES: Final = 6
 GOOD_SATELLITES: Final = 10
-WORST_ACCURACY_M: Final = 3.0
-STRONG_M_S: Final = 8.0
-"""Gusts of a wind like this have cost a simulated vehicle metres of its clearance."""
 CLOCK_S: Final = 2.0
 WRONG_CLOCK_S: Final = 600.0
 """Zones apply so much longer than a flight may take, anyway."""
@@ -176,31 +173,43 @@ def health(inspection: Inspection, *, simulated: bool = False) -> Check:
     )
 
 
-def gps(fix: GpsFix | None) -> Check:
-    """The satellite receiver."""
+def gps(fix: GpsFix | None, planned_m: float) -> Check:
+    """The satellite receiver, and the accuracy that the mission is planned for."""
     if fix is None:
         return Check("GPS", LOOK, "no word of a receiver", "is GPS_RAW_INT on this link?")
     satellites = 0 if fix.satellites is None else fix.satellites
     seen = f", {satellites} satellites" if fix.satellites is not None else ", satellites not told"
     found = f"fix{seen}" + ("" if fix.accuracy_m is None else f", good to {fix.accuracy_m:.1f} m")
-    poor = satellites < GOOD_SATELLITES or (fix.accuracy_m or 0.0) > WORST_ACCURACY_M
+    poor = satellites < GOOD_SATELLITES
+    inaccurate = (fix.accuracy_m or 0.0) > planned_m
+    plan = f"routes reckon with {planned_m:g} m, beyond it the flight holds"
     few = satellites < FEWEST_SATELLITES and fix.satellites is not None
     return _check(
         "GPS",
         (not fix.good, BAD, f"no fix{seen}", "wait, with a free view of the sky"),
         (few, BAD, found, f"wait for {GOOD_SATELLITES} satellites"),
-        (poor, LOOK, found, "better to wait: routes reckon with 1.5 m"),
+        (inaccurate, LOOK, found, f"wait, or plan for it (planner.position_accuracy_m): {plan}"),
+        (poor, LOOK, found, "better to wait for more"),
         (True, GOOD, found, ""),
     )
 
 
-def wind(wind_m_s: tuple[float, float] | None) -> Check:
-    """The wind, if the vehicle tells it; on the ground most do not."""
+def wind(wind_m_s: tuple[float, float] | None, planned_m_s: float) -> Check:
+    """The wind, if the vehicle tells it, and the one that the mission is planned for.
+
+    On the ground most do not.
+    """
     if wind_m_s is None:
-        advice = "go by the forecast; in flight PX4 estimates it where EKF2_DRAG_CTRL is set up"
+        advice = (
+            f"go by the forecast, {planned_m_s:g} m/s are planned for; in flight PX4 estimates it "
+            "where EKF2_DRAG_CTRL is set up"
+        )
         return Check("wind", LOOK, "the vehicle does not tell it", advice)
-    if math.hypot(*wind_m_s) >= STRONG_M_S:
-        advice = "gusts may take it nearer to zones than their clearance: better to wait"
+    if math.hypot(*wind_m_s) > planned_m_s:
+        advice = (
+            f"{planned_m_s:g} m/s are planned for: gusts may take it nearer to zones than their "
+            "clearance: wait, or plan for it (planner.wind_m_s)"
+        )
         return Check("wind", LOOK, wind_words(wind_m_s), advice)
     return Check("wind", GOOD, wind_words(wind_m_s))
 

@@ -54,15 +54,15 @@ class PreflightSurvey:
             reachable = await team
         finally:
             team.cancel()
-        mission = self.mission
+        mission, planner = self.mission, self.mission.planner
         rate = await self._rate()
         checks: list[Check] = [
             *first,
             preflight.place(mission, self.router, info, telemetry),
             *preflight.altitude(mission, info, telemetry),
             preflight.health(inspection, simulated=self.simulated),
-            preflight.gps(inspection.gps),
-            *(() if self.simulated else (preflight.wind(inspection.wind_m_s),)),
+            preflight.gps(inspection.gps, planner.position_accuracy_m),
+            *(() if self.simulated else (preflight.wind(inspection.wind_m_s, planner.wind_m_s),)),
             preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
             *self._parameters(inspection, info, rate),
             straight_return(mission),
@@ -82,7 +82,7 @@ class PreflightSurvey:
         rate, mission = await self._rate(), self.mission
         return Card(
             (
-                preflight.gps(inspection.gps),
+                preflight.gps(inspection.gps, mission.planner.position_accuracy_m),
                 preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
                 *self._parameters(inspection, info, rate),
                 straight_return(mission),

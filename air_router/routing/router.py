@@ -18,7 +18,13 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from air_router.routing.departure import Departure, Momentum, PendingSetpoint, names_of
+from air_router.routing.departure import (
+    STANDING_M_S,
+    Departure,
+    Momentum,
+    PendingSetpoint,
+    names_of,
+)
 from air_router.routing.graph import WaypointGraph
 from geo.airspace.airspace import FENCE, Airspace
 from geo.frame import Point
@@ -70,8 +76,10 @@ class Router:
         self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace  # with the tracking margin
-        # A first leg keeps the whole tracking margin; where that is too much to ask, half of it.
-        self._half = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
+        # A first leg keeps the whole tracking margin; where that is too much to ask, what it needs.
+        tracking, most_m = graph.mission.tracking, self._airspace.margin_m
+        self._flown = self._airspace.with_margin(min(tracking.flown_m, most_m))  # from hovering
+        self._turned = self._airspace.with_margin(min(tracking.turned_m, most_m))  # at speed
         self._paths = graph.paths
         self._positions = graph.positions  # of nodes
         shortest = graph.mission.planner.kind == "shortest"
@@ -103,7 +111,7 @@ class Router:
             return _route(start, [target])
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        half = Departure(self._half, self._paths, start, momentum, pending)
+        half = Departure(self._needed(momentum, pending), self._paths, start, momentum, pending)
         for rule in (whole, half):
             legs = self._legs(rule, target)
             if legs is not None:
@@ -128,10 +136,15 @@ class Router:
         whole = Departure(self._airspace, self._paths, start, momentum, pending)
         if whole.clear(end):
             return True
-        half = Departure(self._half, self._paths, start, momentum, pending)
+        half = Departure(self._needed(momentum, pending), self._paths, start, momentum, pending)
         if self._airspace.point_clear(end) and (whole.allows(end) or half.allows(end)):
             return True
         return half.leads_out(end)
+
+    def _needed(self, momentum: Momentum | None, pending: Sequence[PendingSetpoint]) -> Airspace:
+        """With the margin that a first leg needs: more of one that begins at speed."""
+        speed_m_s = 0.0 if momentum is None else math.hypot(*momentum.velocity_m_s)
+        return self._turned if pending or speed_m_s >= STANDING_M_S else self._flown
 
     def off_cruise(self, altitude_m: float, swept: Sequence[Point]) -> NoRoute | None:
         """Why a leg is not clear that begins off the cruise altitudes; None if it is.
@@ -150,7 +163,7 @@ class Router:
         if len(airspace.zones) == len(mission.airspace.zones):
             return None
         inside = frozenset(airspace.holders(swept[0]))
-        airspace = _with_margin(airspace, mission.planner.departure_margin_m, inside)
+        airspace = _with_margin(airspace, mission.tracking.flown_m, inside)
         if airspace.swept_clear(swept):
             return None
         names = airspace.blockers(swept[0], swept[-1])

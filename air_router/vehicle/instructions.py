@@ -26,6 +26,9 @@ TAKE_OVER_BLIND: Final = Instruction(
     "Pilot: take over in Position mode, or in Altitude mode if PX4 refuses that"
 )
 BE_READY: Final = Instruction("Pilot: watch it, and be ready to take over")
+NEARER_THAN_IT_SAYS: Final = Instruction(
+    "Pilot: it may be nearer to zones than it reports; be ready to take over"
+)
 BE_READY_AT_HOME: Final = Instruction("Pilot: keep the landing place clear, be ready to take over")
 WATCH_HEIGHT: Final = Instruction("Pilot: judge its height by eye, and be ready to take over")
 WATCH_FAILSAFE: Final = Instruction(

@@ -93,6 +93,7 @@ class Telemetry:
         voltage_v: Of the battery; None when unknown.
         satellites: That the receiver uses; None when unknown.
         target_altitude_m: How high above home, as that was at take-off, `target` is; None: unknown.
+        accuracy_m: Horizontally, as the satellite receiver reports it; None when unknown.
     """
 
     time_s: float
@@ -117,6 +118,7 @@ class Telemetry:
     voltage_v: float | None = None
     satellites: int | None = None
     target_altitude_m: float | None = None
+    accuracy_m: float | None = None
 
     def bound_for(self, place: Point, altitude_m: float | None, aside_m: float) -> bool:
         """Whether it flies to a place, or hovers there, as far as it tells.

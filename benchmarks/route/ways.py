@@ -9,6 +9,7 @@ import shapely
 from shapely import Polygon
 
 from air_router.files.settings import PlannerSettings
+from air_router.mission.tracking import TrackingMargin
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route, Router
 from benchmarks.route.maps import Map
@@ -128,7 +129,8 @@ def mission(map_: Map, kind: Any, nodes: int | None = None) -> Any:
         planning_airspace=map_.airspace,
         home=places[0],
         waypoints=[SimpleNamespace(position=place) for place in places[1:]],
-        planner=PlannerSettings(max_edge_m=map_.max_edge_m, tracking_margin_m=0.0, kind=kind),
+        planner=PlannerSettings(max_edge_m=map_.max_edge_m, kind=kind),
+        tracking=TrackingMargin(0.0, 0.0, 0.0, 0.0, 0.0),
     )
 
 

@@ -118,6 +118,11 @@ class Fault(Enum):
         *("a gimbal, another companion and another vehicle speak on its link", 12),
         one("foreign", uniform(5.0, 40.0)),
     )
+    POOR_FIX = Kind(
+        "satellites good to 2 to 6 m only, for 6 to 60 s",
+        12,
+        one("accuracy", lambda d: (d.uniform(2.0, 6.0), d.choice((6.0, 20.0, 60.0)))),
+    )
     # Getting ready.
     UPLOAD = Kind("uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready")
     ALTERED = Kind("an item is stored that was not sent", 6, courses.altered, "ready")
@@ -396,7 +401,7 @@ _ALONE: Final = frozenset(
         *(Fault.STALL_TAKEN, Fault.CHOSEN_BACK),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
-        Fault.JUMPING_POSES,
+        *(Fault.JUMPING_POSES, Fault.POOR_FIX),
         *(Fault.MAP_FILES, Fault.LOCAL_METRES, Fault.WINDY, Fault.DAILY_HOURS),
         *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),

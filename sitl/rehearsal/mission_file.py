@@ -43,7 +43,7 @@ _POINTS: Final = 44
 _BRAKING_M_S2, _BRAKES_LATER_S = 3.0, 0.3
 """What a PX4 brakes with, and how much later: it builds that up with limited jerk."""
 
-_MARGIN_M, _LEAVING_M = 1.7, 0.9
+_MARGIN_M, _LEAVING_M = 1.85, 1.8
 """On top of the clearance: nearer places are refused; first legs nearer than the other are, too."""
 
 _SHORT_M: Final = 1.3

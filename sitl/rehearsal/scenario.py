@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from air_router.mission.mission import Mission
@@ -19,6 +20,7 @@ from geo.frame import Point
 from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, START, Companion, World
 from sitl.rehearsal.courses import Agenda
@@ -80,6 +82,8 @@ class Scenario(World, ABC):
     Args:
         scene: What goes wrong.
         path: The mission.
+        keys: Of the mission file that it flies with, on top of those of the scene.
+        wind: That blows; None: the scene's.
 
     Attributes:
         scene: The same.
@@ -95,9 +99,17 @@ class Scenario(World, ABC):
         after_order: Called once a message of the companion has reached the vehicle.
     """
 
-    def __init__(self, scene: Scene, path: Path) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        path: Path,
+        *,
+        keys: Mapping[str, Any] = MappingProxyType({}),
+        wind: WindSettings | None = None,
+    ) -> None:
         super().__init__()
         self.scene = scene
+        self._keys, self._wind = keys, wind_of(scene) if wind is None else wind
         self.agenda = Agenda(scene.schedule())
         self._path = path
         self._dated = scene.fault is Fault.DAILY_HOURS
@@ -155,13 +167,14 @@ class Scenario(World, ABC):
 
     def _set_up(self, folder: Path) -> None:
         scene, kind = self.scene, self.scene.fault.value
-        document = changed(hurried(self._path), kind.mission, kind.waypoints)
+        document = changed(hurried(self._path), {**kind.mission, **self._keys}, kind.waypoints)
         self._logs = folder / "records" if kind.records else None
         document = with_room(document) if scene.draws else document
         if scene.fault is Fault.LAYERS:
             document = with_another_uav(document, folder, scene.chance("layers"))
         elif kind.document is None:
-            document = with_terms(document, wide=scene.fault in WIDE)
+            # A clearance that is as wide as may be at its usual speed.
+            document = with_terms(document, wide=scene.fault in WIDE and not self._keys)
         else:
             document = with_terms(document) if kind.terms else document
             document = kind.document(document, folder, scene.chance("document"))
@@ -179,7 +192,7 @@ class Scenario(World, ABC):
                 seed=scene.seed,
                 start_unix_s=EPOCH_S,
                 parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0, **kind.parameters},
-                wind=wind_of(scene),
+                wind=self._wind,
                 ground_link=False,  # it is listened to, and says nothing
                 truth_link=False,
                 step_s=STEP_S,

@@ -36,10 +36,11 @@ class SimulatedFlight(Scenario):
     Args:
         scene: What goes wrong.
         path: The mission.
+        more: As `Scenario` takes it.
     """
 
-    def __init__(self, scene: Scene, path: Path) -> None:
-        super().__init__(scene, path)
+    def __init__(self, scene: Scene, path: Path, **more: Any) -> None:
+        super().__init__(scene, path, **more)
         self._fault_dice = scene.chance("script")
         self._operator = Operator(self, self._fault_dice)
         self._zones = ZoneDrawing(self, self._operator, self._fault_dice)
@@ -138,6 +139,14 @@ class SimulatedFlight(Scenario):
         self.link.trouble(
             *(Way.DOWN, "GPS_RAW_INT", StreamFault.WRONG, self.now_s + seconds),
             wrong=lambda fields, _: {**fields, "fix_type": kind},
+        )
+
+    def do_accuracy(self, what: tuple[float, float]) -> None:
+        """The receiver says that its position is good to so many metres, for so long."""
+        accuracy_m, seconds = what
+        self.link.trouble(
+            *(Way.DOWN, "GPS_RAW_INT", StreamFault.WRONG, self.now_s + seconds),
+            wrong=lambda fields, _: {**fields, "h_acc": round(accuracy_m * 1e3)},
         )
 
     def do_battery(self, drain_s: float) -> None:

@@ -37,6 +37,9 @@ _FIRST: Final = 4
 WIDER_M: Final = 0.5
 """So much more than zones by their own clearance is kept from what has none: from the fence."""
 
+_KEPT_M: Final = 1.7
+"""What routes keep on top of a clearance, at least, by what the vehicle may be off them."""
+
 OVER_RALLY: Final = "over a rally point"
 _MAST_M: Final = 1.0
 _HOLE: Final = 4
@@ -72,7 +75,8 @@ def _with_terms(text: str, wide: bool, hours: bool) -> dict[str, Any]:
     terms = [*_limits(mission, planner["terrain_relief_m"])]
     zones = [{**own, **terms[n % len(terms)], **z} for n, z in enumerate(document["no_fly_zones"])]
     if zones and wide:
-        zones[-1] |= _widest(mission, planner["tracking_margin_m"])
+        margin_m = max(planner["tracking_margin_m"], _KEPT_M)
+        zones[-1] |= _widest(mission, len(zones) - 1, margin_m)
     fence, hole = document.get("fence"), zones[_HOLE] if len(zones) > _HOLE else {}
     if isinstance(fence, list) and "polygon" in hole and not hole.get("crosses_fence"):
         zones.remove(hole)
@@ -136,9 +140,10 @@ def over_a_rally_point(mission: RawMission) -> list[dict[str, Any]]:
     return [_circle(mission, OVER_RALLY, place, _MAST_M) | small for place in places]
 
 
-def _widest(mission: RawMission, margin_m: float) -> dict[str, float]:
-    """The widest clearance that the last zone can have, where that shows."""
-    *zones, last = mission.zones
+def _widest(mission: RawMission, number: int, margin_m: float) -> dict[str, float]:
+    """The widest clearance that a zone can have, where that shows; climb corridors come last."""
+    last = mission.zones[number]
+    zones = [zone for zone in mission.zones if zone is not last]
     places = [(0.0, 0.0), *mission.waypoints, *mission.rally]
     near_m = min(last.polygon.distance(place) for place in map(shapely.Point, places))
     wide_m = float(math.floor(near_m - margin_m - _SPARE_M))

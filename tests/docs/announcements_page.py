@@ -82,9 +82,17 @@ SAID = {
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
     ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
+    ("_while_off", "NEARER_THAN_IT_SAYS"): [
+        "the satellites' position is good to … m only, … m are planned for",
+        "wind of … m/s, … m/s are planned for",
+    ],
     ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
     ("another_vehicle", "SEPARATE_TWINS"): ["two autopilots answer with the same system id …"],
     ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
+    ("look", "NEARER_THAN_IT_SAYS"): [
+        "the satellites' position is good to … m only, … m are planned for: holding",
+        "wind of … m/s, … m/s are planned for: holding",
+    ],
     ("look", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }
 KNOWN = {name: value for name, value in vars(instructions).items() if name.isupper()}

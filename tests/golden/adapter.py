@@ -30,6 +30,7 @@ from air_router.vehicle import vehicle
 from air_router.vehicle.height_frame import HomeMove
 from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
+from geo.validity import Period, Validity
 from mocha_link.links import metrics
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
@@ -115,7 +116,9 @@ PARTS = {
     "home_move": (HomeMove, "east_m north_m up_m"),
     "header": (Header, "robot_id topic_id seconds milliseconds"),
     "reading": (Reading, "value unit source"),
-    "zone": (Zone, "name shape clearance_m band crosses_fence"),
+    "zone": (Zone, "name shape clearance_m band crosses_fence validity"),
+    "validity": (Validity, "periods"),
+    "period": (Period, "start end"),
     "outline": (Outline, "ring holes"),
     "circle": (Circle, "centre_m=centre radius_m"),
     "band": (Band, "lower_m upper_m"),

@@ -3,10 +3,12 @@
 import enum
 import math
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from typing import Any, NamedTuple
 
 NAN = "number:nan"
 HEX = "bytes:"
+TIME = "time:"
 
 
 class Tape(NamedTuple):
@@ -82,6 +84,8 @@ class Tongue:
             return {"kind": row.word, **fields}
         if isinstance(value, enum.Enum) and value in self._word_of:
             return self._word_of[value]
+        if isinstance(value, datetime):
+            return TIME + value.isoformat()
         if isinstance(value, bytes | memoryview):
             return HEX + value.hex()
         if isinstance(value, tuple | list):
@@ -101,6 +105,8 @@ class Tongue:
     def _text(self, plain: str) -> Any:
         if plain.startswith(HEX):
             return bytes.fromhex(plain[len(HEX) :])
+        if plain.startswith(TIME):
+            return datetime.fromisoformat(plain[len(TIME) :])
         return self._words.get(plain, plain)
 
     def _tuple(self, plain: list[Any]) -> Any:

@@ -52,7 +52,7 @@ FLIGHTS = (
     ("urban", "TWO_STATIONS", 2),
     ("large", "REQUESTS", 0),
     ("pair", "ONE_DEAD", 1),
-    ("pair", "REQUESTS", 4),
+    ("pair", "REQUESTS", 6),
     ("atlas", "ONE_DEAD", 0),
 )
 """Mission, what goes wrong, and seed. In `pair` titan is flown and in `atlas` the other UAV, which
@@ -72,11 +72,11 @@ RUNS: Mapping[str, dict[str, Any]] = {
     "rendezvous-ours": {"policy": "rendezvous", "protocol": "ours", "uavs": 2},
     "near": {"radius_m": 10, "goals": "seed", "starts": "seed"},
     "many": {"ugvs": 10, "protocol": "ours", "starts": "seed"},
-    "path-loss": {"channel": "path_loss", "protocol": "ours"},
-    "path-loss-original": {"channel": "path_loss", "uavs": 2},
+    "path-loss": {"channel": "path_loss", "protocol": "ours", "uav_altitude_m": 70},
+    "path-loss-original": {"channel": "path_loss", "uavs": 2, "uav_altitude_m": 70},
     "passive": {"passive": True, "protocol": "ours"},
     "no-base": {"base_station": False, "paper": {"cut": "drop", "order": "random"}},
-    "high": {"uav_altitude_m": 80, "uav_speed_m_s": 8, "protocol": "ours"},
+    "high": {"uav_altitude_m": 80, "uav_speed_m_s": 6.5, "protocol": "ours"},
 }
 """Runs of experiments in the town of missions/urban: what is not as usual."""
 

@@ -188,6 +188,7 @@ class MissionContext:
         zones: How far a change of zones is; None if none is under way.
         has_to_stop: Zones change, and the hold for that is not confirmed yet.
         jumped: Its altitude has jumped, and it holds until that is over.
+        rough: Satellites or wind are worse than planned for, and it holds until that is over.
         home_by_s: When it comes home, on the vehicle's clock, if some zones have their hours: they
             may be others later.
         doubts: An order that is not ours shows, if not for long enough to be sure of it.
@@ -232,6 +233,7 @@ class MissionContext:
     zones: ZoneChange | None = None
     has_to_stop: bool = False
     jumped: bool = False
+    rough: bool = False
     home_by_s: float | None = None
     doubts: bool = False
     put_off: bool = False

@@ -8,6 +8,7 @@ leg, or a landing, from leaving, in the order in which it is looked at:
 |---|---|
 | no fix, or another input is missing | all have come for 3 s: on; some too long missing: home |
 | the altitude has jumped | it is back for 2 s: on; it is not within 30 s: home |
+| satellites or wind are worse than planned for | as planned for 5 s: on; not within 30 s: home |
 | nothing is heard, or not yet its flight mode | they are: what was put off goes on |
 | an order shows that is not ours | ours shows: what was put off goes on; after 1.5 s: hands off |
 | hands will be off | it holds, or was told to six times: hands off |
@@ -237,7 +238,8 @@ class CommandGate:
         unsure = context.doubts or context.silent_s > 0.0
         context.put_off |= unsure
         lost_fix = context.telemetry is not None and not context.telemetry.fix
-        if lost_fix or context.inputs.stopped or context.jumped or unsure:
+        off = context.jumped or context.rough
+        if lost_fix or context.inputs.stopped or off or unsure:
             if isinstance(motion, LandHere):
                 context.retry_in(RETRY_S)  # in LAND nothing else has it land
             return

@@ -65,9 +65,9 @@ class InitialClimb:
         mission, here = self._context.mission, telemetry.position
         if not low(mission, telemetry):
             return None
-        # Half the tracking margin, as for a first leg: where it has left a zone it hovers on the
-        # edge of the whole one.
-        drift_m = mission.planner.departure_margin_m
+        # What a first leg keeps: where it has left a zone it hovers on the edge of the margin of
+        # routes.
+        drift_m = mission.tracking.flown_m
         airspace = mission.airspace_off_cruise(telemetry.altitude_m).with_margin(drift_m)
         names = airspace.blockers(here, here) or _layers_between(mission, telemetry)
         if not names:

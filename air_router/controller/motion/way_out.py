@@ -68,7 +68,7 @@ def _router_around(mission: Mission, telemetry: Telemetry) -> Router:
     """Plans among what applies from the vehicle's height to the cruise altitudes, near to it."""
     planner = replace(mission.planner, kind="shortest")
     airspace = mission.airspace_off_cruise(telemetry.altitude_m)
-    around = airspace.around(telemetry.position, REACH_M).with_margin(planner.tracking_margin_m)
+    around = airspace.around(telemetry.position, REACH_M).with_margin(mission.tracking.planned_m)
     return Router(
         WaypointGraph(replace(mission, waypoints=(), planner=planner, planning_airspace=around))
     )

@@ -97,8 +97,9 @@ class HoldState(StateHandler):
         context, gate = self._context, self._gate
         if context.doubts:
             return Refusal.BUSY, "another's order seems to show; ask again in a moment"
-        if context.jumped:
-            return Refusal.BUSY, "its altitude has jumped; ask again once it is back"
+        if context.jumped or context.rough:
+            off = "its altitude has jumped" if context.jumped else "the wind or satellites are poor"
+            return Refusal.BUSY, f"{off}; ask again once it is back"
         telemetry = context.heard
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         if moves or gate.pending or gate.setpoints.open(telemetry):

@@ -48,8 +48,8 @@ _NAMED: Final = 3
 """So many walls are named; more would not be read in the air."""
 
 
-def _landing_m(mission: Mission) -> float:
-    """How far from home counts as above it."""
+def landing_radius_m(mission: Mission) -> float:
+    """How far from home, in metres, counts as above it: a landing begins anywhere there."""
     return min(mission.planner.acceptance_radius_m, _WIDEST_M) + LANDING_M
 
 
@@ -207,7 +207,7 @@ class ReturnState(StateHandler):
     def _above_home(self, home: Point) -> None:
         """Land if it stays here, and no order from before may take it away: it would land there."""
         telemetry = self._context.heard
-        near_m = _landing_m(self._context.mission)
+        near_m = landing_radius_m(self._context.mission)
         under_way = set(self._gate.setpoints.open(telemetry)) - {home}
         places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
         known = telemetry.ages.position_s < POSITION_S
@@ -238,10 +238,10 @@ class LandState(StateHandler):
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:
             return "it does not hover yet; ask again in a moment"
         home_m = math.dist(telemetry.position, mission.home)
-        if mission.layers_below and home_m > _landing_m(mission):
+        if mission.layers_below and home_m > landing_radius_m(mission):
             below = ", ".join(mission.layers_below)
             return f"the layer of {below} is below; it lands at home only: 'home'"
-        margin_m = mission.planner.tracking_margin_m
+        margin_m = mission.tracking.planned_m
         for airspace in (mission.climb_airspace, mission.airspace_at(telemetry.altitude_m)):
             if not airspace.with_margin(margin_m).point_clear(telemetry.position):
                 _, what = airspace.with_margin(margin_m).spare_m(telemetry.position)

@@ -210,6 +210,7 @@ class Px4Telemetry(Px4Messages):
             voltage_v=self.voltage_v,
             satellites=None if self.gps is None else self.gps.satellites,
             target_altitude_m=self._heights.above_m(self._target_amsl_m),
+            accuracy_m=None if self.gps is None or not self.gps.good else self.gps.accuracy_m,
         )
 
     def _came_back(self, silent_s: float) -> None:

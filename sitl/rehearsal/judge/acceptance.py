@@ -149,6 +149,7 @@ ACCEPTED: Final = MappingProxyType(
         "LATE": _row(End.LANDED, End.PILOT, End.NOT, notice_s=4.0),
         "OLD": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "NO_FIX": _HOME_OR_FAILSAFE,
+        "POOR_FIX": _HOME,
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "ALTERED": _row(End.LANDED, End.STAYED),
         "BY_HAND": _row(End.PILOT, says="is not on board"),

@@ -32,6 +32,10 @@ _SILENT_S: Final = 4.0
 _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
+_POOR_MM, _POOR_S, _POOR_HOME_S, _STANDS_S = 2000, 4.0, 33.0, 3.0
+"""A GPS_RAW_INT.h_acc from here on is too poor for any mission that does not plan for it; after so
+long it is told, and the mission ends; what a vehicle has to stop."""
+
 _AGAIN_S: Final = 10.0
 """What goes on is told again so long after."""
 
@@ -265,6 +269,29 @@ def a_lost_fix_is_held_for(case: Case) -> Iterator[Violation]:
         if case.answers(begin_s, due_s) and not flaps:
             yield from says(case, news, "GPS|fix|satellite|failsafe", due_s, _NEARS_S)
         yield from stands(case, news, (due_s, end_s))
+
+
+def a_poor_fix_is_held_for(case: Case) -> Iterator[Violation]:
+    """Satellites that are not good enough to keep the clearance are told; the vehicle stands.
+
+    For half a minute: then it comes home all the same.
+    """
+    messages = case.heard("GPS_RAW_INT")
+    poor = [number(m.fields, "h_acc") >= _POOR_MM for m in messages]
+    for begin_s, end_s in _spans(messages, poor, _FLICKERS_S):
+        news = News(begin_s, f"GPS was good to {_POOR_MM / 1e3:g} m or less only")
+        due_s, home_s = begin_s + _POOR_S + case.reacts_s, begin_s + _POOR_HOME_S
+        told_s = due_s if due_s < end_s else math.inf
+        if not all(case.state(at_s) in _LEVEL for at_s in (begin_s, min(told_s, end_s))):
+            continue
+        if case.answers(begin_s, told_s):
+            yield from says(case, news, "satellites", due_s)
+        if any(case.state(at_s) == "HOME" for at_s in (begin_s, min(due_s, end_s))):
+            continue  # that is what it would do
+        if case.answers(begin_s, told_s):
+            yield from stands(case, news, (due_s + _STANDS_S, min(end_s, home_s - 1.0)))
+        late_s = home_s + case.reacts_s
+        yield from comes_home(case, news, late_s if late_s < end_s else math.inf, blind(gaps(case)))
 
 
 def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:

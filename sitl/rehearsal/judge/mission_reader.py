@@ -33,6 +33,9 @@ _KNOWN: Final = frozenset(
 )
 _SPEED_M_S, _CLEARANCE_M, _MARGIN_M, _ACCEPTANCE_M, _RESERVE = 3.5, 5.0, 5.0, 2.0, 0.25
 _TRACKING_M, _SEPARATION_M = 1.5, 10.0
+_WIND_M_S, _BREEZE_M_S, _ACCURACY_M = 5.0, 5.0, 1.0
+_ESTIMATE, _STILL_M, _SWING_S2_M, _TURN_M, _GUST_S, _MORE_M = 0.63, 0.35, 0.0145, 0.3, 0.2, 0.04
+"""What a vehicle may be off its legs, as docs/routes.md says."""
 _LATER_S: Final = 4500.0
 """A flight may begin an hour later than it is to, and come home some minutes after its end."""
 
@@ -273,7 +276,7 @@ class _YamlReader:
             layer_top_m=max(altitudes) + min(above, default=math.inf) / 2,
             goals_from=tuple(data.get("goals_from") or ()),
             timers_s={name: float(at_s) for name, at_s in (data.get("timers") or {}).items()},
-            tracking_margin_m=float(planner.get("tracking_margin_m", _TRACKING_M)),
+            tracking_margin_m=_tracking_m(planner, float(data.get("speed_m_s", _SPEED_M_S))),
             others=tuple(
                 (metres(other["home"]["position"]), other["level_m"] - data["level_m"])
                 for other in self._others
@@ -352,3 +355,12 @@ def _flown(data: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     known = [float(h.get("altitude_amsl_m") or 0.0) for h in homes if "altitude_amsl_m" in h]
     both = {**data, **own, "home": homes["home" in own]}
     return {**both, "level_m": float(both["altitude_m"]) + [0.0, *known][-1]}
+
+
+def _tracking_m(planner: Mapping[str, Any], speed_m_s: float) -> float:
+    """What routes keep on top of a clearance, by the formula of docs/routes.md."""
+    gusts_m_s = max(float(planner.get("wind_m_s", _WIND_M_S)) - _BREEZE_M_S, 0.0)
+    accuracy_m = float(planner.get("position_accuracy_m", _ACCURACY_M))
+    off_m = _ESTIMATE * accuracy_m + _STILL_M + _SWING_S2_M * speed_m_s**2
+    off_m += _TURN_M + _GUST_S * gusts_m_s
+    return max(float(planner.get("tracking_margin_m", _TRACKING_M)), round(off_m, 2) + _MORE_M)

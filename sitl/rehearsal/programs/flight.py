@@ -10,10 +10,10 @@ import re
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from air_router.sim.ports import free_port
 from sitl.mavlink.codec import Sender
@@ -69,6 +69,7 @@ class RealFlight:
         speed: Times real time.
         px4: Where a real PX4 is; None: `sitl vehicle`.
         companion: How the `air-router` begins that is judged; for one not ours nothing waits.
+        keys: Of the mission file that it flies with.
     """
 
     scene: WireScene
@@ -76,6 +77,7 @@ class RealFlight:
     speed: float = SPEED
     px4: str | None = None
     companion: Sequence[str] = OURS
+    keys: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._agenda = Agenda(self.scene.schedule())
@@ -97,7 +99,7 @@ class RealFlight:
             contextlib.ExitStack() as stack,
         ):
             folder = Path(name)
-            file = self._file = hurry(self.path, folder, self.scene)
+            file = self._file = hurry(self.path, folder, self.scene, self.keys)
             port = free_port()
             programs = self._programs = Programs(self.scene, file.path, self.speed, self.px4)
             stack.callback(programs.end_vehicles)
@@ -110,6 +112,7 @@ class RealFlight:
             self._arguments = [
                 *(str(file.path), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
+                f"--sysid={programs.system_id}",
             ]
             if file.mission.layers:
                 self._arguments.append(f"--uav={file.mission.uav}")

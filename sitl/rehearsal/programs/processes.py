@@ -14,9 +14,10 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import yaml
@@ -165,11 +166,16 @@ def port_of(url: str) -> int:
     return int(url.rpartition(":")[2])
 
 
-def hurry(path: Path, folder: Path, scene: WireScene) -> MissionFile:
-    """A copy of the mission in a hurry, low, with a team of its own, in a folder."""
+def hurry(
+    path: Path, folder: Path, scene: WireScene, keys: Mapping[str, Any] = MappingProxyType({})
+) -> MissionFile:
+    """A copy of the mission in a hurry, low, with a team of its own, in a folder.
+
+    `keys` are other keys of the mission file.
+    """
     derive_team(Team.load(path.parent / "team.yaml"), folder)
     team = str(folder / "team.yaml")
-    document = {**hurried(path), "team": team, "altitude_m": 20, "timers": _TIMERS}
+    document = {**hurried(path), "team": team, "altitude_m": 20, "timers": _TIMERS, **keys}
     draw, uav = scene.fault.value.document, None
     if draw is None:
         # As many corners as PX4 stores, one drawn circle included.
@@ -271,6 +277,11 @@ class Programs:
             self._start_ours("--instance=1", f"--truth-to=127.0.0.1:{free_port()}")
         else:
             self.relay.listen(port_of(self._start_px4()["mavlink"]))
+
+    @property
+    def system_id(self) -> int:
+        """Of the first vehicle: a real PX4's instance is the first that is free."""
+        return self._instance + 1
 
     @property
     def pace_source(self) -> str:

@@ -79,15 +79,15 @@ LINES = {
     GOOD: [
         *(preflight.vehicle(info(f"1.{minor}.2")) for minor in (15, 16, 17, 18)),
         *(preflight.vehicle(info(kind=kind)) for kind in (13, 14, 15)),
-        preflight.gps(GpsFix(3, 14, 0.8)),
+        preflight.gps(GpsFix(3, 14, 0.8), 1.0),
         preflight.clock(Inspection(unix_s=NOW_S + 1.0), NOW_S),
         preflight.disk(10**10),
         preflight.peers({"io": True, "europa": True}),
     ],
     LOOK: [
         *(preflight.vehicle(info(version)) for version in ("1.19.0", "of unknown version")),
-        preflight.gps(None),
-        *(preflight.gps(GpsFix(*fix)) for fix in ((3, 8, 1.0), (3, 14, 5.0), (6, None, 0.8))),
+        preflight.gps(None, 1.0),
+        *(preflight.gps(GpsFix(*fix), 1.0) for fix in ((3, 8, 1.0), (3, 14, 5.0), (6, None, 0.8))),
         *(preflight.clock(found, NOW_S) for found in (OFF, FAR_OFF, Inspection())),
         preflight.clock(OFF, NOW_S, hours=True),
         *map(preflight.disk, (None, 2 * 10**8)),
@@ -96,7 +96,7 @@ LINES = {
     BAD: [
         preflight.vehicle(info("1.14.3")),
         *(preflight.vehicle(info(kind=kind)) for kind in (1, 4, 10, 22)),
-        *(preflight.gps(GpsFix(*fix)) for fix in ((1, 0), (2, 5), (3, 5))),
+        *(preflight.gps(GpsFix(*fix), 1.0) for fix in ((1, 0), (2, 5), (3, 5))),
         preflight.clock(Inspection(), 1000.0),
         preflight.clock(FAR_OFF, NOW_S, hours=True),  # zones apply at certain hours
         preflight.disk(10**6),
@@ -180,8 +180,16 @@ def test_a_home_that_is_not_as_high_as_the_vehicle_stands(pennovation):
     ],
 )
 def test_the_wind(wind_m_s, verdict, found):
-    check = preflight.wind(wind_m_s)
+    check = preflight.wind(wind_m_s, 5.0)
     assert (check.verdict, found in check.found) == (verdict, True)
+    assert (verdict is GOOD) or "5 m/s are planned for" in check.advice
+
+
+def test_an_accuracy_that_the_mission_is_not_planned_for_is_on_the_card():
+    check = preflight.gps(GpsFix(3, 14, 1.4), 1.0)
+    assert check.verdict is LOOK
+    assert "planner.position_accuracy_m" in check.advice
+    assert preflight.gps(GpsFix(3, 14, 1.4), 1.5).verdict is GOOD
 
 
 def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(pennovation, router):

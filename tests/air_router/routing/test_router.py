@@ -38,7 +38,7 @@ class Judge:
     def __init__(self, mission):
         self.zones = union_all([zone.polygon for zone in mission.zones])
         self.fence = mission.fences[0].polygon
-        self.limit_m = mission.planner.distance_m - 1e-6
+        self.limit_m = mission.planning_distance_m - 1e-6
 
     def distance_m(self, shape):
         if not self.fence.covers(shape):
@@ -283,7 +283,7 @@ def test_a_moving_vehicle_gets_a_leg_whose_sweep_is_clear(pennovation):
         assert router.check_leg(start, route.legs[0].to, coming_to_rest(start, rest), under_way)
         assert_clear(judge, start, route)
     assert answers > 60
-    assert mission.planner.distance_m == 6.5
+    assert mission.planning_distance_m == 6.5
 
 
 def test_too_fast_towards_a_zone_there_is_no_first_leg(pennovation):
@@ -307,8 +307,8 @@ def test_a_leg_that_ends_nearer_to_a_zone_than_routes_keep_is_not_flown(tmp_path
     hall = {"name": "hall", "polygon": box(10, 20, 20, 30)}
     mission, _, router, _ = made(tmp_path, no_fly_zones=[hall])
     start = Point(15, -20)
-    keeps_m = mission.planner.distance_m
-    half_m = mission.planner.clearance_m + mission.planner.departure_margin_m
+    keeps_m = mission.planning_distance_m
+    half_m = mission.planner.clearance_m + mission.tracking.flown_m
     assert not router.check_leg(start, Point(15, 20 - (keeps_m + half_m) / 2))
     assert router.check_leg(start, Point(15, 20 - keeps_m - 0.1))
 
@@ -316,7 +316,7 @@ def test_a_leg_that_ends_nearer_to_a_zone_than_routes_keep_is_not_flown(tmp_path
 @pytest.mark.parametrize("off_m", [0.01, 0.4, 1.4, 3, 4.5, 6.4])
 def test_a_vehicle_inside_the_margin_leaves_it_without_coming_closer(tmp_path, off_m):
     mission, _, router, judge = wall_world(tmp_path)
-    distance_m = mission.planner.distance_m - off_m
+    distance_m = mission.planning_distance_m - off_m
     start = Point(10, -2 - distance_m)
     for goal in (0, 1, 2, 3):
         route = router.route(start, goal)
@@ -353,7 +353,7 @@ def test_a_drifting_vehicle_beside_the_margin_is_not_stranded(tmp_path):
         route = router.route(start, 1, momentum=coming_to_rest(start, drift))
         assert isinstance(route, Route)
         assert router.check_leg(start, route.legs[0].to, coming_to_rest(start, drift))
-    assert mission.planner.distance_m == 6.5
+    assert mission.planning_distance_m == 6.5
 
 
 def test_out_of_a_narrow_lane_no_leg_leads_deeper_into_it(tmp_path):
@@ -374,7 +374,7 @@ def test_out_of_a_narrow_lane_no_leg_leads_deeper_into_it(tmp_path):
 def test_no_leg_ends_nearer_to_a_zone_than_routes_keep(tmp_path):
     """Half of the tracking margin is for the way there, not for where it stays."""
     mission, _, router, _ = wall_world(tmp_path)
-    keeps_m = mission.planner.distance_m
+    keeps_m = mission.planning_distance_m
     start = Point(10, -25)
     assert router.check_leg(start, Point(10, -2 - keeps_m - 0.1))
     assert not router.check_leg(start, Point(10, -2 - keeps_m + 0.3))
@@ -401,7 +401,8 @@ def test_a_vehicle_a_bit_off_a_tight_leg_may_fly_it_on(pennovation):
         (Point(a.east_m + s * along[0], a.north_m + s * along[1]) for s in shares),
         key=lambda place: judge.distance_m(MultiPoint([place])),
     )
-    for off_m in (-0.5, -0.2, 0.2, 0.5):
+    slack_m = mission.tracking.planned_m - mission.tracking.flown_m
+    for off_m in (-0.99 * slack_m, -0.1, 0.1, 0.99 * slack_m):
         start = Point(
             tight.east_m - off_m * along[1] / length_m, tight.north_m + off_m * along[0] / length_m
         )
@@ -599,3 +600,17 @@ def test_who_is_too_near_to_a_zone_leaves_it_in_the_first_metres_and_not_along_i
     rule = Departure(airspace, ShortestPaths(airspace), Point(0.0, 3.0), None)
     assert airspace.point_clear(Point(40.0, away_m))
     assert rule.allows(Point(40.0, away_m)) is allowed
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_a_leg_keeps_what_the_vehicle_may_be_off_and_more_if_it_begins_at_speed(tmp_path, fast):
+    """Past a mast, from a place and to one that are both far from it."""
+    mast = {"name": "mast", "polygon": box(-1, 0, 1, 2)}
+    mission, _, router, _ = made(tmp_path, home=[0, -60], no_fly_zones=[mast])
+    tracking = mission.tracking
+    assert tracking.flown_m < tracking.turned_m < tracking.planned_m
+    least_m = mission.planner.clearance_m + (tracking.turned_m if fast else tracking.flown_m)
+    for more_m, clear in ((-0.02, False), (0.02, True)):
+        start, end = (Point(east_m, -least_m - more_m) for east_m in (-40.0, 40.0))
+        momentum = coming_to_rest(start, Point(-34.0, start.north_m)) if fast else None
+        assert router.check_leg(start, end, momentum) is clear

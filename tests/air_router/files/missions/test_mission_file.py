@@ -67,8 +67,8 @@ def test_a_small_mission_with_defaults(tmp_path):
     assert mission.timers == Timers(180, 120, 45, 20)
     assert mission.planner == PlannerSettings()
     assert mission.airspace.clearance_m == 5
-    assert mission.planning_airspace.distances_m == (6.5, 6.5)
-    assert mission.planning_airspace.fence_distance_m == 6.5
+    assert mission.planning_airspace.distances_m == (6.55, 6.55)  # at 4 m/s a bit more than 1.5
+    assert mission.planning_airspace.fence_distance_m == 6.55
     assert (mission.team, mission.uav, mission.seek, mission.duration_s) == (None, None, (), None)
     assert mission.frame.to_geodetic(mission.home) == pytest.approx((38.5, -98.5))
 
@@ -117,7 +117,7 @@ no_fly_zones:
     (found,) = problems(tmp_path, TOWN.partition("no_fly_zones")[0] + walls)
     assert found.startswith(
         "10:16: no clear way leads from home to waypoint 3: 'south' and 'north' and 'west' and "
-        "'east' leave no room at 6.5 m (clearance 5 m + tracking margin 1.5 m); open a gap"
+        "'east' leave no room at 6.55 m (clearance 5 m + tracking margin 1.55 m); open a gap"
     )
 
 

@@ -181,6 +181,22 @@ def test_a_pilot_is_asked_to_fly_what_stands_for_a_position_that_is_lost(later, 
     assert found(flight(HOVERS, between(69.0, 90.0, POSITION), said=said)) == wrong
 
 
+@pytest.mark.parametrize(
+    ("h_acc", "lasts_s", "wrong"), [(2500, 15, 1), (1500, 15, 0), (2500, 3, 0)]
+)
+def test_a_poor_fix_is_said_to_be_one(h_acc, lasts_s, wrong):
+    spoil = between(62.0, 62.0 + lasts_s, FIX, fix_type=3, h_acc=h_acc)
+    flown = flight(HOVERS, spoil, said=[CRUISES])
+    assert found(flown) == ({"told"} if wrong else set())
+
+
+def test_a_poor_fix_is_held_for_and_not_only_said():
+    spoil = between(62.0, 85.0, FIX, fix_type=3, h_acc=2500)
+    said = [CRUISES, (65.0, "the satellites' position is good to 2.5 m only: holding")]
+    assert found(flight(spoil=spoil, said=said)) == {"blind"}
+    assert found(flight(HOVERS, spoil, said=said)) == set()
+
+
 def test_a_fix_that_is_back_for_three_seconds_is_back():
     said, leg = [(70.5, "GPS has lost its fix: holding")], goto(78.0, 60, 0)
     first, later = (between(s, s + 4.0, FIX, fix_type=1) for s in (70.0, 78.1))

@@ -1,0 +1,108 @@
+"""Whether satellites and wind are as the mission is planned for: what they are not, is held for.
+
+Routes keep so much more than the clearance as the vehicle may be off them at the speed, in the wind
+and with the accuracy of the mission file (`mission.tracking`). Where it may be farther off than
+that the clearance is not sure any more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.states import Signal
+from air_router.controller.safety_monitor import Deviation, Response
+from air_router.mission.tracking import SLACK_M, tracking_error_m
+from air_router.vehicle.instructions import NEARER_THAN_IT_SAYS
+from air_router.vehicle.vehicle import Telemetry
+
+WORSE_S: Final = 3.0
+"""How long they are worse before it is held for: receivers and gusts flicker."""
+
+AGAIN_S: Final = 5.0
+"""They count as good again after so long."""
+
+HOME_S: Final = 30.0
+"""After so long it comes home: waiting longer costs the battery that the way takes."""
+
+
+@dataclass(slots=True, eq=False)
+class ConditionsWatch:
+    """Looks at every telemetry of a vehicle that flies its mission by our commands.
+
+    Args:
+        context: What was planned for; where it says that it is not so.
+
+    Attributes:
+        waits: They are, or may be, worse: it has to look though nothing shows.
+    """
+
+    _context: MissionContext
+    waits: bool = False
+    _worse_since_s: float | None = None
+    _good_since_s: float | None = None  # while it is off: good again since
+    _off_since_s: float | None = None  # when it was announced; inf: and it was told to come home
+
+    def look(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether they are worse than planned for, as planned again, or worse for too long."""
+        now_s, worse, context = telemetry.time_s, self._worse(telemetry), self._context
+        comes_home = not context.knows(Signal.COME_HOME)
+        if self._off_since_s is not None:
+            if comes_home and context.rough:  # for its battery, perhaps, or as it was asked to
+                self._off_since_s, context.rough = math.inf, False
+                context.retry_in(0.0)
+            return self._while_off(worse, now_s, self._off_since_s)
+        self.waits = worse is not None
+        if worse is None:
+            self._worse_since_s = None
+            return None
+        if self._worse_since_s is None:
+            self._worse_since_s = now_s
+        if now_s - self._worse_since_s < WORSE_S:
+            return None
+        self._off_since_s, self._good_since_s = now_s, None
+        if comes_home:  # which is what it would do
+            self._off_since_s = math.inf
+            return Deviation(Response.TELL, worse, NEARER_THAN_IT_SAYS)
+        self._context.rough = True
+        return Deviation(Response.WAIT, worse, NEARER_THAN_IT_SAYS)
+
+    def _while_off(self, worse: str | None, now_s: float, off_since_s: float) -> Deviation | None:
+        if worse is None:
+            if self._good_since_s is None:
+                self._good_since_s = now_s
+            if now_s - self._good_since_s < AGAIN_S:
+                return None
+            held = self._context.rough
+            self.forget()
+            words = "satellites and wind are as planned for again"
+            return Deviation(Response.BACK if held else Response.TELL, words, None)
+        self._good_since_s = None
+        if now_s - off_since_s < HOME_S:
+            return None
+        self._off_since_s = math.inf  # once, until they are good again
+        self._context.rough = False
+        return Deviation(Response.HOME, worse, NEARER_THAN_IT_SAYS)
+
+    def _worse(self, telemetry: Telemetry) -> str | None:
+        """What is worse than planned for, in words; None: the vehicle is no farther off by it."""
+        mission = self._context.mission
+        planner, limit_m = mission.planner, mission.tracking.flown_m + SLACK_M
+        wind_m_s, accuracy_m = planner.wind_m_s, planner.position_accuracy_m
+        if telemetry.wind_m_s is not None:
+            wind_m_s = math.hypot(*telemetry.wind_m_s)
+        if telemetry.accuracy_m is not None:
+            accuracy_m = telemetry.accuracy_m
+        if tracking_error_m(mission.speed_m_s, wind_m_s, accuracy_m) <= limit_m:
+            return None
+        if accuracy_m > planner.position_accuracy_m:
+            planned_m = f"{planner.position_accuracy_m:g} m are planned for"
+            return f"the satellites' position is good to {accuracy_m:.1f} m only, {planned_m}"
+        return f"wind of {wind_m_s:.0f} m/s, {planner.wind_m_s:g} m/s are planned for"
+
+    def forget(self) -> None:
+        """They are good again, or it does not fly its mission by our commands just now."""
+        self._context.rough = self.waits = False
+        self._worse_since_s = self._good_since_s = self._off_since_s = None

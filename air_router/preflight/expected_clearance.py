@@ -1,0 +1,75 @@
+"""What the true vehicle is expected to keep from zones and fences at the least, by kind of leg.
+
+Routes keep the clearance and the tracking margin; a leg that begins where the vehicle is keeps the
+clearance and what it may be off (`TrackingMargin`). What is left of that at the worst is expected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from air_router.controller.states.return_state import landing_radius_m
+from air_router.mission.mission import Mission
+from air_router.mission.tracking import tracking_error_m
+from air_router.routing.departure import names_of
+
+LAND = "landing"
+"""The kind that begins farthest from what was checked: anywhere within its radius of home."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedClearance:
+    """Of one kind of leg.
+
+    Attributes:
+        name: Which, in words.
+        kept_m: Expected at the least.
+        promised_m: The clearance that the mission promises there.
+        to: What it is nearest to, in words.
+        advice: What the operator does if it is too little.
+    """
+
+    name: str
+    kept_m: float
+    promised_m: float
+    to: str = "zones and fence"
+    advice: str = ""
+
+    @property
+    def short_m(self) -> float:
+        """How much is missing; below 0: nothing is."""
+        return self.promised_m - self.kept_m
+
+
+def expected_clearances(mission: Mission) -> tuple[ExpectedClearance, ...]:
+    """Of every kind of leg of a mission, in the order of a flight."""
+    margin, planner = mission.tracking, mission.planner
+    clearance_m = planner.clearance_m
+    planned_m = clearance_m + margin.planned_m - margin.error_m
+    flown_m = clearance_m + margin.flown_m - margin.error_m
+    hovers_m = tracking_error_m(0.0, planner.wind_m_s, planner.position_accuracy_m)
+    kept_m = {
+        "straight legs": planned_m,
+        "turns": clearance_m + margin.turned_m - margin.turn_m,
+        "first legs": flown_m,
+        "go-tos": flown_m,
+        "returns": planned_m,
+    }
+    return (
+        _column(mission, "climb", hovers_m),
+        *(ExpectedClearance(name, metres, clearance_m) for name, metres in kept_m.items()),
+        _column(mission, LAND, hovers_m + landing_radius_m(mission)),
+    )
+
+
+def _column(mission: Mission, name: str, off_m: float) -> ExpectedClearance:
+    """Above home, where the vehicle may be so far from it."""
+    spare_m, nearest = mission.climb_airspace.spare_m(mission.home)
+    promised_m = mission.climb_airspace.kept_m(nearest) if nearest else mission.planner.clearance_m
+    return ExpectedClearance(
+        name,
+        promised_m + spare_m - off_m,
+        promised_m,
+        names_of((nearest,)) if nearest else "zones and fence",
+        f"move home {off_m - spare_m:.1f} m away from it",
+    )
