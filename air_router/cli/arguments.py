@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
-from air_router.files.usual_values import option_notes
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
 from mocha_link.team.value_mistakes import decimal_degrees, number_advice, pair_in, plain
@@ -95,6 +94,8 @@ def note_options(arguments: argparse.Namespace, fields: Mapping[str, str]) -> No
         arguments: The command line.
         fields: Of each option, by its name among the arguments, the field of `usual_values`.
     """
+    from air_router.files.usual_values import option_notes  # noqa: PLC0415 - few commands need it
+
     given = ((f"--{name}", getattr(arguments, name), field) for name, field in fields.items())
     for note in option_notes(given):
         say(note)
