@@ -52,7 +52,7 @@ class LagMonitor:
         return self._context.now_s <= self._lagged_at_s + RECENT_S
 
     def note(self, telemetry: Telemetry) -> None:
-        """Take every telemetry in, whoever has the vehicle."""
+        """Take every telemetry in, also while a pilot has the vehicle."""
         before, self._before = self._before, telemetry
         if before is not None and telemetry.told_s - before.told_s > GAP_S and telemetry.in_air:
             self._gap = (before.position, telemetry.position, telemetry.told_s)

@@ -204,7 +204,7 @@ class FlightLoop:
         self._gossip = gossip
         self._recorder = recorder
         self._status = status
-        self._repeats = Repeats[tuple[str, Severity]]()  # of what is said on the terminal
+        self._repeats = Repeats[str]()  # of what is said on the terminal
         self.page: Page = NoPage()
         self.motions = MotionSender(
             vehicle,
@@ -323,14 +323,14 @@ class FlightLoop:
         if alone or severity is Severity.ALARM:
             self._say_repeats(now_s, last=True)
             self._repeats.clear()
-        elif severity is Severity.INFO and self._repeats.again((text, severity), now_s):
+        elif severity is Severity.INFO and self._repeats.again(text, now_s):
             return  # a warning is never late
         self._status.say(f"{now_s:8.1f} s  {text}", severity)
 
     def _say_repeats(self, now_s: float, *, last: bool = False) -> None:
         """Say how often lines came again, once that is due; `last`: or is not due any more."""
-        for (text, severity), count in self._repeats.due(math.inf if last else now_s):
-            self._status.say(f"{now_s:8.1f} s  {times(count)}: {text}", severity)
+        for text, count in self._repeats.due(math.inf if last else now_s):
+            self._status.say(f"{now_s:8.1f} s  {times(count)}: {text}", Severity.INFO)
 
     def end(self, outcome: str, exit_code: ExitCode) -> None:
         """The flight is over; the first outcome counts."""

@@ -222,9 +222,10 @@ class LossyRelay:
         if end is self._outside:
             kept = b""
             for frame in frames(data):
-                self.recording.look(frame, delivered=passes and not self._swallows(frame))
-                kept += b"" if self._swallows(frame) else frame.data
-            if passes and kept and self._vehicle is not None:
+                delivered = passes and not self._swallows(frame)
+                self.recording.look(frame, delivered=delivered)
+                kept += frame.data if delivered else b""
+            if kept and self._vehicle is not None:
                 self._api.sendto(kept, self._vehicle)
             return
         if any(frame.system_id != _VEHICLE for frame in itertools.islice(frames(data), 1)):
