@@ -10,7 +10,7 @@ from pathlib import Path
 from air_router.cli.arguments import add_start, add_uav, print_json
 from air_router.errors import ExitCode
 from air_router.files.mission_document import MissionDocument
-from air_router.mission.loading import choose, read_draft, validate
+from air_router.mission.loading import choose, read_draft, unusual, validate
 from air_router.mission.mission import Mission
 from air_router.preflight.check_facts import facts_of, summary
 from air_router.preflight.survey import MissionSurvey
@@ -110,9 +110,8 @@ def _refusal(
     problems: Sequence[Problem], notes: Sequence[Problem], arguments: argparse.Namespace
 ) -> DocumentError:
     """Why it cannot be flown; scripts are told it here."""
-    refusal = DocumentError(problems)
     if arguments.json:
-        told = {"problems": refusal.problems, "notes": notes}
+        told = {"problems": DocumentError(problems).problems, "notes": notes}
         facts = {key: [each.as_json() for each in of] for key, of in told.items()}
         print_json({"valid": False, **facts})
-    return refusal
+    return DocumentError([*problems, *unusual(notes)])

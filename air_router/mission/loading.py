@@ -5,7 +5,7 @@ Missions of other programs that say too little are converted before they are flo
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +20,7 @@ from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.qgc_read import plan_draft
 from air_router.files.missions.waypoint_file import read_old_fence_draft, read_waypoints
 from air_router.files.settings import SLOWEST_M_S
+from air_router.files.usual_values import UNUSUAL
 from air_router.files.whole_file import bytes_within
 from air_router.messages import FARTHEST_M
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
@@ -29,7 +30,7 @@ from air_router.mission.team import check_team
 from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.problem import text_in
+from mocha_link.team.problem import Problem, text_in
 
 DRAWN_OVER: Final = frozenset(
     {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
@@ -123,8 +124,13 @@ def checked(draft: MissionDocument, besides: Collection[str] = ()) -> Mission:
     mission = validate(draft)
     problems = [problem for problem in draft.problems if problem.code not in besides]
     if problems or mission is None:
-        raise DocumentError(problems or draft.problems)
+        raise DocumentError([*(problems or draft.problems), *unusual(draft.notes)])
     return mission
+
+
+def unusual(notes: Iterable[Problem]) -> list[Problem]:
+    """The notes on numbers that are not usual: they may be why all the rest is wrong."""
+    return [note for note in notes if note.code == UNUSUAL]
 
 
 def validate(draft: MissionDocument) -> Mission | None:

@@ -204,3 +204,13 @@ def test_a_ring_may_repeat_its_first_corner(said):
     fence = "fence: [[39.9, -75.3], [40, -75.3], [40, -75.1], [39.9, -75.1], [39.9, -75.3]]"
     Path("field.yaml").write_text(MISSION.replace("fence: null", fence), encoding="utf-8")
     assert said("check field.yaml")[0] == 0
+
+
+def test_what_is_too_near_for_a_speed_in_other_units_names_the_unit(said):
+    """The margin of 40 m/s makes every place too near; the speed is why."""
+    text = (ROOT / "missions" / "pennovation" / "mission.yaml").read_text(encoding="utf-8")
+    Path("field.yaml").write_text(text.replace("speed_m_s: 3.5", "speed_m_s: 40"), encoding="utf-8")
+    code, words = said("check field.yaml")
+    assert code == 3
+    assert "waypoint-too-near" in words
+    assert "given in km/h? then write 11.1" in words
