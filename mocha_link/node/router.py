@@ -177,13 +177,22 @@ class Callers:
         caller.moved = next(self._moves)
         caller.moved_s = time.monotonic()
 
+    @property
+    def _most(self) -> int:
+        return MAX_WAITING_BYTES if self._most_bytes is None else self._most_bytes
+
+    def kept(self, caller: Caller) -> None:
+        """Something is kept for it: relieve where it is more than its share of the most."""
+        if caller.holds_bytes * len(self.routers) > self._most:
+            self.relieve()
+
     def relieve(self) -> None:
         """Send away those that are too much.
 
         Of too many the one goes for which nothing has moved for the longest time; of too much the
         one that holds most.
         """
-        most = MAX_WAITING_BYTES if self._most_bytes is None else self._most_bytes
+        most = self._most
         while len(self.routers) > MAX_ALL_CONNECTIONS:
             self._send_away(min(self.routers, key=lambda each: (each.known, each.moved)))
         while sum(each.holds_bytes for each in self.routers) > most:
@@ -314,8 +323,7 @@ class Router:
     def _flush(self, caller: Caller) -> None:
         if caller.flush():
             self._callers.moved(caller)
-        if caller.holds_bytes > OWED_BYTES:
-            self._callers.relieve()
+        self._callers.kept(caller)
 
     def _settle(self, caller: Caller) -> None:
         """Send what waits, and have the poller wait for what is to come."""
