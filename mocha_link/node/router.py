@@ -13,7 +13,7 @@ import itertools
 import socket
 import time
 from collections import deque
-from collections.abc import Callable, Container, Hashable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Hashable, Iterator, Sequence
 
 import zmq
 
@@ -158,6 +158,22 @@ class Caller:
         return self.waiting_bytes < before
 
 
+def _least_needed(callers: Collection[Caller]) -> Caller:
+    """Which of too many connections to close.
+
+    Those that have shown a key are the last to go. Of the others, half of the places are for
+    handshakes: if more are under way the oldest of these goes, since what a client has sent after
+    its handshake is lost with its connection. Otherwise the one goes for which nothing has moved
+    for the longest time.
+    """
+    unknown = [each for each in callers if not each.known] or list(callers)
+    greeting = [each for each in unknown if not each.ready]
+    if 2 * len(greeting) <= len(callers):
+        greeting = []
+    talking = [each for each in unknown if each.ready]
+    return min(greeting or talking or unknown, key=lambda each: each.moved)
+
+
 class Callers:
     """The connections to all routers of a node: how many there may be, and what they hold.
 
@@ -189,12 +205,11 @@ class Callers:
     def relieve(self) -> None:
         """Send away those that are too much.
 
-        Of too many the one goes for which nothing has moved for the longest time; of too much the
-        one that holds most.
+        Of too many the one goes that is needed least; of too much the one that holds most.
         """
         most = self._most
         while len(self.routers) > MAX_ALL_CONNECTIONS:
-            self._send_away(min(self.routers, key=lambda each: (each.known, each.moved)))
+            self._send_away(_least_needed(self.routers))
         while sum(each.holds_bytes for each in self.routers) > most:
             self._send_away(max(self.routers, key=lambda each: (each.holds_bytes, -each.moved)))
 
@@ -317,8 +332,7 @@ class Router:
 
     def _drop_oldest(self) -> None:
         if self._inside:
-            oldest = min(self._inside.values(), key=lambda each: (each.known, each.moved))
-            self.send_away(oldest, "connected too often")
+            self.send_away(_least_needed(self._inside.values()), "connected too often")
 
     def _flush(self, caller: Caller) -> None:
         if caller.flush():

@@ -203,8 +203,47 @@ def test_large_messages_that_come_in_part_are_bounded_together(echo):
             assert kept_bytes(echo) <= 5 * MOST  # four, and one that comes
 
 
-def test_held_connections_are_few_and_keep_nobody_out(echo):
-    """Of too many the one goes that has said nothing for the longest time."""
+def greet(connection: socket.socket) -> None:
+    """Bring the handshake of a connection without keys to its end."""
+    session = ZmtpSession(MOST)
+    connection.sendall(session.hello)
+    while not session.ready:
+        session.receive(connection.recv(1000))
+
+
+@pytest.mark.parametrize("echo", ["ipc"], indirect=True)
+def test_held_connections_keep_out_nobody_who_has_greeted(echo):
+    """Of too many the oldest goes that has not: what the others have sent would be lost."""
+    with contextlib.ExitStack() as stack:
+        asking = stack.enter_context(raw(echo.endpoint))
+        greet(asking)
+        held = [stack.enter_context(raw(echo.endpoint)) for _ in range(3 * router.MAX_CONNECTIONS)]
+        with contextlib.suppress(ConnectionError):
+            while held[0].recv(1000):
+                pass
+        assert len(echo.listener._router._inside) <= router.MAX_CONNECTIONS
+        asking.sendall(b"\0\1?")
+        assert asking.recv(1000) == b"\0\1?"
+
+
+@pytest.mark.parametrize("echo", ["ipc"], indirect=True)
+def test_held_connections_that_have_greeted_keep_out_nobody(echo):
+    """Of too many that have the one goes that has said nothing for the longest time."""
+    with contextlib.ExitStack() as stack:
+        held = [stack.enter_context(raw(echo.endpoint)) for _ in range(router.MAX_CONNECTIONS)]
+        for each in held:
+            greet(each)
+        with client(echo.endpoint) as asking:
+            for number in range(3):
+                asking.send(b"%d" % number)
+                assert asking.poll(WAIT_MS)
+                assert asking.recv() == b"%d" % number
+        with contextlib.suppress(ConnectionError):
+            while held[0].recv(1000):
+                pass
+
+
+def test_held_connections_keep_no_client_out(echo):
     with contextlib.ExitStack() as stack:
         asking = stack.enter_context(client(echo.endpoint))
         held = [stack.enter_context(raw(echo.endpoint)) for _ in range(3 * router.MAX_CONNECTIONS)]
