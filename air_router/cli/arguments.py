@@ -8,9 +8,12 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+from air_router.vehicle.px4.versions import FLOWN, NEWEST, Version, name_of
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
 from mocha_link.team.value_mistakes import decimal_degrees, number_advice, pair_in, plain
+
+_VERSIONS = ", ".join(map(name_of, FLOWN))
 
 
 def print_json(facts: Any) -> None:
@@ -53,6 +56,23 @@ def add_rover(parser: argparse.ArgumentParser) -> None:
         help="a program of yours plays this robot: its node is served there, and it is where the "
         "program says, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be repeated",
     )
+
+
+def add_px4_version(parser: argparse.ArgumentParser, words: str) -> None:
+    """Add --px4-version: of the simulated autopilot; None where it is not given."""
+    parser.add_argument(
+        "--px4-version",
+        type=_px4_version,
+        metavar="VERSION",
+        help=f"of PX4, {words}: {_VERSIONS} (default {name_of(NEWEST)})",
+    )
+
+
+def _px4_version(text: str) -> Version:
+    for version in FLOWN:
+        if text == name_of(version):
+            return version
+    raise argparse.ArgumentTypeError(f"'{text}' is none of {_VERSIONS}")
 
 
 def _rover(text: str) -> tuple[str, str]:

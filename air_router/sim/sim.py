@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.cli.arguments import (
+    add_px4_version,
     add_rover,
     add_start,
     note_options,
@@ -22,6 +23,7 @@ from air_router.cli.arguments import (
     speed_factor,
 )
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, refusing
+from air_router.errors import UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.preflight.world_check import WorldCheck, world_notes
@@ -30,6 +32,7 @@ from air_router.record.recording import ViewerAddress
 from air_router.report.flight_table import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
+from air_router.vehicle.px4.versions import NEWEST
 from air_router.web.serving import PageAddress, shown_beside, web_of
 from mocha_link.errors import MissingExtraError, needs_extra
 from mocha_link.path_safety import made_folder
@@ -57,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PATH",
         help="fly a real PX4 instead of our own: found as `sitl px4` finds it, or there",
     )
+    add_px4_version(parser, "that our own behaves as")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -68,7 +72,12 @@ def run(arguments: argparse.Namespace) -> int:
     note_options(arguments, {"duration": "duration_s"})
     for note in world_notes(mission.world):
         say(f"note: {note}")
-    options = SimOptions(arguments.speed, arguments.seed, arguments.px4, tuple(arguments.rover))
+    if arguments.px4 is not None and arguments.px4_version is not None:
+        raise UsageError("--px4 and --px4-version contradict each other; give one of them")
+    options = SimOptions(
+        *(arguments.speed, arguments.seed, arguments.px4, tuple(arguments.rover)),
+        px4_version=arguments.px4_version or NEWEST,
+    )
     if len(mission.layers) > 1:
         return _fly_several(mission, options, arguments)
     # The simulated vehicle's clock is today's, whenever the flight is meant to be.

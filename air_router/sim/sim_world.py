@@ -24,6 +24,7 @@ from air_router.mission.fleet import Layer
 from air_router.record.record_file import no_folder
 from air_router.sim.ports import free_port, is_free
 from air_router.vehicle.pace import PaceSource
+from air_router.vehicle.px4.versions import NEWEST, Version, name_of
 from mocha_link.node.lifetime import Closeable
 from mocha_link.path_safety import new_file
 
@@ -47,12 +48,14 @@ class SimOptions:
         seed: Of everything random in it.
         px4: Fly a real PX4: where it is, empty where `sitl px4` finds it; None: our own.
         rovers: Robots that the user's programs play, and where the node of each is served.
+        px4_version: Of PX4, as which our own vehicle behaves.
     """
 
     speed: float = 1.0
     seed: int = 1
     px4: str | None = None
     rovers: tuple[tuple[str, str], ...] = ()
+    px4_version: Version = NEWEST
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,6 +230,7 @@ class SimWorld(Closeable):
         for number, (uav, (api, truth)) in enumerate(zip(self._uavs, ports, strict=True)):
             to = ["--api-to", f"127.0.0.1:{api}", "--truth-to", f"127.0.0.1:{truth}"]
             more = ["--no-gcs", "--seed", str(self._options.seed + number), *epoch]
+            more += ["--px4-version", name_of(self._options.px4_version)]
             more += follow if vehicles else lead
             vehicles.append(self._start_vehicle("vehicle", uav, number, [*to, *more]))
             seats.append(SimVehicle(uav, f"udpin://127.0.0.1:{api}", number + 1))

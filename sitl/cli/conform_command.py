@@ -6,10 +6,10 @@ import json
 import sys
 from dataclasses import asdict
 
-from air_router.cli.arguments import speed_factor
+from air_router.cli.arguments import add_px4_version, speed_factor
 from air_router.errors import ExitCode, UsageError
 from air_router.vehicle.px4.versions import FLOWN, NEWEST, OLDEST, Version, name_of
-from sitl.cli.vehicle_command import PX4_HOME, add_version
+from sitl.cli.vehicle_command import PX4_HOME
 from sitl.conformance.conversation import (
     Conversation,
     Outcome,
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="of PX4, times real time (default 5)",
     )
-    add_version(parser, "that our own vehicle behaves as")
+    add_px4_version(parser, "that our own vehicle behaves as")
     parser.add_argument("--json", action="store_true", help="the outcomes as JSON")
     parser.add_argument("--list", action="store_true", help="only list the conversations")
     parser.add_argument(
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{conversation.name}: {conversation.fact} [{conversation.recorded}]")
         return ExitCode.DONE
     install = None if arguments.px4 is None else find_px4(arguments.px4 or None)
-    version = arguments.px4_version
+    version = arguments.px4_version or NEWEST
     if install is not None:
         version = _version_of(install, arguments.speed)
     print(f"PX4 {name_of(version)}", file=sys.stderr, flush=True)

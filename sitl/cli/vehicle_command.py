@@ -9,6 +9,7 @@ from typing import Any, Final
 from air_router.cli.arguments import (
     ANY_FINITE,
     MORE_THAN_0,
+    add_px4_version,
     add_uav,
     number,
     print_json,
@@ -17,7 +18,7 @@ from air_router.cli.arguments import (
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource
-from air_router.vehicle.px4.versions import Version, name_of, version_of
+from air_router.vehicle.px4.versions import name_of
 from mocha_link.loopback import is_loopback
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.end_with_parent import stop_signal
@@ -25,14 +26,13 @@ from sitl.process.pace import Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
 from sitl.process.vehicle import HERE, Address, End, Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.px4sim.parameters import DEFAULTS
+from sitl.px4sim.parameters import defaults
 from sitl.px4sim.state import Place
 from sitl.px4sim.versions import BEHAVIOURS, USUAL
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts by default."""
 
-_VERSIONS: Final = ", ".join(name_of(version) for version in BEHAVIOURS)
 _MOST_INSTANCES: Final = 250
 _MOST_WIND_M_S: Final = 25.0
 epoch = number("a time in Unix seconds", MORE_THAN_0, 2.0**32)
@@ -102,30 +102,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS",
         help="receive there (default: this machine only; 0.0.0.0: whoever reaches it flies it)",
     )
-    add_version(parser, "that it behaves as")
+    add_px4_version(parser, "that it behaves as")
     parser.add_argument("--no-gcs", action="store_true", help="no link to a ground station")
     parser.add_argument(
         "--truth-to", type=_address, metavar="HOST:PORT", help="the same for the truth (19410+N)"
     )
-
-
-def add_version(parser: argparse.ArgumentParser, words: str) -> None:
-    """Add --px4-version."""
-    parser.add_argument(
-        "--px4-version",
-        type=px4_version,
-        default=USUAL,
-        metavar="VERSION",
-        help=f"of PX4, {words}: {_VERSIONS} (default {name_of(USUAL)})",
-    )
-
-
-def px4_version(word: str) -> Version:
-    """A version of PX4 that can be simulated, on a command line."""
-    version = version_of(word)
-    if version is None or version not in BEHAVIOURS or word != name_of(version):
-        raise argparse.ArgumentTypeError(f"'{word}' is none of {_VERSIONS}")
-    return version
 
 
 def add_place(parser: argparse.ArgumentParser) -> None:
@@ -195,6 +176,10 @@ def process_of(arguments: argparse.Namespace, **settings: Any) -> VehicleProcess
         raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
     if arguments.pace is not None and arguments.pace_from is not None:
         raise UsageError("--pace and --pace-from contradict each other; give one of them")
+    version = arguments.px4_version or USUAL
+    for name, _ in arguments.param:
+        if name not in defaults(BEHAVIOURS[version]):
+            raise UsageError(f"PX4 {name_of(version)} has no parameter {name}; see --px4-version")
     chosen = VehicleSettings(
         place_of(arguments),
         system_id=arguments.instance + 1,
@@ -204,7 +189,7 @@ def process_of(arguments: argparse.Namespace, **settings: Any) -> VehicleProcess
         parameters=parameters_of(arguments),
         wind=arguments.wind,
         ground_link=not arguments.no_gcs,
-        version=arguments.px4_version,
+        version=version,
         **settings,
     )
     return VehicleProcess(chosen, _ports(arguments), _pace(arguments))
@@ -284,7 +269,7 @@ def parameter(text: str) -> tuple[str, float]:
     """NAME=VALUE of a command line; the name must be one of PX4's."""
     name, _, value = text.partition("=")
     set_to = number("the value of NAME=VALUE; write GF_ACTION=3", -ANY_FINITE, ANY_FINITE)(value)
-    if name not in DEFAULTS:
+    if not any(name in defaults(behaviour) for behaviour in BEHAVIOURS.values()):
         raise argparse.ArgumentTypeError(f"'{name}' is not a parameter of PX4's SITL")
     return name, set_to
 

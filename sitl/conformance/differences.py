@@ -12,7 +12,7 @@ from sitl.conformance.conversation import (
     conversations,
     in_version,
 )
-from sitl.px4sim.versions import USUAL
+from sitl.px4sim.versions import RECORDED
 
 _NOTHING: Final = "no such step"
 
@@ -38,7 +38,7 @@ class Difference(NamedTuple):
 def differences() -> Iterator[Difference]:
     """All of them, by conversation."""
     for one in conversations():
-        if not one.is_held_with(USUAL):
+        if not one.is_held_with(RECORDED):
             versions = tuple(version for version in FLOWN if one.is_held_with(version))
             yield Difference(one.name, versions, "not held", one.fact, one.recorded)
         for step in one.steps:
@@ -46,7 +46,7 @@ def differences() -> Iterator[Difference]:
 
 
 def _of_step(one: Conversation, step: Step) -> Iterator[Difference]:
-    usual = in_version(step, USUAL)
+    usual = in_version(step, RECORDED)
     for words, versions in _grouped(step, usual):
         other = in_version(step, versions[0])
         whys = [
@@ -73,7 +73,7 @@ def _grouped(step: Step, usual: Step | None) -> Iterator[tuple[str, tuple[Versio
 def _decides(step: Step, value: Any, version: Version) -> bool:
     """Whether one of a step's alternatives makes it what it is in a version, or in 1.17."""
     without = {key: each for key, each in step.items() if each is not value}
-    return any(in_version(step, v) != in_version(without, v) for v in (version, USUAL))
+    return any(in_version(step, v) != in_version(without, v) for v in (version, RECORDED))
 
 
 def _words(step: Step | None) -> str:

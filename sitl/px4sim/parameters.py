@@ -34,6 +34,13 @@ def _recorded() -> dict[str, int | float]:
 
 
 DEFAULTS: Final[Mapping[str, int | float]] = _recorded()
+"""Of `RECORDED`."""
+
+
+def defaults(behaviour: Px4Behaviour) -> dict[str, int | float]:
+    """Those of a version of PX4, in its order."""
+    kept = {name: value for name, value in DEFAULTS.items() if name not in behaviour.without}
+    return dict(sorted((kept | dict(behaviour.values)).items()))
 
 
 class UnknownParameterError(Exception):
@@ -59,9 +66,8 @@ class Parameters:
         changes: Mapping[str, int | float] | None = None,
         behaviour: Px4Behaviour = BEHAVIOURS[USUAL],
     ) -> None:
-        values = {n: v for n, v in DEFAULTS.items() if n not in behaviour.without}
         self.behaviour = behaviour
-        self._defaults = dict(sorted((values | dict(behaviour.values)).items()))
+        self._defaults = defaults(behaviour)
         self._names = tuple(self._defaults)  # by param_index
         self._values = dict(self._defaults)  # with PX4's types
         for name, value in (changes or {}).items():

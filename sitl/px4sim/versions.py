@@ -1,14 +1,14 @@
 """Which version of PX4 the simulated autopilot behaves as, and what that changes.
 
-What is written elsewhere in this room is PX4 1.17's behaviour; here is where others differ, as far
-as the conversations of `sitl conform` show it on a binary.
+What is written elsewhere in this room is the behaviour of `RECORDED`; here is where others differ,
+as far as the conversations of `sitl conform` show it on a binary.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.vehicle.px4.versions import Version
+from air_router.vehicle.px4.versions import NEWEST, Version
 
 Values = Mapping[str, int | float]
 
@@ -111,5 +111,9 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
 }
 """By version: all that were flown."""
 
-USUAL: Final[Version] = (1, 17)
-"""What the simulated autopilot behaves as where nothing else is said."""
+RECORDED: Final[Version] = (1, 17)
+"""The version on which the behaviour of this room, its parameters and the conversations were
+recorded; the others are described by how they differ."""
+
+USUAL: Final[Version] = NEWEST
+"""What the simulated autopilot behaves as where nothing else is said: the newest."""

@@ -9,6 +9,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from air_router.vehicle.px4.versions import FLOWN, NEWEST, Version
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.rehearsal import courses, documents, inspections, requests, takeovers
 from sitl.rehearsal.courses import (
@@ -37,6 +38,9 @@ from sitl.rehearsal.stand_ins.link import StreamFault
 _AT_ONCE: Final = frozenset({"ready", "armed"})
 _DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone", "change")
 """And how the names of others begin."""
+
+OLDER: Final = 0.375
+"""Share of the flights with an older version of PX4 than the newest, of each as many."""
 
 RESULT_FIRST: Final = 0.5
 """Share of the flights in which a transfer's result is handed over before its MISSION_ACK."""
@@ -146,7 +150,7 @@ class Fault(Enum):
     PILOT = Kind("pilot takes over", 48, one("pilot", choice(*takeovers.ON_MODE)))
     STICKS = Kind("pilot moves the sticks", 16, one("sticks", value=True))
     STICKS_ONLY = Kind(
-        "pilot moves the sticks without COM_RC_OVERRIDE", 8, one("sticks", value=False)
+        "pilot moves the sticks, which take nothing over", 8, one("sticks", value=False)
     )
     HAND_BACK = Kind("pilot takes over and hands back", 20, takeovers.hand_back)
     HANDED_BACK_LOW = Kind(
@@ -455,6 +459,12 @@ class Scene:
         if self.fault.value.turns:
             return self.seed % 2 == 1
         return self.chance("MAVSDK").random() < RESULT_FIRST
+
+    @property
+    def px4(self) -> Version:
+        """The version of PX4 that it is flown with."""
+        dice = self.chance("PX4")
+        return dice.choice(FLOWN[:-1]) if dice.random() < OLDER else NEWEST
 
     def most(self, what: str) -> float:
         """The most that its faults have of `loss`, `late_s` or `old_s`."""

@@ -16,6 +16,9 @@ from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
 STICKS_S: Final = 3.0
+_MOVE_S: Final = 0.3
+"""So long a hand takes to move the sticks: from PX4 1.18 on their speed counts."""
+
 _RESUME_S: Final = 2.0
 MOVING_M_S: Final = 1.0
 CLOSE_M, FAR_M = (5.2, 8.0), 30.0
@@ -52,12 +55,20 @@ class Pilot:
     def __init__(self, flight: Scenario, operator: Operator, dice: random.Random) -> None:
         self._flight, self._operator, self._dice = flight, operator, dice
         self._sticks_from_s = self._moved_until_s = math.inf  # heard from, moved until
+        self._moved_from_s = math.inf
+        self._overrides = False  # the sticks are moved, and to take the vehicle over
 
     def step(self, now_s: float) -> None:
         """The transmitter says where the sticks are."""
-        if now_s >= self._sticks_from_s:
-            moved = now_s < self._moved_until_s
-            self._flight.stations.first.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
+        if now_s < self._sticks_from_s:
+            return
+        moved = 0.0
+        if self._moved_from_s <= now_s < self._moved_until_s:
+            moved = min((now_s - self._moved_from_s) / _MOVE_S, 1.0)
+        self._flight.stations.first.sticks(0.5 * moved, 0.3 * moved)
+        if self._overrides and self._flight.autopilot.mode is FlightMode.POSCTL:
+            self._overrides = False
+            self._taken("sticks")
 
     def do_before_us(self, how: str) -> None:
         """The pilot arms, or chooses a mode, while the companion still gets ready."""
@@ -145,11 +156,15 @@ class Pilot:
     def do_sticks(self, override: bool) -> None:
         """The pilot moves the sticks for some seconds, where they override the mode or do not."""
         flight = self._flight
-        flight.autopilot.parameters.change("COM_RC_OVERRIDE", int(override))
+        parameters = flight.autopilot.parameters
+        if parameters.behaviour.overrides_by_speed:
+            parameters.change("MAN_OVERRIDE_SPD", 1.0 if override else -1.0)
+        else:
+            parameters.change("COM_RC_OVERRIDE", int(override))
         flight.stations.first.sticks()  # at rest first: what moves is taken for the pilot's
-        self._sticks_from_s, self._moved_until_s = flight.now_s + 0.1, flight.now_s + STICKS_S
-        if override:
-            self._taken("sticks")
+        self._sticks_from_s = self._moved_from_s = flight.now_s
+        self._moved_until_s = flight.now_s + STICKS_S
+        self._overrides = override
 
     def do_hand_back(self, _: None) -> None:
         """The pilot lets it hold, and the operator asks for it."""

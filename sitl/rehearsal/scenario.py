@@ -197,6 +197,7 @@ class Scenario(World, ABC):
                 truth_link=False,
                 step_s=STEP_S,
                 onboard_rates_hz={**RATES_HZ, **kind.streams},
+                version=scene.px4,
             )
         )
         self.stations = Stations(self.vehicle, self._record)

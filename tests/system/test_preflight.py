@@ -30,7 +30,7 @@ def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
         assert lines[name]["verdict"] == "ok", lines[name]
     assert lines["health"]["found"] == "ready to arm, with warnings"
     assert lines["health"]["advice"] == "no remote control is heard"  # none is simulated
-    assert lines["vehicle"]["found"] == "quadrotor, PX4 1.17.0, system 1"
+    assert lines["vehicle"]["found"] == "quadrotor, PX4 1.18.0, system 1"
     assert "read back, equal, can be flown" in lines["plan"]["found"]
     assert "no node answers now" in lines["team"]["found"]
     assert int(lines["parameters"]["found"].split()[0]) >= 12
@@ -69,7 +69,7 @@ def card(shared_folder):
     wrong = {"GF_MAX_HOR_DIST": 100, "RTL_RETURN_ALT": 20, "COM_RC_IN_MODE": 4}
     wrong["COM_OBC_LOSS_T"] = 12  # of its seconds, of which ten go in one of ours
     with simulated_vehicle(
-        *(mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
+        *(mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}", "--px4-version=1.17"),
         f"--truth-to=127.0.0.1:{free_port()}",
         *(f"--param={name}={value}" for name, value in wrong.items()),
     ):

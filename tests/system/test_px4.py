@@ -87,7 +87,7 @@ def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
 
     async def script(vehicle):
         info = await vehicle.connect()
-        assert (info.system_id, info.autopilot, info.version) == (1, "PX4", "1.17.0")
+        assert (info.system_id, info.autopilot, info.version) == (1, "PX4", "1.18.0")
         assert math.dist(info.home, mission.home) < 2.0
         log = Log(vehicle)
         await vehicle.upload(plan)

@@ -47,10 +47,28 @@ def simulation(shared_command, shared_mission, shared_folder):
     control = f"ipc://{shared_folder}/control"
     flight = shared_command(
         *("air-router", "sim", shared_mission, "--speed=5", f"--control={control}"),
-        *("--log-dir", shared_folder / "logs"),
+        *("--log-dir", shared_folder / "logs", "--px4-version=1.16"),
     )
     flight.wait_for("READY -> INIT")
     return flight, children(flight.process.pid), control
+
+
+def test_it_flies_the_version_of_px4_that_was_chosen(simulation):
+    flight, _, _ = simulation
+    assert "PX4 1.16.2, system 1" in flight.said
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--px4-version", "1.14"], "'1.14' is none of 1.15, 1.16, 1.17, 1.18"),
+        (["--px4", "--px4-version", "1.17"], "--px4 and --px4-version contradict each other"),
+    ],
+)
+def test_a_version_that_cannot_be_simulated_is_refused(answered, short_mission, options, words):
+    code, out, said = answered("sim", short_mission, *options)
+    assert (code, out) == (2, "")
+    assert words in said
 
 
 @ON_LINUX

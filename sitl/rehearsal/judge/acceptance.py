@@ -81,7 +81,7 @@ _HEIGHT_OFF: Final = _row(
 ACCEPTED: Final = MappingProxyType(
     {
         # It comes home: where the estimate is off, the scene says by how much, and excuses that;
-        # without COM_RC_OVERRIDE sticks are nothing to the autopilot; nothing that robots or
+        # sticks that override nothing are nothing to the autopilot; nothing that robots or
         # strangers say moves or ends a flight; nothing comes of a stream that is gone for a moment.
         **dict.fromkeys(
             (

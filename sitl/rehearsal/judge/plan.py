@@ -48,7 +48,7 @@ _UNDER_WAY_S: Final = 0.1
 _FAR_M: Final = 2000.0
 _STANDS_M_S: Final = 1.0
 _HOLD: Final = (4.0, 3.0)  # AUTO, LOITER
-_RENEWS_S, _SENT_S = 30.0, 0.3
+_RENEWS_S, _SENT_S = 30.0, 0.15
 """What a renewal takes at most; within this a hold that was decided on with it has left."""
 
 

@@ -48,6 +48,9 @@ _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 8.0
 _BEAT_S: Final = 0.05
 _MOVED: Final = 0.4
+_MOVE_S: Final = 0.3
+"""So long a hand takes to move them there: from PX4 1.18 on their speed counts."""
+
 _RESTS_S: Final = 0.5
 """Sticks are at rest first: what moves is taken for the pilot's."""
 
@@ -193,7 +196,8 @@ class RealFlight:
         """Note what was chosen when the vehicle shows it; it may have been refused."""
         if self._sticks_moved_s is not None:  # from then on they are heard: else they are lost
             from_s, until_s = self._sticks_moved_s
-            self._station.sticks(_MOVED if from_s <= now_s < until_s else 0.0)
+            moved = min((now_s - from_s) / _MOVE_S, 1.0) if from_s <= now_s < until_s else 0.0
+            self._station.sticks(_MOVED * moved)
         if self._awaited is not None:
             happening, shows = self._awaited
             if shows():

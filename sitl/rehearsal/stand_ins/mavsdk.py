@@ -50,6 +50,7 @@ _ACKS: Final = {
     14: MissionRawResult.DENIED,
     15: MissionRawResult.TRANSFER_CANCELLED,
 }
+_UNSUPPORTED: Final = 3  # MAV_MISSION_RESULT
 _ITEM: Final = tuple(vars(MissionItem()))  # names of its fields
 _HEARTBEAT: Final = {
     "type": 18,  # MAV_TYPE_ONBOARD_CONTROLLER
@@ -222,7 +223,7 @@ class _Transfer:
         """Send items, as the vehicle asks for them."""
         last = ("MISSION_COUNT", {"count": len(items), "opaque_id": 0})
         while True:
-            answer = await self._ask(*last, {"MISSION_REQUEST_INT", "MISSION_REQUEST"})
+            answer = await self._ask(*last, {"MISSION_REQUEST_INT"})
             if isinstance(answer, MissionRawResult):
                 return answer
             last = ("MISSION_ITEM_INT", dict(items[answer["seq"]]))
@@ -260,6 +261,8 @@ class _Transfer:
                 async with asyncio.timeout(_REPEAT_S):
                     while True:
                         named, answer = await self._inbox.get()
+                        if named == "MISSION_REQUEST":  # PX4 before 1.17 begins with it
+                            self._send("MISSION_ACK", {"type": _UNSUPPORTED, "opaque_id": 0})
                         if named == "MISSION_ACK":
                             return _ACKS.get(answer["type"], MissionRawResult.ERROR)
                         if named in names and answer.items() >= (wanted or {}).items():

@@ -83,6 +83,10 @@ def test_a_taken_port_is_one_clear_error(capsys):
         (["--api-to", "14540"], "HOST:PORT"),
         (["--battery-minutes", "nan"], "above zero"),
         (["--no-gcs", "--gcs-to", "127.0.0.1:14550"], "contradict"),
+        (["--px4-version", "1.14"], "'1.14' is none of 1.15, 1.16, 1.17, 1.18"),
+        (["--param", "NO_SUCH=1"], "'NO_SUCH' is not a parameter of PX4's SITL"),
+        (["--param", "COM_OBC_LOSS_T=5"], "PX4 1.18 has no parameter COM_OBC_LOSS_T"),
+        (["--px4-version", "1.17", "--param", "MAN_OVERRIDE_SPD=1"], "PX4 1.17 has no parameter"),
     ],
 )
 def test_wrong_usage(capsys, arguments, words):

@@ -22,7 +22,7 @@ from sitl.conformance.session import DepartureError, Link, UdpLine
 from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
-from sitl.px4sim.versions import BEHAVIOURS, USUAL
+from sitl.px4sim.versions import BEHAVIOURS, RECORDED, USUAL
 from tests.sitl.prepared import HOME, local_line, ready_for
 
 CONVERSATIONS = conversations()
@@ -37,8 +37,8 @@ IN_EVERY_VERSION = {
 
 def differs(one, version):
     """Whether a conversation is otherwise in this version than in 1.17."""
-    return not one.is_held_with(USUAL) or any(
-        in_version(step, version) != in_version(step, USUAL) for step in one.steps
+    return not one.is_held_with(RECORDED) or any(
+        in_version(step, version) != in_version(step, RECORDED) for step in one.steps
     )
 
 
@@ -114,7 +114,7 @@ class TestVersions:
 
     def test_a_vehicle_of_another_version_departs(self):
         step = {"set mode": "AUTO_LOITER"}
-        session = ready_for()
+        session = ready_for(version=RECORDED)
         session.version = (1, 18)
         with pytest.raises(DepartureError, match=r"heard \['ACCEPTED', 'ACCEPTED'\]"):
             run_steps(session, [step])

@@ -167,7 +167,7 @@ class TestParameters:
         session = ready_for()
         asked = {"param_id": "NAV_ACC_RAD", "param_index": -1}
         (by_name,) = self.values(session, "PARAM_REQUEST_READ", **asked)
-        assert (by_name["param_id"], by_name["param_value"]) == ("NAV_ACC_RAD", 2.0)
+        assert (by_name["param_id"], by_name["param_value"]) == ("NAV_ACC_RAD", 10.0)
         index = by_name["param_index"]
         assert self.values(session, "PARAM_REQUEST_READ", param_index=index) == [by_name]
 

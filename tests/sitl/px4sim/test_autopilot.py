@@ -58,9 +58,19 @@ def test_the_estimate_is_near_the_truth_and_the_seed_decides_how():
 
 
 @pytest.mark.parametrize("mode", ["AUTO_LOITER", "AUTO_MISSION", "AUTO_RTL", "AUTO_LAND"])
-@pytest.mark.parametrize(("override", "position"), [(1, True), (0, False)])
-def test_moved_sticks_take_every_automatic_mode_over_if_they_may(mode, override, position):
-    session = ready_for(Start.AIR, {"COM_RC_OVERRIDE": override})
+@pytest.mark.parametrize(
+    ("version", "parameters", "position"),
+    [
+        ((1, 17), {"COM_RC_OVERRIDE": 1}, True),
+        ((1, 17), {"COM_RC_OVERRIDE": 0}, False),
+        ((1, 18), {"MAN_OVERRIDE_SPD": 1.0}, True),
+        ((1, 18), {"MAN_OVERRIDE_SPD": -1.0}, False),
+    ],
+)
+def test_moved_sticks_take_every_automatic_mode_over_if_they_may(
+    mode, version, parameters, position
+):
+    session = ready_for(Start.AIR, parameters, version=version)
     run_steps(
         session,
         [
@@ -69,7 +79,7 @@ def test_moved_sticks_take_every_automatic_mode_over_if_they_may(mode, override,
             {"set mode": mode},
             {"sticks": {}},
             {"wait": 1.0},
-            {"sticks": {"x": 600}},
+            {"sticks": {"x": 600}, "over_s": 0.3},
             {"mode": "POSCTL" if position else mode},
         ],
     )

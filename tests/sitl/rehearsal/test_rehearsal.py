@@ -3,11 +3,13 @@
 import asyncio
 import math
 import pickle
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from air_router.vehicle.px4.versions import FLOWN, NEWEST
 from sitl.cli.rehearse_command import fly, table
 from sitl.rehearsal.companion import SimulatedLoop, World
 from sitl.rehearsal.courses import PHASES, ScheduledFault
@@ -109,6 +111,13 @@ def test_whatever_can_happen_happens(monkeypatch):
         SceneEventKind.KILLED,
         SceneEventKind.DISARMED,
     } <= {h.what for h in evidence.happenings}
+
+
+def test_a_rehearsal_is_flown_with_every_version_of_px4_and_most_with_the_newest():
+    flown = Counter(scene.px4 for scene in scenes())
+    assert set(flown) == set(FLOWN)
+    assert 0.55 < flown[NEWEST] / flown.total() < 0.7
+    assert min(flown.values()) > 0.09 * flown.total()
 
 
 def test_every_fault_has_flights_words_and_a_row_of_the_judge():
