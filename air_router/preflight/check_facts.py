@@ -75,8 +75,10 @@ def _expected(mission: Mission) -> Iterator[_Row]:
     margin = mission.tracking
     off = f"{margin.error_m:.2f} m off a leg at {mission.speed_m_s:g} m/s, {margin.turn_m:.2f} m"
     yield "plans for", f"{conditions}: it may be {off} in turns"
-    words = ", ".join(f"{kind.name} {kind.kept_m:.1f} m" for kind in kinds)
-    yield "expected", f"at the least, of zones and fence: {words}"
+    near = [kind for kind in kinds if math.isfinite(kind.kept_m)]
+    words = ", ".join(f"{kind.name} {kind.kept_m:.1f} m" for kind in near)
+    if mission.zones or mission.fences:
+        yield "expected", f"at the least, of zones and fence: {words}"
     for kind in kinds:
         if kind.short_m > 0:
             short = f"{kind.kept_m:.2f} m of {kind.to}, {kind.promised_m:g} m are promised"

@@ -53,6 +53,15 @@ def test_a_straight_leg_keeps_what_the_margin_leaves_of_the_error(pennovation):
     assert kept(pennovation)["first legs"] == promised_m + margin.flown_m - margin.error_m
 
 
+def test_without_zones_and_fence_no_clearance_is_expected(tmp_path):
+    """From the climb and the landing "inf m" was expected."""
+    path = tmp_path / "mission.yaml"
+    path.write_text(TEXT.partition("fence:")[0] + "fence: null\nno_fly_zones: []\n")
+    mission = load_mission(path)
+    lines = summary(MissionSurvey(WaypointGraph(mission)))
+    assert not [line for line in lines if line.startswith("  expected") or "inf m" in line]
+
+
 @pytest.mark.parametrize(("away_m", "short"), [(7.0, True), (9.0, False)])
 def test_a_landing_that_may_begin_too_near_to_a_low_zone_is_warned_of(tmp_path, away_m, short):
     mission = mission_beside_a_mast(tmp_path, away_m)
