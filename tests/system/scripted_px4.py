@@ -26,6 +26,7 @@ class ScriptedPx4:
         port: Where it sends to.
         place: Latitude and longitude in degrees.
         script: Called with it and every order, on its thread.
+        version: That it says it is.
 
     Attributes:
         orders: What moves it or changes its mode, in order.
@@ -33,10 +34,11 @@ class ScriptedPx4:
         told: What a heartbeat says and in how many orders from before it was told.
     """
 
-    def __init__(self, port, place, script):
+    def __init__(self, port, place, script, version=(1, 17)):
         self._to = ("127.0.0.1", port)
         self._place = tuple(round(degrees * 1e7) for degrees in place)
         self._script = script
+        self._version = version
         self.mode, self.armed, self.landed = MISSION, True, AIR
         self.item, self.target, self.plan_id = 3, None, 1
         self.talks = True
@@ -91,7 +93,7 @@ class ScriptedPx4:
                 self.acknowledge(message, 0)
                 if message.param1 == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
                     zeros = bytes(8)
-                    version = (1 << 24) | (17 << 16)
+                    version = (self._version[0] << 24) | (self._version[1] << 16)
                     self.say("autopilot_version", 0, version, 0, 0, 0, zeros, zeros, zeros, 0, 0, 1)
                 if message.param1 == mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION:
                     self.say("flight_information", self._boot_ms(), 0, 0, 1)

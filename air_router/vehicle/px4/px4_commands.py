@@ -195,7 +195,12 @@ class Px4Commands:
         self.check.listen()
 
     async def look(
-        self, words: str, out_of: Modes = None, objection: Objection = no_objection
+        self,
+        words: str,
+        out_of: Modes = None,
+        objection: Objection = no_objection,
+        *,
+        anew: bool = False,
     ) -> None:
         """Make sure that something may leave in this very moment: in this turn of the loop.
 
@@ -203,13 +208,14 @@ class Px4Commands:
             words: What is to leave.
             out_of: The modes that it may end; None: the one of the call.
             objection: Why it must not leave, after all.
+            anew: Also where the mode was looked at a moment ago.
 
         Raises:
             NotSentError: no mode of now was received, a failsafe acts, or there is an objection.
             TakenOverError: the vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
-        if loop_s() - self._looked_s > LOOKED_S:
+        if anew or loop_s() - self._looked_s > LOOKED_S:
             if not await self.check.received():
                 raise NotSentError(f"{words} was not sent: no flight mode of now was received")
             self._looked_s = loop_s()

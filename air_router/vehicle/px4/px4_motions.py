@@ -26,6 +26,7 @@ from air_router.vehicle.px4.px4_order import (
     stop,
 )
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.px4.versions import REPOSITION_CHANGES_MODE, version_of
 from air_router.vehicle.vehicle import (
     FlightMode,
     Modes,
@@ -195,8 +196,11 @@ class Px4Motions:
             new = there and (not _near(before, point) or self._told_after(sent))
             return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
 
-        order = reposition(latitude_deg, longitude_deg, amsl_m, self._speed_m_s)
-        await self._tell(order, shown)
+        place = latitude_deg, longitude_deg, amsl_m, self._speed_m_s
+        if self._px4_decides():
+            await self._tell_in_hold(reposition(*place, change_mode=False), shown)
+        else:
+            await self._tell(reposition(*place), shown)
         self._late = None
 
     async def hold(self, *, out_of: Modes = None) -> None:
@@ -253,7 +257,16 @@ class Px4Motions:
             other = before is not None and not _near(target, before)
             return math.dist(target, here) <= STOPS_M and (other or self._told_after(sent))
 
-        await self._tell(stop(), shown, attempts=ATTEMPTS)
+        if self._px4_decides():
+            await self._tell_in_hold(stop(change_mode=False), shown, attempts=ATTEMPTS)
+        else:
+            await self._tell(stop(), shown, attempts=ATTEMPTS)
+
+    def _px4_decides(self) -> bool:
+        """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode."""
+        version = version_of(self._telemetry.version or "")
+        known = version is not None and not REPOSITION_CHANGES_MODE.holds_in(version)
+        return known and self._telemetry.mode is FlightMode.HOLD
 
     def _told_after(self, sent: SentOrder) -> bool:
         """Whether the target was told since an acknowledgement, which may be of an order before.
@@ -265,6 +278,19 @@ class Px4Motions:
     async def _tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
         self.stop_telling()  # the speed was for what ends now
         await self._commands.tell(order, shown, attempts=attempts)
+
+    async def _tell_in_hold(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
+        """Send an order that changes no mode; where it is refused the mode has changed.
+
+        Raises:
+            TakenOverError: a pilot chose another mode.
+            NotConfirmedError: the vehicle does not follow.
+        """
+        try:
+            await self._tell(order, shown, attempts=attempts)
+        except NotConfirmedError:
+            await self._commands.look(order.words, {FlightMode.HOLD}, anew=True)
+            raise
 
     def _tell_speed(self) -> None:
         """A mode change sets PX4's speed back to its parameter: say the mission's again.

@@ -10,7 +10,6 @@ from air_router.vehicle.vehicle import FlightMode
 LAND, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400  # MAV_CMD
 CUSTOM_MODE: Final = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 GROUND_SPEED: Final = 1.0  # SPEED_TYPE
-CHANGE_MODE: Final = 1.0  # MAV_DO_REPOSITION_FLAGS
 GLOBAL_INT: Final = 5  # MAV_FRAME; PX4 takes the altitude as AMSL in every frame
 NOWHERE: Final = 2**31 - 1
 UNSAID: Final = math.nan
@@ -87,17 +86,25 @@ def change_speed(speed_m_s: float) -> Px4Order:
 
 
 def reposition(
-    latitude_deg: float, longitude_deg: float, altitude_amsl_m: float, speed_m_s: float
+    latitude_deg: float,
+    longitude_deg: float,
+    altitude_amsl_m: float,
+    speed_m_s: float,
+    *,
+    change_mode: bool = True,
 ) -> Px4Order:
-    """Fly straight to a place (WGS 84) and hover there in Hold mode; the heading stays."""
+    """Fly straight to a place (WGS 84) and hover there in Hold mode; the heading stays.
+
+    Unless it changes the mode only a vehicle that is in Hold mode takes it.
+    """
     target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
-    params = (speed_m_s, CHANGE_MODE, 0.0, UNSAID)
+    params = (speed_m_s, float(change_mode), 0.0, UNSAID)
     return Px4Order("a reposition", FlightMode.HOLD, REPOSITION, params, target)
 
 
-def stop() -> Px4Order:
+def stop(*, change_mode: bool = True) -> Px4Order:
     """Stop and hover here, in Hold mode also out of Hold mode: a reposition to no place."""
-    params = (-1.0, CHANGE_MODE, 0.0, UNSAID)
+    params = (-1.0, float(change_mode), 0.0, UNSAID)
     target = Target(NOWHERE, NOWHERE, UNSAID)
     return Px4Order("a stop", FlightMode.HOLD, REPOSITION, params, target)
 

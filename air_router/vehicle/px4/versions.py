@@ -47,6 +47,16 @@ class VersionFact:
         )
 
 
+REPOSITION_CHANGES_MODE: Final = VersionFact(
+    "DO_REPOSITION without the flag that changes the mode is UNSUPPORTED",
+    "Commander.cpp, VEHICLE_CMD_DO_REPOSITION",
+    "goto-without-mode-change",
+    before=(1, 18),
+    instead="a vehicle in Hold is sent it without the flag: PX4 refuses it once a pilot has "
+    "chosen another mode",
+)
+"""What decides whether an order in Hold mode can end another mode."""
+
 FACTS: Final = (
     VersionFact(
         "MISSION_CURRENT.mission_state says whether the mission on board can be flown",
@@ -73,13 +83,7 @@ FACTS: Final = (
         before=(1, 18),
         instead="HEARTBEAT and CURRENT_MODE are believed in all versions, no acknowledgement is",
     ),
-    VersionFact(
-        "DO_REPOSITION without the flag that changes the mode is UNSUPPORTED",
-        "Commander.cpp, VEHICLE_CMD_DO_REPOSITION",
-        "goto-without-mode-change",
-        before=(1, 18),
-        instead="it is sent with the flag in all versions",
-    ),
+    REPOSITION_CHANGES_MODE,
     VersionFact(
         "DO_REPOSITION without a place stops a vehicle that flies to one",
         "navigator_main.cpp, VEHICLE_CMD_DO_REPOSITION",

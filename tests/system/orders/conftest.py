@@ -40,8 +40,8 @@ def run(mission, udp_port):
     def degrees(point):
         return mission.frame.to_geodetic(point)
 
-    def start(answer, script, keep=None, **state):
-        px4 = ScriptedPx4(udp_port, degrees(mission.home), answer)
+    def start(answer, script, keep=None, version=(1, 17), **state):
+        px4 = ScriptedPx4(udp_port, degrees(mission.home), answer, version)
         px4.places = degrees
         if keep is not None:
             keep.append(px4)

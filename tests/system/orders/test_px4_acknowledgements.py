@@ -13,7 +13,7 @@ from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.flight.motions import MotionSender
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_commands
-from air_router.vehicle.vehicle import FlightMode
+from air_router.vehicle.vehicle import FlightMode, TakenOverError
 from geo.frame import Point
 from tests.system.orders.verbs import (
     ACCEPTED,
@@ -43,6 +43,7 @@ from tests.system.scripted_px4 import (
     CHANGE_SPEED,
     GROUND,
     HOLD,
+    LAND,
     MISSION,
     POSITION,
     REPOSITION,
@@ -71,6 +72,39 @@ def test_a_new_place_in_hold_is_confirmed_by_its_acknowledgement_alone(run, hove
     (order,) = px4.orders
     assert (order.frame, order.param2) == (5, 1.0)
     assert order.z == pytest.approx(40.0)  # 30 m above home, which is at 10 m here
+
+
+@pytest.mark.parametrize("verb", [reposition, hold])
+@pytest.mark.parametrize(("version", "changes_mode"), [((1, 17), 1.0), ((1, 18), 0.0)])
+def test_from_1_18_on_no_place_in_hold_changes_the_mode(run, hovering, verb, version, changes_mode):
+    px4 = run(
+        lambda px4, order: px4.acknowledge(order, ACCEPTED), verb, version=version, **hovering
+    )
+    (order,) = px4.orders
+    assert (order.get_type(), order.param2) == ("COMMAND_INT", changes_mode)
+
+
+@pytest.mark.parametrize("verb", [reposition, hold])
+def test_a_place_that_finds_another_mode_is_refused_by_px4_and_is_the_pilot_s(run, hovering, verb):
+    """The pilot chose it while the order was on its way: no look of ours could know that."""
+
+    def taken(px4, order):
+        px4.mode = LAND
+        px4.acknowledge(order, DENIED)
+
+    async def script(vehicle):
+        with pytest.raises(TakenOverError, match="the pilot chose Land mode") as caught:
+            await verb(vehicle)
+        assert caught.value.mode is FlightMode.LAND
+
+    px4 = run(taken, script, version=(1, 18), **hovering)
+    assert px4.commands() == STOP
+
+
+def test_out_of_another_mode_a_place_changes_it_in_1_18_too(run):
+    px4 = run(follows, reposition, version=(1, 18))
+    (order,) = px4.orders
+    assert order.param2 == 1.0
 
 
 @pytest.mark.usefixtures("patient")
