@@ -15,7 +15,7 @@ from sitl.cli.vehicle_command import (
 )
 from sitl.process.end_with_parent import stop_signal
 from sitl.process.px4_install import ENVIRONMENT, IMAGE, find_px4
-from sitl.process.px4_process import Px4Process, Px4Settings
+from sitl.process.px4_process import AIRFRAMES, Px4Process, Px4Settings
 
 _EPILOG = f"""\
 Looks for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},
@@ -42,6 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"
     )
+    parser.add_argument(
+        "--airframe",
+        choices=AIRFRAMES,
+        default=AIRFRAMES[0],
+        help="what is simulated (default %(default)s; hex from PX4 1.16 on)",
+    )
     add_speed_and_parameters(parser, "times real time (default 1)")
     parser.add_argument(
         "--log-dir", type=Path, metavar="DIR", help="keep PX4's files and what it says there"
@@ -57,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         parameters=parameters_of(arguments),
         instance=arguments.instance,
         folder=arguments.log_dir,
+        airframe=arguments.airframe,
     )
     with stop_signal() as stopped, Px4Process(install, settings) as process:
         if process.wait_until_armable(stopped):

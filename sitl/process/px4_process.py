@@ -37,6 +37,9 @@ _SET: Final = "PX4_PARAM_"  # sets a parameter of the name that follows
 _OWN_PARAMETERS: Final = "px4-rc.params"
 """A script with parameters of one's own, which PX4's start script looks for on the PATH."""
 
+AIRFRAMES: Final = ("quadx", "hex")
+"""The multicopters of PX4's built-in simulator; it has a hexarotor from 1.16 on."""
+
 _PARAMETER: Final = re.compile(r"[A-Z][A-Z0-9_]{1,15}\Z")
 
 
@@ -58,6 +61,7 @@ class Px4Settings:
         parameters: Values that differ from its defaults.
         instance: Ports + N, system id N + 1; None: the first that is free.
         folder: Where its log and files go; None: a folder that is removed at the end.
+        airframe: One of `AIRFRAMES`.
     """
 
     place: Place
@@ -65,6 +69,7 @@ class Px4Settings:
     parameters: Mapping[str, float] = field(default_factory=dict)
     instance: int | None = None
     folder: Path | None = None
+    airframe: str = AIRFRAMES[0]
 
 
 class Px4Process(Closeable):
@@ -181,7 +186,7 @@ def environment(settings: Px4Settings) -> dict[str, str]:
     """
     place = settings.place
     variables = {
-        "PX4_SIM_MODEL": "sihsim_quadx",
+        "PX4_SIM_MODEL": f"sihsim_{settings.airframe}",
         "PX4_SIMULATOR": "sihsim",
         "PX4_HOME_LAT": repr(place.latitude_deg),
         "PX4_HOME_LON": repr(place.longitude_deg),
