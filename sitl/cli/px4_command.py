@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--airframe",
         choices=AIRFRAMES,
         default=AIRFRAMES[0],
-        help="what is simulated (default %(default)s; hex from PX4 1.16 on)",
+        help="what is simulated (default %(default)s; hex from PX4 1.17 on)",
     )
     add_speed_and_parameters(parser, "times real time (default 1)")
     parser.add_argument(

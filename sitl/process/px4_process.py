@@ -38,7 +38,7 @@ _OWN_PARAMETERS: Final = "px4-rc.params"
 """A script with parameters of one's own, which PX4's start script looks for on the PATH."""
 
 AIRFRAMES: Final = ("quadx", "hex")
-"""The multicopters of PX4's built-in simulator; it has a hexarotor from 1.16 on."""
+"""The multicopters of PX4's built-in simulator; it has a hexarotor from 1.17 on."""
 
 _PARAMETER: Final = re.compile(r"[A-Z][A-Z0-9_]{1,15}\Z")
 

@@ -1,0 +1,71 @@
+"""A flight behind mavlink-router, which many companions run between the autopilot and programs."""
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from air_router.sim.ports import free_port
+from sitl.process.px4_install import NoPx4Error, find_px4, named
+from tests.system.conftest import answer, environment
+from tests.system.simulated import simulated_vehicle
+
+ROUTER = shutil.which("mavlink-routerd")
+pytestmark = pytest.mark.skipif(ROUTER is None, reason="no mavlink-routerd is on the PATH")
+
+
+@contextlib.contextmanager
+def routed(port):
+    """What the vehicle sends to a port goes to another one, which it gives; and back."""
+    to = free_port()
+    command = [ROUTER, "-t", "0", "-e", f"127.0.0.1:{to}", f"0.0.0.0:{port}"]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+        try:
+            yield to
+        finally:
+            process.terminate()
+
+
+def flown(folder, mission, port, system):
+    """Exit code and report of a short flight, and what it said."""
+    words = "fly", mission, f"--connect=udpin://127.0.0.1:{port}", f"--sysid={system}", "--arm"
+    code, out, said = answer(folder, *words, "--yes", "--duration=40", "--json", "--no-record")
+    return code, json.loads(out), said
+
+
+def test_a_simulated_vehicle_flies_behind_it(tmp_path, short_mission):
+    port = free_port()
+    links = f"--api-to=127.0.0.1:{port}", f"--truth-to=127.0.0.1:{free_port()}", "--no-gcs"
+    with routed(port) as to, simulated_vehicle(short_mission, "--speed=10", *links):
+        code, report, said = flown(tmp_path, short_mission, to, 1)
+    assert (code, report["outcome"]) == (0, "done"), said
+    assert report["closest_approach_m"] >= report["clearance_m"], said
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("place", named(os.environ) or [""], ids=lambda place: place or "PATH")
+def test_a_real_px4_flies_behind_it(place, tmp_path, short_mission):
+    try:
+        find_px4(place or None)
+    except NoPx4Error as error:
+        pytest.skip(str(error).splitlines()[0])
+    words = ["px4", str(short_mission), "--speed=3", *(["--px4", place] if place else [])]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sitl", *words],
+        stdout=subprocess.PIPE,
+        cwd=tmp_path,
+        env=environment(),
+    )
+    with process:
+        try:
+            ready = json.loads(process.stdout.readline())
+            with routed(ready["mavlink"].rpartition(":")[2]) as to:
+                code, report, said = flown(tmp_path, short_mission, to, ready["system_id"])
+        finally:
+            process.terminate()
+    assert (code, report["outcome"]) == (0, "done"), said
+    assert report["closest_approach_m"] >= report["clearance_m"], said
