@@ -23,6 +23,7 @@ NO_CODES = {
     *("air-router", "utf-8", "utf-8-sig", "fill-opacity", "pre-flight"),
     *("base-port", "node-type", "using-radio"),  # keys of original nodes
     "go-tos",
+    "signing-key",  # a command
     *("no-store", "color-scheme", "v-5", "15-19"),  # of HTTP and HTML, of a picture, of a range
 }
 

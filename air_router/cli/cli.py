@@ -35,6 +35,11 @@ COMMANDS = (
         "a mission or zones into another format (plan, YAML, GeoJSON, KML)",
     ),
     Command("preflight", "air_router.cli.preflight", "is this vehicle ready to fly this mission?"),
+    Command(
+        "signing-key",
+        "air_router.cli.signing_key",
+        "make a key that signs MAVLink, and give it to a PX4",
+    ),
     Command("fly", "air_router.cli.fly", "fly a mission with a vehicle that is already there"),
     Command("sim", "air_router.sim.sim", "fly a mission in a simulated world"),
     Command("watch", "air_router.cli.watch", "several flights on one map page"),

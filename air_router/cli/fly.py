@@ -8,6 +8,7 @@ import gc
 import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -44,6 +45,7 @@ from air_router.report.flight_table import table
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.vehicle.px4.px4_connection import Px4Connection
 from air_router.web.serving import ServeError, add_web, web_of
 from mocha_link import ListenError, PortInUseError, RadioError
 from mocha_link.errors import MissingExtraError, needs_extra
@@ -120,7 +122,7 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
         recorder.file(mission.path)
         if team.path != ALONE:
             recorder.file(team.path)
-        vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)
+        vehicle = vehicle_of(mission, clock, arguments)
         vehicle.telemetry.subscribe(pace.heard)
         flight = Flight(
             mission,
@@ -194,8 +196,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pace-from", type=PaceSource.of, help=argparse.SUPPRESS)
 
 
+def vehicle_of(mission: Mission, clock: VehicleClock, arguments: argparse.Namespace) -> Px4Vehicle:
+    """The vehicle that the arguments of `add_vehicle_arguments` name.
+
+    Raises:
+        SigningKeyError: the file of the signing key has none, or others can read it.
+    """
+    connection = partial(Px4Connection, key=arguments.signing_key)
+    return Px4Vehicle(
+        mission, arguments.connect, clock, system_id=arguments.sysid, connection=connection
+    )
+
+
 def add_vehicle_arguments(parser: argparse.ArgumentParser) -> None:
     """What `fly` and `preflight` have in common."""
+    add_link_arguments(parser)
+    parser.add_argument(
+        "--signing-key",
+        type=Path,
+        metavar="FILE",
+        help="sign MAVLink with this key, and take only what is signed with it (`air-router "
+        "signing-key`, docs/security.md)",
+    )
+    parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
+
+
+def add_link_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which vehicle is meant, and where it is."""
     parser.add_argument(
         "--connect",
         metavar="URL",
@@ -205,7 +232,6 @@ def add_vehicle_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sysid", type=_system_id, default=1, metavar="N", help="its MAVLink system id (default 1)"
     )
-    parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.cli.arguments import add_uav, print_json
-from air_router.cli.fly import add_vehicle_arguments
+from air_router.cli.fly import add_vehicle_arguments, vehicle_of
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_flown
@@ -19,7 +19,6 @@ from air_router.record.recording import add_recording, folder_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleEvent
 from mocha_link.cli.program import coloured
 
@@ -73,7 +72,7 @@ async def _preflight(mission: Mission, arguments: argparse.Namespace) -> Card:
         log_dir=folder_of(arguments),
         clock=clock,
     )
-    vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)
+    vehicle = vehicle_of(mission, clock, arguments)
     try:
         info = await vehicle.connect()
         telemetry = await _first_telemetry(vehicle, arguments.connect)

@@ -21,6 +21,7 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.input_limits import MODE_S
 from air_router.vehicle.instructions import (
     CHECK_LINK,
+    CHECK_SENDERS,
     CHOOSE_AGAIN,
     CONNECT_ANOTHER,
     FLY_OUT,
@@ -39,6 +40,7 @@ from air_router.vehicle.instructions import (
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
+    MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     PlanTried,
@@ -317,6 +319,14 @@ class ControlAuthority:
             context.alarm(why, instruction)
         if context.in_charge:
             self.take_over(ControlHolder.PILOT, why, instruction)
+
+    def spoofed(self, event: MavlinkSpoofed) -> None:
+        """Another sender poses as the vehicle: nothing is believed of it, and PX4 obeys none."""
+        self._context.warn(
+            f"{event.count} MAVLink messages came in the vehicle's name without its signature, "
+            "and were ignored",
+            CHECK_SENDERS,
+        )
 
     # The plan on board.
 

@@ -73,6 +73,7 @@ from air_router.vehicle.instructions import (
 from air_router.vehicle.vehicle import (
     ItemReached,
     LinkSilent,
+    MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     PlanTried,
@@ -172,6 +173,7 @@ class Controller:
             PlanTried: authority.plan_tried,
             PlanCompared: authority.plan_compared,
             WrongVehicle: authority.another_vehicle,
+            MavlinkSpoofed: authority.spoofed,
             **dict.fromkeys(get_args(AnyRequest), commands.asked),
         }
 

@@ -50,6 +50,7 @@ from air_router.vehicle.instructions import (
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
+    MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     PlanTried,
@@ -65,6 +66,9 @@ RESTART_S: Final = 5.0
 
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which it is lost, before its first position too."""
+
+_Kept = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
+"""What comes before the vehicle is admitted, and is looked at then."""
 
 
 class Flight:
@@ -154,7 +158,7 @@ class Flight:
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
-        self._early: list[PlanReplaced | PlanTried | PlanCompared] = []  # likewise
+        self._early: list[_Kept] = []  # likewise
         self._starts: FlightMode | None = None  # of before, once it was told to take off
         self._interrupted = False  # by a signal of the operating system
         self._admitted = False  # the vehicle may be flown: decisions begin
@@ -304,7 +308,7 @@ class Flight:
             self._newest = event
             if not self._first.done():
                 self._first.set_result(event)
-        elif isinstance(event, PlanReplaced | PlanTried | PlanCompared):
+        elif isinstance(event, _Kept):
             self._early.append(event)
         elif isinstance(event, WrongVehicle) and event.why_not is not None:
             do = SEPARATE_TWINS if event.twins else SET_UP

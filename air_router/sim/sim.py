@@ -97,6 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
             "team": world.team,
             "camera": seat.camera,
             "keys": None,
+            "signing_key": None,
             "pace_from": world.pace,
             "arm": True,
             "resume": False,

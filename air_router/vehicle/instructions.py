@@ -69,6 +69,9 @@ CHECK_LINK: Final = Instruction(
 FREE_PROCESSOR: Final = Instruction(
     "Operator: free the companion's processor and disk. Pilot: be ready to take over"
 )
+CHECK_SENDERS: Final = Instruction(
+    "Operator: find the other sender on this link. Pilot: be ready to take over by remote control"
+)
 CHECK_STREAMS: Final = Instruction("Operator: check the link and the stream rates of PX4")
 WATCH_BATTERY: Final = Instruction("Pilot: watch the battery on the ground station or the remote")
 READ_PX4: Final = Instruction("Operator: read in the ground station what PX4 refuses")

@@ -219,9 +219,24 @@ class WrongVehicle:
     twins: bool = False
 
 
-VehicleEvent = (
-    Telemetry | ItemReached | PlanReplaced | PlanTried | PlanCompared | LinkSilent
-) | WrongVehicle
+@dataclass(frozen=True, slots=True)
+class MavlinkSpoofed:
+    """On a signed link messages come in the vehicle's name that its key does not vouch for.
+
+    They are ignored. It is told once.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        count: How many so far.
+    """
+
+    time_s: float
+    count: int
+
+
+VehicleEvent = (Telemetry | ItemReached | PlanReplaced | PlanTried | PlanCompared | LinkSilent) | (
+    WrongVehicle | MavlinkSpoofed
+)
 
 
 @dataclass(frozen=True, slots=True)

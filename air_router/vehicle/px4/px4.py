@@ -26,6 +26,7 @@ from air_router.vehicle.vehicle import (
     FlightMode,
     Inspection,
     LinkSilent,
+    MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     Vehicle,
@@ -48,6 +49,7 @@ what is graver (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): what asks 
 what asks for something is heard as well."""
 
 TEXT_LIMIT: Final = 50  # bytes of a STATUSTEXT
+_SPOOFED: Final = 3  # messages; fewer may be noise on a serial line
 
 
 class Px4Vehicle(Px4Motions, Vehicle):
@@ -78,6 +80,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
         self._catching_up: asyncio.Task[bool] | None = None  # asks for the mode after a gap
         self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
+        self._spoofs_told = False  # that another sender poses as the vehicle
 
     @property
     def telemetry(self) -> Px4Telemetry:
@@ -102,6 +105,11 @@ class Px4Vehicle(Px4Motions, Vehicle):
             )
         if not await telemetry.shows(telemetry.introduced, ONCE_S) and telemetry.in_air:
             await px4_requests.ask_since_when_it_flies(telemetry)
+        if telemetry.version is None:
+            _log.warning(
+                "%s: PX4 does not answer; has it a signing key? Then say --signing-key FILE",
+                self._url,
+            )
         work = (self._watch_silence(), px4_requests.keep_streams(telemetry))
         self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(
@@ -213,11 +221,19 @@ class Px4Vehicle(Px4Motions, Vehicle):
             event = PlanCompared(self._telemetry.time_s, difference)
             asyncio.get_running_loop().call_soon(self._callback, event)
 
+    def _tell_spoofs(self) -> None:
+        count = self._connection.posing
+        if count >= _SPOOFED and not self._spoofs_told and self._callback is not None:
+            self._spoofs_told = True
+            event = MavlinkSpoofed(self._telemetry.time_s, count)
+            asyncio.get_running_loop().call_soon(self._callback, event)
+
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             began_s = loop.time()
             await asyncio.sleep(SILENT_S / 3)
+            self._tell_spoofs()
             if loop.time() - began_s > SILENT_S:
                 continue  # this program stood still, and what was said meanwhile waits
             silent_s = self._telemetry.silent_s()

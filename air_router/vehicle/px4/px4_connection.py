@@ -7,6 +7,7 @@ import logging
 import os
 import re
 import socket
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,6 +22,8 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from mavsdk.system import System
 
 from air_router.errors import NoVehicleError
+from air_router.vehicle.px4.direct_link import DirectLink
+from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
 from air_router.vehicle.px4.mavsdk_bridge import destroy, route_log
 from air_router.vehicle.px4.px4_link import LARGEST, Px4Link, frames
 
@@ -45,6 +48,10 @@ _EVERYWHERE: Final = ("", "0.0.0.0")  # noqa: S104 - only where the operator say
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
 
 
+class SignedVehicleError(NoVehicleError):
+    """The vehicle obeys only what is signed with its key, and the link has none."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plugins:
     """All that a flight uses of MAVSDK; a rehearsal puts its own in their place.
@@ -65,9 +72,18 @@ class Px4Connection:
 
     As a companion computer has to, it takes the vehicle's own system id and component 191, and
     sends heartbeats as an onboard controller.
+
+    Args:
+        url: As MAVSDK writes it.
+        system_id: The vehicle's.
+        key: The file of the key with which the link is signed; None: it is not signed.
+
+    Raises:
+        NoVehicleError: the URL is none.
+        SigningKeyError: the file has no key, or others can read it.
     """
 
-    def __init__(self, url: str, system_id: int) -> None:
+    def __init__(self, url: str, system_id: int, *, key: Path | None = None) -> None:
         if _URL.fullmatch(url) is None:
             raise NoVehicleError(
                 f"{url}: not a connection; write udpin://127.0.0.1:14540 (PX4's usual), "
@@ -76,7 +92,8 @@ class Px4Connection:
         self._url = url
         self.system_id = system_id
         self._mavsdk: Mavsdk | None = None  # None: closed
-        self._link: Px4Link | None = None  # our own port, for UDP
+        self._link: Px4Link | DirectLink | None = None  # our own end, if it is not MAVSDK's
+        self._signer = None if key is None else MavlinkSigner.from_file(key, system_id)
         # opened with the connection
         self._plugins: tuple[()] | tuple[MavlinkDirect, MissionRaw, Geofence] = ()
 
@@ -88,17 +105,21 @@ class Px4Connection:
         """
         route_log()
         bound = self._bound()
+        ours = bound is not None or self._signer is not None
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         configuration.system_id = self.system_id
         configuration.component_id = COMPANION_COMPONENT
         self._mavsdk = Mavsdk(configuration)
         try:
-            self._mavsdk.add_any_connection_with_handle(self._url if bound is None else "raw://")
+            self._mavsdk.add_any_connection_with_handle("raw://" if ours else self._url)
         except (MavsdkError, ConnectionError) as error:
             raise self._in_use(error) from None
+        receive = self._mavsdk.pass_received_raw_bytes
         if bound is not None:
-            receive = self._mavsdk.pass_received_raw_bytes
-            self._link = Px4Link(bound, self.system_id, receive)
+            self._link = Px4Link(bound, self.system_id, receive, self._signer)
+        elif self._signer is not None:
+            self._link = await self._direct_link(receive, self._signer)
+        if self._link is not None:
             self._mavsdk.subscribe_raw_bytes_to_be_sent(self._link.send)
         system = await self._wanted(self._mavsdk, await self._first_autopilot(self._mavsdk))
         if system.autopilot_type() != Autopilot.PX4:
@@ -106,8 +127,24 @@ class Px4Connection:
                 f"{self._url}: the autopilot is {system.autopilot_type().name}, not PX4; "
                 "only PX4 is flown"
             )
+        if self._signer is None and isinstance(self._link, Px4Link) and self._link.signed_unasked:
+            raise SignedVehicleError(
+                f"{self._url}: PX4 has a signing key, and obeys only what is signed with it: name "
+                "its file (--signing-key FILE; docs/security.md)"
+            )
         self._plugins = (MavlinkDirect(system), MissionRaw(system), Geofence(system))
         return Plugins(*self._plugins)
+
+    async def _direct_link(
+        self, receive: Callable[[bytes], None], signer: MavlinkSigner
+    ) -> DirectLink:
+        loop = asyncio.get_running_loop()
+        try:  # not on the loop: a server may take its time
+            return await loop.run_in_executor(None, DirectLink, self._url, receive, signer)
+        except ValueError as error:
+            raise NoVehicleError(f"{self._url}: {error}") from None
+        except OSError as error:
+            raise self._in_use(error) from None
 
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
         """The system that was asked for, where several send here."""
@@ -126,12 +163,19 @@ class Px4Connection:
             f"if it is the right one, say --sysid {found_id}"
         )
 
+    @property
+    def posing(self) -> int:
+        """Messages that say that they are the vehicle's, and that the key does not vouch for."""
+        return 0 if self._signer is None else self._signer.posing
+
     async def close(self) -> None:
         """Let go of the connection and of MAVSDK's threads."""
         mavsdk, self._mavsdk = self._mavsdk, None
         link, self._link = self._link, None
         if link is not None:  # it must not hand MAVSDK anything any more
             link.close()
+        if self._signer is not None:
+            self._signer.close()
         if mavsdk is not None:
             plugins, self._plugins = self._plugins, ()
             await asyncio.get_running_loop().run_in_executor(None, destroy, mavsdk, plugins)
@@ -193,6 +237,8 @@ class Px4Connection:
         finally:
             elsewhere.cancel()
             mavsdk.cancel_first_autopilot(handle)
+        if self._signer is not None and (why := self._signer.why_none_is_taken):
+            raise NoVehicleError(f"{self._url}: {why}")
         others = [other.get_system_id() for other in mavsdk.get_systems()]
         others = [other for other in others if other]
         if others:

@@ -14,6 +14,9 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from air_router.vehicle.px4.mavlink_frame import Header, frames_of, header_of, is_signed
+from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
+
 _log = logging.getLogger(__name__)
 
 ANEW_S: Final = 5.0
@@ -32,28 +35,13 @@ RECEIVE_BYTES: Final = round(KEPT_S * _RATE_HZ * _KEPT_BYTES)
 _FORCED: Final = 33  # SO_RCVBUFFORCE of Linux; needs CAP_NET_ADMIN
 _HEARTBEAT: Final = 0
 _AUTOPILOT: Final = 1
-_MAVLINK_1, _MAVLINK_2 = 0xFE, 0xFD
-_SIGNED: Final = 1
 
 Address = tuple[str, int]
 
 
-def frames(datagram: bytes) -> Iterator[tuple[int, int, int]]:
+def frames(datagram: bytes) -> Iterator[Header]:
     """System id, component id and message id of the MAVLink frames in a datagram, in order."""
-    at = 0
-    while at + 8 <= len(datagram):
-        magic, length = datagram[at], datagram[at + 1]
-        if magic == _MAVLINK_1:
-            system, component, number = datagram[at + 3 : at + 6]
-            at += length + 8
-        elif magic == _MAVLINK_2 and at + 12 <= len(datagram):
-            system, component = datagram[at + 5], datagram[at + 6]
-            number = int.from_bytes(datagram[at + 7 : at + 10], "little")
-            at += length + (25 if datagram[at + 2] & _SIGNED else 12)
-        else:
-            return
-        if at <= len(datagram):
-            yield system, component, number
+    return map(header_of, frames_of(datagram))
 
 
 def widen(bound: socket.socket) -> float:
@@ -86,11 +74,13 @@ class PeerFilter:
     Attributes:
         peer: The vehicle's address, None before it was heard.
         refused: How many datagrams from elsewhere were left out.
+        signs: The vehicle signed its first heartbeat.
     """
 
     def __init__(self, system_id: int) -> None:
         self.peer: Address | None = None
         self.refused = 0
+        self.signs = False
         self._system_id = system_id
         self._heard_s = 0.0  # when the peer was heard last
 
@@ -99,21 +89,28 @@ class PeerFilter:
         if source == self.peer:
             self._heard_s = now_s
             return True
-        if self.peer is None or (source[0] == self.peer[0] and now_s - self._heard_s > ANEW_S):
-            if (self._system_id, _AUTOPILOT, _HEARTBEAT) in frames(datagram):
+        if (peer := self.peer) is None or self.may_be_at(source, now_s):
+            if Header(self._system_id, _AUTOPILOT, _HEARTBEAT) in frames(datagram):
                 self.peer, self._heard_s = source, now_s
+                self.signs = any(map(is_signed, frames_of(datagram)))
                 _log.info("the vehicle is at %s:%d", *source)
                 return True
-            return self.peer is None
+            return peer is None
         self.refused += 1
         if self.refused == 1:
             _log.warning(
                 "MAVLink comes from %s:%d as well, which is not the vehicle's address %s:%d; it "
                 "is not listened to",
                 *source,
-                *self.peer,
+                *peer,
             )
         return False
+
+    def may_be_at(self, source: Address, now_s: float) -> bool:
+        """Whether the vehicle may be at this address, if its heartbeat comes from there."""
+        if self.peer is None or source == self.peer:
+            return True
+        return source[0] == self.peer[0] and now_s - self._heard_s > ANEW_S
 
 
 class Px4Link:
@@ -123,25 +120,43 @@ class Px4Link:
         bound: The port; closed with the link.
         system_id: The vehicle's.
         receive: Takes what it sends, on the link's thread.
+        signer: Signs what is sent; only what its key vouches for is the vehicle's.
     """
 
     def __init__(
-        self, bound: socket.socket, system_id: int, receive: Callable[[bytes], None]
+        self,
+        bound: socket.socket,
+        system_id: int,
+        receive: Callable[[bytes], None],
+        signer: MavlinkSigner | None = None,
     ) -> None:
         widen(bound)
         self._socket = bound
         self._filter = PeerFilter(system_id)
-        self._receive = receive
+        self._receive, self._signer = receive, signer
+        self._sending = threading.Lock()  # signed frames leave in the order of their times
+        self._restarted: Address | None = None  # a vehicle whose signatures are old
         self._waker, self._woken = socket.socketpair()  # wake the thread to end it
         self._thread = threading.Thread(target=self._run, name="MAVLink", daemon=True)
         self._thread.start()
 
+    @property
+    def signed_unasked(self) -> bool:
+        """Whether the vehicle signs though the link has no key: it obeys nothing that is sent."""
+        return self._filter.signs
+
     def send(self, frame: bytes) -> None:
-        """Send to the vehicle; before it is known, and where the network is away, to no one."""
-        peer = self._filter.peer
-        if peer is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendto(frame, peer)
+        """Send to the vehicle; before it is known, and where the network is away, to no one.
+
+        A vehicle that has restarted signs with old times until it hears a newer one: our heartbeats
+        go there, and nothing else, for all that is known of it was sent before.
+        """
+        peer, restarted = self._filter.peer, self._restarted
+        with self._sending:
+            if peer is not None:
+                self._leave(frame, peer)
+            if restarted is not None and restarted != peer and _is_heartbeat(frame):
+                self._leave(frame, restarted)
 
     def close(self) -> None:
         """End the thread, then close the port."""
@@ -149,6 +164,21 @@ class Px4Link:
         self._thread.join()
         for each in (self._socket, self._waker, self._woken):
             each.close()
+
+    def _leave(self, frame: bytes, to: Address) -> None:
+        signed = frame if self._signer is None else self._signer.sign(frame)
+        with contextlib.suppress(OSError):
+            self._socket.sendto(signed, to)
+
+    def _vouched_for(self, datagram: bytes, source: Address, now_s: float) -> bytes:
+        """What the key vouches for; datagrams from elsewhere are not worth a look."""
+        signer = self._signer
+        if signer is None or not self._filter.may_be_at(source, now_s):
+            return datagram
+        taken = signer.received(datagram)
+        if signer.stale_heartbeat:
+            self._restarted = source
+        return taken
 
     def _run(self) -> None:
         while True:
@@ -159,5 +189,13 @@ class Px4Link:
                 datagram, source = self._socket.recvfrom(LARGEST)
             except OSError:
                 continue  # an ICMP error of an earlier datagram
-            if self._filter.takes(datagram, source[:2], time.monotonic()):
-                self._receive(datagram)
+            now_s = time.monotonic()
+            if not (taken := self._vouched_for(datagram, source[:2], now_s)) and datagram:
+                continue
+            if self._filter.takes(taken, source[:2], now_s):
+                self._restarted = None
+                self._receive(taken)
+
+
+def _is_heartbeat(frame: bytes) -> bool:
+    return any(each.message_id == _HEARTBEAT for each in frames(frame))

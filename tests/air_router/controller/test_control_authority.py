@@ -22,6 +22,7 @@ from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
 from air_router.vehicle.instructions import (
+    CHECK_SENDERS,
     CHOOSE_AGAIN,
     LAND_BY_HAND,
     TAKE_OVER_NOW,
@@ -32,6 +33,7 @@ from air_router.vehicle.vehicle import (
     Ages,
     FlightMode,
     ItemReached,
+    MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     WrongVehicle,
@@ -112,6 +114,14 @@ def test_a_type_that_changes_in_flight_is_an_alarm_and_nothing_is_commanded_any_
     flight.give(WrongVehicle(flight.now_s, None))
     assert flight.operator_asks(GoOn()).accepted
     flight.lands()
+
+
+def test_unsigned_messages_in_the_vehicles_name_are_a_warning_and_change_nothing(away):
+    flight = away()
+    before = len(flight.actions)
+    flight.give(MavlinkSpoofed(flight.now_s, 3))
+    text = "3 MAVLink messages came in the vehicle's name without its signature, and were ignored"
+    assert flight.actions[before:] == [Announce(text, Severity.WARNING, CHECK_SENDERS)]
 
 
 def test_what_one_of_two_vehicles_says_on_the_ground_is_no_crash_of_the_other(away):

@@ -1,11 +1,13 @@
 """The UDP end of the vehicle's link: who is listened to, and who is answered."""
 
+import contextlib
 import queue
 import socket
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
 from air_router.vehicle.px4.px4_link import (
     ANEW_S,
     KEPT_S,
@@ -15,6 +17,7 @@ from air_router.vehicle.px4.px4_link import (
     frames,
     widen,
 )
+from air_router.vehicle.px4.signing_key import SigningKey
 
 VEHICLE, INTRUDER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
 
@@ -83,6 +86,82 @@ def test_over_real_sockets():
         assert vehicle.recv(100) == b"an order"
         link.close()
     assert heard.empty()
+
+
+KEY = SigningKey(bytes(range(1, 33)))
+
+
+@contextlib.contextmanager
+def signed_link():
+    """A link with a key, what it hands on, and where it listens."""
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound.bind(("127.0.0.1", 0))
+    heard = queue.Queue()
+    link = Px4Link(bound, 1, heard.put, MavlinkSigner(KEY, 1))
+    try:
+        yield link, heard, bound.getsockname()
+    finally:
+        link.close()
+
+
+@pytest.fixture
+def senders():
+    """Two UDP ports of other machines."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+    ):
+        for each in (first, second):
+            each.bind(("127.0.0.1", 0))
+            each.settimeout(20)
+        yield first, second
+
+
+def test_on_a_signed_link_the_vehicle_is_known_by_its_signature(senders):
+    intruder, vehicle = senders
+    its = MavlinkSigner(KEY, 1)
+    with signed_link() as (link, heard, here):
+        intruder.sendto(heartbeat(), here)
+        intruder.sendto(MavlinkSigner(SigningKey(b"x" * 32), 1).sign(heartbeat()), here)
+        vehicle.sendto(its.sign(heartbeat()), here)
+        assert heard.get(timeout=20) == heartbeat()
+        vehicle.sendto(position(5) + its.sign(position(6)), here)
+        assert heard.get(timeout=20) == position(6)
+        link.send(heartbeat(9))
+        assert its.received(vehicle.recv(300)) == heartbeat(9)
+        assert heard.empty()
+        intruder.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            intruder.recv(300)
+
+
+def test_a_vehicle_that_has_restarted_is_sent_our_heartbeats_until_it_goes_by_our_time(senders):
+    _, vehicle = senders
+    its = MavlinkSigner(KEY, 1, unix_s=lambda: 1_500_000_000)  # since it got its key
+    with signed_link() as (link, heard, here):
+        while True:  # as MAVSDK does, once a second
+            vehicle.sendto(its.sign(heartbeat()), here)
+            link.send(position(1))  # nothing but heartbeats
+            link.send(heartbeat(9))
+            vehicle.settimeout(0.05)
+            try:
+                frame = vehicle.recv(300)
+            except TimeoutError:
+                continue
+            break
+        assert heard.empty()
+        assert its.received(frame) == heartbeat(9)
+        vehicle.sendto(its.sign(heartbeat()), here)
+        assert heard.get(timeout=20) == heartbeat()
+
+
+def test_a_vehicle_that_signs_is_noticed_on_a_link_without_a_key():
+    found = PeerFilter(system_id=1)
+    assert found.takes(heartbeat(), VEHICLE, 0.0)
+    assert not found.signs
+    found = PeerFilter(system_id=1)
+    assert found.takes(MavlinkSigner(KEY, 1).sign(heartbeat()), VEHICLE, 0.0)
+    assert found.signs
 
 
 class Kernel:

@@ -1,0 +1,84 @@
+"""`air-router signing-key`: makes a key that signs MAVLink, and gives it to a PX4."""
+
+import argparse
+import asyncio
+from ipaddress import ip_address
+from pathlib import Path
+
+from air_router.cli.arguments import say
+from air_router.cli.fly import add_link_arguments
+from air_router.errors import ExitCode, RefusedError, UsageError
+from air_router.vehicle.px4.key_provisioning import provide, remove
+from air_router.vehicle.px4.signing_key import SigningKey
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Make a signing key, or, with --connect, give it to a PX4 (1.18 or newer), which from then "
+        "on obeys only what is signed with it. PX4 gets the key in the clear: connect it by USB, "
+        "with all its radios off."
+    )
+    parser.epilog = (
+        "example: air-router signing-key uav.key; "
+        "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600"
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="of the key; made, if no --connect")
+    add_link_arguments(parser)
+    parser.set_defaults(connect=None)
+    parser.add_argument(
+        "--old", type=Path, metavar="FILE", help="the key that PX4 has already, to replace it"
+    )
+    parser.add_argument(
+        "--remove", action="store_true", help="PX4 has this key, and is to forget it"
+    )
+    parser.add_argument(
+        "--in-the-clear",
+        action="store_true",
+        help="send the key over a network where others may listen",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Make the key, or give it to the vehicle."""
+    url = arguments.connect
+    if url is None:
+        if arguments.old or arguments.remove:
+            raise UsageError("--old and --remove are about a key on a PX4: say --connect URL")
+        SigningKey.generate().write(arguments.file)
+        say(
+            f"{arguments.file}: a new key, for your eyes only. Give it to PX4 over USB: air-router "
+            f"signing-key {arguments.file} --connect serial:///dev/ttyACM0:57600"
+        )
+        return ExitCode.DONE
+    if arguments.remove:
+        if arguments.old:
+            raise UsageError("--remove needs no --old: FILE is the key that PX4 has")
+        asyncio.run(remove(url, arguments.sysid, arguments.file))
+        say("PX4 has no signing key any more: it obeys all who reach it")
+        return ExitCode.DONE
+    SigningKey.read(arguments.file)  # before anything is said of it
+    if not arguments.in_the_clear and (host := _network(url)):
+        raise RefusedError(
+            f"{url}: the key would cross the network to {host} in the clear; connect PX4 by USB, "
+            "or say --in-the-clear if no one else can listen there"
+        )
+    say("the key leaves in the clear: whoever listens on this link has it")
+    asyncio.run(provide(url, arguments.sysid, arguments.file, arguments.old))
+    say(
+        "PX4 has the key and answers what is signed with it, on all its links. Restart it, "
+        "and see with `air-router preflight --signing-key` that it has kept it (its SD card)"
+    )
+    return ExitCode.DONE
+
+
+def _network(url: str) -> str:
+    """The other machine that a URL leads to; empty: none, or a line."""
+    kind, _, end = url.partition("://")
+    host = end.rpartition(":")[0]
+    if kind.startswith("serial") or host == "localhost":
+        return ""
+    try:
+        return "" if ip_address(host).is_loopback else host
+    except ValueError:
+        return host or "others"

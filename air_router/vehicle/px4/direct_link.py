@@ -1,0 +1,186 @@
+"""The link to a vehicle whose end is given: a UDP address, a TCP server, a serial line.
+
+MAVSDK opens these itself, but where the link is signed: then what it sends and gets has to go
+through our hands.
+"""
+
+import contextlib
+import logging
+import os
+import select
+import socket
+import termios
+import threading
+import tty
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from air_router.vehicle.px4.mavlink_signing import MavlinkSigner, SignedStream
+
+_log = logging.getLogger(__name__)
+
+CONNECT_S: Final = 3.0
+"""Wall-clock limit for a TCP server to answer."""
+
+REOPEN_S: Final = 1.0
+"""So often a line that was lost is opened again."""
+
+_LARGEST: Final = 65535  # bytes that are read at once
+_USUAL_RATE: Final = 57600  # baud, MAVSDK's
+
+
+class Channel(Protocol):
+    """What is read from and written to, by its descriptor."""
+
+    def fileno(self) -> int:
+        """The descriptor."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class DirectLink:
+    """A channel, and a thread that hands on what comes in it.
+
+    Args:
+        url: Its other end: `udpout://HOST:PORT`, `tcpout://HOST:PORT`, `serial://DEVICE:RATE` or
+            `serial_flowcontrol://DEVICE:RATE`.
+        receive: Takes whole frames that the key vouches for, on the link's thread.
+        signer: Signs and judges.
+
+    Raises:
+        OSError: it cannot be opened.
+        ValueError: the URL is none of these; the message says why.
+    """
+
+    def __init__(self, url: str, receive: Callable[[bytes], None], signer: MavlinkSigner) -> None:
+        self._url, self._receive, self._signer = url, receive, signer
+        self._channel: Channel | None = opened(url)  # None: it was lost
+        self._is_stream = not url.startswith("udp")
+        self._stream = SignedStream(signer)
+        self._rest = b""  # of a frame that was written in part
+        self._sending = threading.Lock()  # signed frames leave in the order of their times
+        self._waker, self._woken = socket.socketpair()  # wake the thread to end it
+        self._thread = threading.Thread(target=self._run, name="MAVLink", daemon=True)
+        self._thread.start()
+
+    def send(self, frame: bytes) -> None:
+        """Send to the vehicle; a frame is lost where the channel is full or away."""
+        with self._sending:
+            if self._channel is None:
+                return
+            try:
+                if self._rest:
+                    self._rest = self._rest[os.write(self._channel.fileno(), self._rest) :]
+                if not self._rest:
+                    signed = self._signer.sign(frame)
+                    written = os.write(self._channel.fileno(), signed) if signed else 0
+                    self._rest = signed[written:]
+            except OSError:  # full, or lost, which shows when it is read
+                return
+
+    def close(self) -> None:
+        """End the thread, then close the channel."""
+        self._waker.send(b"\0")
+        self._thread.join()
+        self._let_go()
+        for each in (self._waker, self._woken):
+            each.close()
+
+    def _run(self) -> None:
+        while True:
+            channel = self._channel
+            if channel is None:
+                if select.select([self._woken], [], [], REOPEN_S)[0]:
+                    return
+                self._open_again()
+                continue
+            if self._woken in select.select([self._woken, channel], [], [])[0]:
+                return
+            try:
+                data = os.read(channel.fileno(), _LARGEST)
+            except BlockingIOError:
+                continue
+            except OSError:
+                data = b""  # lost; of UDP an ICMP error of an earlier datagram
+            if data:
+                taken = (self._stream if self._is_stream else self._signer).received(data)
+                if taken:
+                    self._receive(taken)
+            elif self._is_stream:
+                _log.warning("%s was lost; it is opened again", self._url)
+                self._let_go()
+
+    def _let_go(self) -> None:
+        with self._sending:
+            channel, self._channel, self._rest = self._channel, None, b""
+            self._stream = SignedStream(self._signer)
+        if channel is not None:
+            channel.close()
+
+    def _open_again(self) -> None:
+        with contextlib.suppress(OSError):
+            channel = opened(self._url)
+            with self._sending:
+                self._channel = channel
+            _log.warning("%s is open again", self._url)
+
+
+def opened(url: str) -> Channel:
+    """Open what a URL names, not to wait for it when it is read or written.
+
+    Raises:
+        OSError: it cannot be opened.
+        ValueError: it names nothing of this kind.
+    """
+    kind, _, end = url.partition("://")
+    if kind.startswith("serial"):
+        return _serial(end, flow_control=kind == "serial_flowcontrol")
+    host, _, port = end.rpartition(":")
+    if not host or not port.isdecimal() or not 1 <= int(port) <= 65535:
+        raise ValueError(f"write {kind}://HOST:PORT, with a port from 1 to 65535")
+    if kind == "udpout":
+        spoken = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            spoken.connect((host, int(port)))
+        except OSError:
+            spoken.close()
+            raise
+    elif kind == "tcpout":
+        spoken = socket.create_connection((host, int(port)), CONNECT_S)
+        spoken.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    else:
+        raise ValueError(
+            "a signed link is udpin://, udpout://, tcpout://, serial:// or serial_flowcontrol://"
+        )
+    spoken.setblocking(False)
+    return spoken
+
+
+def _serial(end: str, *, flow_control: bool) -> Channel:
+    """A serial line: 8 bits, no parity, raw."""
+    device, _, rate = end.rpartition(":")
+    if not device:
+        device, rate = end, str(_USUAL_RATE)
+    speed = getattr(termios, f"B{rate}", None) if rate.isdecimal() else None
+    if speed is None:
+        raise ValueError(f"{rate} baud is no rate of a serial line; PX4's are 57600 and 921600")
+    line = open("/" + device.lstrip("/"), "r+b", buffering=0, opener=_open_line)  # noqa: SIM115 - `Path.open` takes no opener; closed with the link
+    try:
+        tty.setraw(line.fileno())
+        settings = termios.tcgetattr(line.fileno())
+        settings[2] |= termios.CLOCAL | termios.CREAD
+        if flow_control:
+            settings[2] |= termios.CRTSCTS
+        else:
+            settings[2] &= ~termios.CRTSCTS
+        settings[4] = settings[5] = speed
+        termios.tcsetattr(line.fileno(), termios.TCSANOW, settings)
+    except termios.error as error:
+        line.close()
+        raise OSError(*error.args) from None
+    return line
+
+
+def _open_line(path: str, _flags: int) -> int:
+    return os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)

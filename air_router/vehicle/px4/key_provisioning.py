@@ -1,0 +1,126 @@
+"""Gives a PX4 its signing key by SETUP_SIGNING, or has it forget it; shows that it did."""
+
+import asyncio
+import time
+from pathlib import Path
+from typing import Any, Final
+
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
+
+from air_router.errors import NotConfirmedError, NoVehicleError, RefusedError
+from air_router.vehicle.px4.mavlink_signing import timestamp_of
+from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
+from air_router.vehicle.px4.px4_connection import Plugins, Px4Connection, SignedVehicleError
+from air_router.vehicle.px4.px4_messages import AUTOPILOT
+from air_router.vehicle.px4.signing_key import KEY_BYTES, SigningKey
+
+LIMIT_S: Final = 5.0
+"""Wall-clock limit for a HEARTBEAT, and for the answer to a command."""
+
+_ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+_REQUEST_MESSAGE, _AUTOPILOT_VERSION = 512, 148
+
+
+async def provide(url: str, system_id: int, key: Path, old: Path | None) -> None:
+    """Give the vehicle a key.
+
+    Args:
+        url: Its link; whoever listens on it learns the key.
+        system_id: Its own.
+        key: The file of the key.
+        old: The file of the key that it has; None: it has none.
+
+    Raises:
+        SigningKeyError: a file has no key, or others can read it.
+        NoVehicleError: none answers, or none that has the old key.
+        RefusedError: it is armed, or has a key and `old` was not given.
+        NotConfirmedError: it does not obey what is signed with the key.
+    """
+    secret = SigningKey.read(key).secret
+    try:
+        await _set_up(url, system_id, secret, timestamp_of(time.time()), old)
+    except SignedVehicleError:
+        raise RefusedError(
+            f"{url}: PX4 has a key already; name its file to replace it: --old FILE"
+        ) from None
+    try:
+        obeys = await _obeys(url, system_id, key)
+    except NoVehicleError as error:
+        raise NotConfirmedError(
+            f"PX4 has not taken the key: it is older than 1.18, or has another one (--old). {error}"
+        ) from None
+    if not obeys:
+        raise NotConfirmedError(f"{url}: PX4 signs with the key, but does not answer; try again")
+
+
+async def remove(url: str, system_id: int, key: Path) -> None:
+    """Have the vehicle forget its key, and take what is not signed.
+
+    Args:
+        url: Its link.
+        system_id: Its own.
+        key: The file of the key that it has.
+
+    Raises:
+        SigningKeyError: the file has no key, or others can read it.
+        NoVehicleError: none answers that has this key.
+        RefusedError: it is armed.
+        NotConfirmedError: it does not obey what is unsigned.
+    """
+    await _set_up(url, system_id, bytes(KEY_BYTES), 0, key)
+    if not await _obeys(url, system_id, None):
+        raise NotConfirmedError(f"{url}: PX4 has kept its key; try again")
+
+
+async def _set_up(
+    url: str, system_id: int, secret: bytes, timestamp: int, signed_with: Path | None
+) -> None:
+    """Send SETUP_SIGNING once; PX4 does not say on this link whether it took it."""
+    connection = Px4Connection(url, system_id, key=signed_with)
+    try:
+        plugins = await connection.open()
+        if await _is_armed(plugins, system_id):
+            raise RefusedError("the vehicle is armed, and keeps its key; disarm it first")
+        fields = {
+            "target_system": system_id,
+            "target_component": AUTOPILOT,
+            "secret_key": list(secret),
+            "initial_timestamp": timestamp,
+        }
+        plugins.direct.send_message(message("SETUP_SIGNING", fields))
+        await asyncio.sleep(1.0)  # it has left, and PX4's other links have read the key
+    finally:
+        await connection.close()
+
+
+async def _is_armed(plugins: Plugins, system_id: int) -> bool:
+    heard: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+
+    def take(received: Received) -> None:
+        if received.sender == (system_id, AUTOPILOT) and not heard.done():
+            heard.set_result(received.fields)
+
+    subscribe(plugins.direct, "HEARTBEAT", take)
+    try:
+        async with asyncio.timeout(LIMIT_S):
+            fields = await heard
+    except TimeoutError:
+        raise NoVehicleError("the vehicle has stopped sending HEARTBEAT") from None
+    return bool(fields["base_mode"] & _ARMED)
+
+
+async def _obeys(url: str, system_id: int, key: Path | None) -> bool:
+    """Whether the vehicle answers a command that is signed with this key, or not at all."""
+    connection = Px4Connection(url, system_id, key=key)
+    try:
+        plugins = await connection.open()
+        params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(_AUTOPILOT_VERSION)}
+        target = {"target_system": system_id, "target_component": AUTOPILOT}
+        fields = {"command": _REQUEST_MESSAGE, "confirmation": 0, **target, **params}
+        asked = message("COMMAND_LONG", fields, system_id)
+        result, _ = await call(plugins.direct.send_command_async, asked, timeout_s=LIMIT_S)
+    except (TimeoutError, SignedVehicleError):
+        return False
+    finally:
+        await connection.close()
+    return bool(result == MavlinkDirectResult.SUCCESS)
