@@ -98,15 +98,21 @@ PARSERS = {
 
 
 @pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
-def test_a_service_starts_what_our_programs_take(path):
-    settings = (path.parent / "flight.env").read_text(encoding="utf-8").splitlines()
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_service_starts_what_our_programs_take(path, signed):
+    settings = (path.parent / "flight.env").read_text(encoding="utf-8")
+    if signed:
+        (option,) = re.findall(r"^# If PX4 has a key .*: (--.*)$", settings, re.MULTILINE)
+        settings = settings.replace("\nSIGNING=\n", f"\nSIGNING={option}\n")
+    settings = settings.splitlines()
     text = path.read_text(encoding="utf-8")
     for name, value in (line.split("=", 1) for line in settings if not line.startswith("#")):
-        text = text.replace(f"${{{name}}}", value)
+        text = text.replace(f"${{{name}}}", value).replace(f" ${name}", f" {value}")
     (command,) = re.findall(r"^ExecStart=/opt/air-router/bin/(.*)$", text, re.MULTILINE)
     program, *words = shlex.split(command)
     arguments = PARSERS[program]().parse_args(words)
     assert "$" not in command
+    assert bool(getattr(arguments, "signing_key", None)) is (signed and program == "air-router")
     assert getattr(arguments, "resume", None) in {None, "resume" in path.stem}
     assert not getattr(arguments, "arm", False)  # that is the pilot's
 

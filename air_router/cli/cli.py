@@ -37,7 +37,7 @@ COMMANDS = (
     Command("preflight", "air_router.cli.preflight", "is this vehicle ready to fly this mission?"),
     Command(
         "signing-key",
-        "air_router.cli.signing_key",
+        "air_router.cli.signing_key_command",
         "make a key that signs MAVLink, and give it to a PX4",
     ),
     Command("fly", "air_router.cli.fly", "fly a mission with a vehicle that is already there"),

@@ -7,6 +7,7 @@ import os
 import select
 import socket
 import threading
+import time
 from functools import partial
 
 import pytest
@@ -16,7 +17,7 @@ from air_router.mission.loading import load_mission
 from air_router.sim.ports import free_port
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4 import px4_connection
-from air_router.vehicle.px4.mavlink_signing import MavlinkSigner, Verdict
+from air_router.vehicle.px4.mavlink_signing import MavlinkSigner, Verdict, timestamp_of
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.px4.px4_connection import Px4Connection
 from air_router.vehicle.px4.signing_key import SigningKey
@@ -305,6 +306,23 @@ def test_a_real_px4_with_the_key_obeys_the_flight_and_no_one_else(
     assert station.version() == version
     station.attack()
     assert station.heard("COMMAND_ACK") is not None  # it has teeth
+
+
+@pytest.mark.timeout(100)
+def test_a_real_px4_that_has_its_key_since_yesterday_goes_by_our_time(
+    real_px4, answered, short_mission, key
+):
+    """As after a restart: it begins with the time at which it got the key."""
+    px4, url, station = real_px4
+    if station.version() < (1, 18):
+        pytest.skip("this PX4 has no signing")
+    yesterday = timestamp_of(time.time() - 86_400)
+    secret = list(SigningKey.read(key).secret)
+    station.send(mavlink.MAVLink_setup_signing_message(px4.instance + 1, 1, secret, yesterday))
+    link = ("--connect", url, "--sysid", px4.instance + 1, "--signing-key", key)
+    code, out, said = answered("preflight", short_mission, *link, "--no-record", "--json")
+    assert code == 0, (out, said)
+    assert "not told" not in out
 
 
 @pytest.mark.timeout(100)

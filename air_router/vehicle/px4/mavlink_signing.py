@@ -10,6 +10,7 @@ forged message, after which it takes the genuine ones for old.
 
 import hashlib
 import hmac
+import logging
 import threading
 import time
 from collections import Counter
@@ -29,7 +30,9 @@ from air_router.vehicle.px4.mavlink_frame import (
     length_at,
     without_signature,
 )
-from air_router.vehicle.px4.signing_key import SigningKey, TimestampFile
+from air_router.vehicle.px4.signing_key import LAST, SigningKey, TimestampFile
+
+_log = logging.getLogger(__name__)
 
 UNIT_S: Final = 1e-5
 """Of the timestamps."""
@@ -64,7 +67,7 @@ class Verdict(Enum):
     EXEMPT = "unsigned, of a kind that is taken so"
     UNSIGNED = "unsigned"
     FORGED = "signed with another key, or changed"
-    OLD = "signed with the key, and sent before"
+    OLD = "signed with the key, and no newer than one before"
 
 
 TAKEN: Final = frozenset({Verdict.GOOD, Verdict.EXEMPT})
@@ -73,7 +76,7 @@ _POSING: Final = frozenset({Verdict.UNSIGNED, Verdict.FORGED})
 
 def timestamp_of(unix_s: float) -> int:
     """A time as signatures have it."""
-    return max(round((unix_s - EPOCH_UNIX_S) / UNIT_S), 0)
+    return min(max(round((unix_s - EPOCH_UNIX_S) / UNIT_S), 0), LAST)
 
 
 class MavlinkSigner:
@@ -135,6 +138,8 @@ class MavlinkSigner:
         """Nothing more is signed: the next time begins where this one ends."""
         with self._lock:
             self._store(self._latest)
+        for verdict, count in self.counts.items():
+            _log.info("%d MAVLink messages were %s", count, verdict.value)
 
     def received(self, datagram: bytes) -> bytes:
         """Judge a datagram of whole frames; returns those that are taken, without signatures."""
@@ -163,7 +168,7 @@ class MavlinkSigner:
             latest = self._senders.get(sender)
             if latest is None:
                 latest = max(self._latest, self._now()) - round(NEW_SENDER_S / UNIT_S) - 1
-            if timestamp <= latest:
+            if not latest < timestamp < LAST:
                 return Verdict.OLD
             self._senders[sender] = timestamp
             self._latest = max(self._latest, timestamp)

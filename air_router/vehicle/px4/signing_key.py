@@ -18,7 +18,9 @@ _log = logging.getLogger(__name__)
 
 KEY_BYTES: Final = 32
 _FILE_BYTES: Final = 4096  # of a file that is looked at; a key is shorter
-_LAST: Final = (1 << 48) - 1  # of the timestamps of MAVLink
+
+LAST: Final = 1 << 47
+"""Timestamps end here, in 2059: half of what their 6 bytes hold, so that none runs over."""
 
 
 class SigningKeyError(AirRouterError):
@@ -131,8 +133,9 @@ class TimestampFile:
         except OSError as error:
             self._warn(error)
             return 0
-        if (digits := text.strip()).isdigit() and len(digits) <= len(str(_LAST)):
-            return min(int(digits), _LAST)
+        digits = text.strip()
+        if digits.isdigit() and len(digits) <= len(str(LAST)) and int(digits) < LAST:
+            return int(digits)
         _log.warning("%s is damaged; signatures go by the clock of this machine", self._path)
         return 0
 

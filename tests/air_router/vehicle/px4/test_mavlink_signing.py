@@ -44,9 +44,9 @@ class Sender:
         self.mav.signing.link_id = link_id
         self.mav.signing.timestamp = timestamp_of(unix_s)
 
-    def heartbeat(self, *, signed=True, version=2):
+    def heartbeat(self, *, signed=True, version=2, custom_mode=0):
         self.mav.signing.sign_outgoing = signed
-        message = mavlink.MAVLink_heartbeat_message(2, 12, 128, 0, 4, 3)
+        message = mavlink.MAVLink_heartbeat_message(2, 12, 128, custom_mode, 4, 3)
         return bytes(message.pack(self.mav, force_mavlink1=version == 1))
 
 
@@ -220,6 +220,16 @@ def test_times_never_go_back_over_restarts_with_a_clock_that_begins_anew():
     assert stored[-1] == used[-1]  # it ends without a loss
 
 
+@pytest.mark.parametrize("timestamp", [(1 << 47) - 1, 1 << 47, (1 << 48) - 2])
+def test_times_that_are_as_late_as_they_can_be_stop_nothing(timestamp):
+    """Whoever sends that has the key; the flight goes on all the same."""
+    ours, sender = signer(), Sender()
+    sender.mav.signing.timestamp = timestamp
+    assert bool(ours.received(sender.heartbeat())) is (timestamp < 1 << 47)
+    assert len(timestamps(ours.sign(orders()))) == 2
+    assert len(timestamps(signer(clock=Clock(1e12)).sign(orders()))) == 2
+
+
 def test_a_stream_is_cut_where_frames_begin_whatever_the_pieces():
     ours, sender = signer(), Sender()
     frames = [sender.heartbeat() for _ in range(4)]
@@ -236,7 +246,8 @@ def test_a_stream_is_cut_where_frames_begin_whatever_the_pieces():
 
 def test_a_frame_in_a_stream_that_is_not_taken_counts_once():
     ours, sender = signer(), Sender()
-    unsigned = sender.heartbeat(signed=False)
+    # Within it other frames seem to begin, of MAVLink 1 and of no length.
+    unsigned = sender.heartbeat(signed=False, custom_mode=0xFE00FE)
     cut = SignedStream(ours)
     assert cut.received(unsigned * 3 + sender.heartbeat())
     assert ours.counts[Verdict.UNSIGNED] == 3

@@ -93,7 +93,7 @@ def test_times_are_kept_and_the_latest_of_two_programs_counts(tmp_path):
     assert times.load() == 12
 
 
-@pytest.mark.parametrize("data", [b"", b"soon", b"-5", b"9" * 16, b"\xff\x00"])
+@pytest.mark.parametrize("data", [b"", b"soon", b"-5", b"9" * 15, b"9" * 16, b"\xff\x00"])
 def test_a_damaged_time_is_told_and_the_clock_counts(tmp_path, caplog, data):
     (tmp_path / "uav.key.timestamp").write_bytes(data)
     assert TimestampFile(tmp_path / "uav.key").load() == 0
