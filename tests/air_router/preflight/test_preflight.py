@@ -294,6 +294,15 @@ def test_parameters_that_are_not_told(pennovation):
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
 
+def test_a_vehicle_that_is_heard_and_answers_nothing_is_not_ready(pennovation):
+    """A wire to its RX that is not there, or a signing key that we have not."""
+    (only,) = parameters(pennovation, {}, version=None)
+    assert (only.verdict, only.found) == (BAD, "PX4 answers nothing that is asked")
+    assert "--signing-key" in only.advice
+    *_, last = parameters(pennovation, WANTED, version=None)
+    assert last.verdict is GOOD
+
+
 @pytest.mark.parametrize(
     ("name", "values"),
     [
