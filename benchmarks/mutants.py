@@ -142,7 +142,7 @@ MUTANTS = (
     _row("key of the group", "air_router.signing_key", "stat.S_IMODE(mode) & 0o077",
          "stat.S_IMODE(mode) & 0o007", "signing_key"),
     _row("key of zeros", "air_router.signing_key", "if not any(secret):", "if False:", "signing_key"),
-    _row("orders to whoever restarts", "air_router.px4_link", " and _is_heartbeat(frame)", "",
+    _row("orders before it is known", "air_router.px4_link", " and _is_heartbeat(frame)", "",
          "px4_link"),
     _row("torn frames", "air_router.direct_link", "self._rest = signed[written:]", "pass", "direct_link"),
     _row("key over any network", "air_router.signing_key_command",

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--in-the-clear",
         action="store_true",
-        help="send the key over a network where others may listen",
+        help="send the key over a network where others may receive it",
     )
 
 
@@ -61,9 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.in_the_clear and (host := _network(url)):
         raise RefusedError(
             f"{url}: the key would cross the network to {host} in the clear; connect PX4 by USB, "
-            "or say --in-the-clear if no one else can listen there"
+            "or say --in-the-clear if only you can receive there"
         )
-    say("the key leaves in the clear: whoever listens on this link has it")
+    say("the key leaves in the clear: every receiver on this link has it")
     asyncio.run(provide(url, arguments.sysid, arguments.file, arguments.old))
     say(
         "PX4 has the key and answers what is signed with it, on all its links. Restart it, "

@@ -306,12 +306,12 @@ def parameters(
         found = f"{_px4(version)} has none: {', '.join(none)}"
         advice = "find out from its release notes what is instead of them, and look at that"
         checks.append(Check("parameters", LOOK, found, advice))
-    if version is None and len(unknown) == len(looked_at):  # it was asked for its version, too
+    if version is None and len(unknown) == len(looked_at):  # which was requested, too
         advice = (
             "see to it that what is sent arrives (the wire to its RX, the port); if PX4 has a "
             "signing key, say --signing-key FILE"
         )
-        return [*checks, Check("parameters", BAD, "PX4 answers nothing that is asked", advice)]
+        return [*checks, Check("parameters", BAD, "PX4 answers no request", advice)]
     if unknown:
         found = f"not told: {', '.join(unknown)}"
         checks.append(Check("parameters", LOOK, found, "look at them yourself"))

@@ -223,7 +223,7 @@ class WrongVehicle:
 class MavlinkSpoofed:
     """On a signed link messages come in the vehicle's name that its key does not vouch for.
 
-    They are ignored. It is told once.
+    They are ignored. It is reported once.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.

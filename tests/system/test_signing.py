@@ -65,7 +65,7 @@ class SigningVehicle:
             ready, _, _ = select.select([self._inside, self._outside, self._woken], [], [])
             if self._woken in ready:
                 return
-            with contextlib.suppress(OSError):  # no one is there
+            with contextlib.suppress(OSError):  # its port is not open
                 if self._inside in ready:
                     data, vehicle = self._inside.recvfrom(65535)
                     if self.unsigned:
@@ -271,7 +271,7 @@ def test_a_real_px4_with_the_key_obeys_the_flight_and_no_one_else(
         pytest.skip(f"PX4 {version[0]}.{version[1]} has no signing")
     link = ("--connect", url, "--sysid", px4.instance + 1)
 
-    # Without a key it obeys everyone; with it the same station is not even answered.
+    # It answered the station; with the key it does not.
     code, _, said = answered("signing-key", key, *link)
     assert code == 0, said
     assert "the key leaves in the clear" in said

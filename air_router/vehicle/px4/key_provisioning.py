@@ -25,7 +25,7 @@ async def provide(url: str, system_id: int, key: Path, old: Path | None) -> None
     """Give the vehicle a key.
 
     Args:
-        url: Its link; whoever listens on it learns the key.
+        url: Its link; every receiver on it learns the key.
         system_id: Its own.
         key: The file of the key.
         old: The file of the key that it has; None: it has none.
@@ -94,16 +94,16 @@ async def _set_up(
 
 
 async def _is_armed(plugins: Plugins, system_id: int) -> bool:
-    heard: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+    first: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
 
     def take(received: Received) -> None:
-        if received.sender == (system_id, AUTOPILOT) and not heard.done():
-            heard.set_result(received.fields)
+        if received.sender == (system_id, AUTOPILOT) and not first.done():
+            first.set_result(received.fields)
 
     subscribe(plugins.direct, "HEARTBEAT", take)
     try:
         async with asyncio.timeout(LIMIT_S):
-            fields = await heard
+            fields = await first
     except TimeoutError:
         raise NoVehicleError("the vehicle has stopped sending HEARTBEAT") from None
     return bool(fields["base_mode"] & _ARMED)

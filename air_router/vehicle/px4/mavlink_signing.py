@@ -56,7 +56,7 @@ _HEARTBEAT, _AUTOPILOT = 0, 1  # message id, component id
 _RADIO_STATUS: Final = 109
 EXEMPT: Final = {_RADIO_STATUS: 185}
 """Messages that are taken without a signature, and the seeds of their checksums: that of a
-telemetry radio, which has no key. PX4 takes HEARTBEAT as well; here it tells the mode that a pilot
+telemetry radio, which has no key. PX4 takes HEARTBEAT as well; here it has the mode that a pilot
 chose, and is not taken."""
 
 

@@ -148,8 +148,8 @@ class Px4Link:
     def send(self, frame: bytes) -> None:
         """Send to the vehicle; before it is known, and where the network is away, to no one.
 
-        A vehicle that has restarted signs with old times until it hears a newer one: our heartbeats
-        go there, and nothing else, for all that is known of it was sent before.
+        A vehicle that has restarted signs with old times until it receives a newer one: our
+        heartbeats go there, and nothing else, for all that is known of it was sent before.
         """
         peer, restarted = self._filter.peer, self._restarted
         with self._sending:

@@ -119,7 +119,7 @@ class TimestampFile:
 
     def __init__(self, key: Path) -> None:
         self._path = key.with_name(f"{key.name}.timestamp")
-        self._failed = False  # the operator was told that it cannot be written
+        self._failed = False  # the operator was warned
 
     def load(self) -> int:
         """The latest that may have been used; 0 if none is known.

@@ -294,10 +294,10 @@ def test_parameters_that_are_not_told(pennovation):
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
 
-def test_a_vehicle_that_is_heard_and_answers_nothing_is_not_ready(pennovation):
+def test_a_vehicle_that_sends_and_answers_no_request_is_not_ready(pennovation):
     """A wire to its RX that is not there, or a signing key that we have not."""
     (only,) = parameters(pennovation, {}, version=None)
-    assert (only.verdict, only.found) == (BAD, "PX4 answers nothing that is asked")
+    assert (only.verdict, only.found) == (BAD, "PX4 answers no request")
     assert "--signing-key" in only.advice
     *_, last = parameters(pennovation, WANTED, version=None)
     assert last.verdict is GOOD

@@ -222,7 +222,7 @@ def test_times_never_go_back_over_restarts_with_a_clock_that_begins_anew():
 
 @pytest.mark.parametrize("timestamp", [(1 << 47) - 1, 1 << 47, (1 << 48) - 2])
 def test_times_that_are_as_late_as_they_can_be_stop_nothing(timestamp):
-    """Whoever sends that has the key; the flight goes on all the same."""
+    """Their sender has the key; the flight goes on all the same."""
     ours, sender = signer(), Sender()
     sender.mav.signing.timestamp = timestamp
     assert bool(ours.received(sender.heartbeat())) is (timestamp < 1 << 47)
