@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from air_router.cli.arguments import add_px4_version, speed_factor
@@ -114,18 +115,23 @@ def _line_for(
 ) -> Line:
     """To a vehicle that is started for it."""
     if install is not None:
-        return _Px4Line(install, speed_factor)
+        return _Px4Line(install, speed_factor, conversation.started_with)
     ground_link = Link.GROUND in conversation.links
     return LocalLine(
         VehicleSettings(
-            PX4_HOME, seed=1, start_unix_s=_EPOCH_S, ground_link=ground_link, version=version
+            PX4_HOME,
+            seed=1,
+            start_unix_s=_EPOCH_S,
+            parameters=conversation.started_with,
+            ground_link=ground_link,
+            version=version,
         )
     )
 
 
 def _version_of(install: Px4Install, speed_factor: float) -> Version:
     """What a PX4 says that it is; it is started for that."""
-    with contextlib.closing(_Px4Line(install, speed_factor)) as line:
+    with contextlib.closing(_Px4Line(install, speed_factor, {})) as line:
         found = asked_version(line)
     if found not in FLOWN:
         known = f"{name_of(OLDEST)} to {name_of(NEWEST)}"
@@ -136,8 +142,11 @@ def _version_of(install: Px4Install, speed_factor: float) -> Version:
 class _Px4Line(UdpLine):
     """A PX4 of its own for one conversation."""
 
-    def __init__(self, install: Px4Install, speed_factor: float) -> None:
-        self._process = Px4Process(install, Px4Settings(PX4_HOME, speed=speed_factor))
+    def __init__(
+        self, install: Px4Install, speed_factor: float, parameters: Mapping[str, float]
+    ) -> None:
+        settings = Px4Settings(PX4_HOME, speed=speed_factor, parameters=parameters)
+        self._process = Px4Process(install, settings)
         number = self._process.instance
         super().__init__({Link.API: 14540 + number, Link.GROUND: 14550}, system_id=number + 1)
 

@@ -120,6 +120,7 @@ class Conversation:
         steps: What is said and expected.
         start: How the vehicle is before.
         parameters: Set before it begins.
+        started_with: Parameters that are on board when it starts: what counts only then.
         links: That it needs.
         since: First version of PX4 that it is held with; None: all.
         before: First version that it is not held with any more; None: all since.
@@ -131,6 +132,7 @@ class Conversation:
     steps: tuple[Step, ...]
     start: Start = Start.GROUND
     parameters: Mapping[str, float] = field(default_factory=dict)
+    started_with: Mapping[str, float] = field(default_factory=dict)
     links: frozenset[Link] = frozenset({Link.API})
     since: Version | None = None
     before: Version | None = None

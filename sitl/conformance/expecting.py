@@ -303,3 +303,27 @@ climb: Final = Measure(_climb_m_s, "climbed {:.2f} m/s")
 furthest_north: Final = Measure(
     lambda track: max(place.north_m for place in track[1:]), "came {:.1f} m north, is at {}"
 )
+
+
+_LOOK_S: Final = 0.2  # within which the nose turns less than half a turn
+
+
+def turns(session: Session, between_deg: Sequence[float], for_s: float) -> None:
+    """The nose turns clockwise by so many degrees in some seconds, least and most."""
+    turned_deg, heading_deg = 0.0, _heading_deg(session)
+    end_s = session.now_s + for_s
+    while session.now_s < end_s:
+        session.run(_LOOK_S)
+        before_deg, heading_deg = heading_deg, _heading_deg(session)
+        turned_deg += math.remainder(heading_deg - before_deg, 360.0)
+    session.notes.append(f"turned by {turned_deg:.0f} deg")
+    if not between_deg[0] <= turned_deg <= between_deg[1]:
+        limits = f"{between_deg[0]:g} to {between_deg[1]:g} deg"
+        raise DepartureError(f"expected {limits} in {for_s:g} s, it {session.notes[-1]}")
+
+
+def _heading_deg(session: Session) -> float:
+    attitude = session.newest("ATTITUDE")
+    if attitude is None:
+        raise DepartureError("expected ATTITUDE, heard none")
+    return math.degrees(attitude["yaw"])

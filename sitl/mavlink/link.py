@@ -17,6 +17,7 @@ from sitl.px4sim.commands import DO_SET_MODE, CommandResult, Commands, Params
 from sitl.px4sim.failsafe import GROUND_STATION
 from sitl.px4sim.flight_modes import Sticks
 from sitl.px4sim.state import Notice
+from sitl.px4sim.used_params import unused_param_of_command
 
 _log = logging.getLogger(__name__)
 
@@ -24,7 +25,9 @@ _AUTOPILOT: Final = 1
 _INJECT_FAILURE: Final = 420  # MAV_CMD
 _SET_MESSAGE_INTERVAL: Final = 511
 _REQUEST_MESSAGE: Final = 512
-_REQUESTS: Final = {410: 242, 520: 148}  # GET_HOME_POSITION, REQUEST_AUTOPILOT_CAPABILITIES
+_REQUESTS: Final = {410: 242, 520: 148, 528: 264}
+"""GET_HOME_POSITION, REQUEST_AUTOPILOT_CAPABILITIES, REQUEST_FLIGHT_INFORMATION: the message."""
+
 _NO_SUCH_PARAMETER: Final = 1  # MAV_PARAM_ERROR_DOES_NOT_EXIST
 _NOTHING: Final = 2**31 - 1
 _FIRST_WORD_S: Final = 1.4  # PX4 is silent for so long after its start
@@ -56,9 +59,7 @@ class MavlinkLink:
         self._sender = Sender(self._system_id)
         self._receiver = Receiver()
         self._commands = Commands(autopilot)
-        self._protocol = MissionProtocol(
-            autopilot.plan, self._system_id, requests_int=autopilot.behaviour.requests_int
-        )
+        self._protocol = MissionProtocol(autopilot.plan, self._system_id, autopilot.behaviour)
         self._reporter = MissionReporter(autopilot) if reports_mission else None  # truth: none
         self._streams = StreamSchedule(rates_hz)
         self._queue: list[Outgoing | bytes] = []  # to be taken; bytes: passed on
@@ -138,6 +139,9 @@ class MavlinkLink:
                 self._acknowledge(command, CommandResult.FAILED, sender)
             return
         behaviour = self._autopilot.behaviour
+        if behaviour.refuses_unused_params and unused_param_of_command(command, params):
+            self._acknowledge(command, CommandResult.DENIED, sender)
+            return
         if command == _INJECT_FAILURE:
             if behaviour.answers_failure_injection:
                 self._acknowledge(command, CommandResult.ACCEPTED, sender)
@@ -155,7 +159,8 @@ class MavlinkLink:
 
     def _message_command(self, command: int, params: Params) -> CommandResult | None:
         """Commands about messages; None for all others."""
-        number = _REQUESTS.get(command, _whole(params[0]))
+        requests = _REQUESTS if self._autopilot.behaviour.answers_old_requests else {}
+        number = requests.get(command, _whole(params[0]))
         name = NAMES.get(number, "")
         known = knows(name)
         if command == _SET_MESSAGE_INTERVAL:
@@ -163,7 +168,7 @@ class MavlinkLink:
                 return CommandResult.FAILED
             self._streams.set_interval(name, params[1])
             return CommandResult.ACCEPTED
-        if command not in (_REQUEST_MESSAGE, *_REQUESTS):
+        if command not in (_REQUEST_MESSAGE, *requests):
             return None
         message = telemetry(name, self._autopilot) if known else None
         if message is None:

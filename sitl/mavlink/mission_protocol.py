@@ -21,6 +21,8 @@ from sitl.px4sim.plan_store import (
     stored_item,
 )
 from sitl.px4sim.state import Notice
+from sitl.px4sim.used_params import unused_param_of_item
+from sitl.px4sim.versions import Px4Behaviour
 
 _RETRY_S: Final = 0.25
 _TIMEOUT_S: Final = 5.0
@@ -41,12 +43,13 @@ class MissionProtocol:
     Args:
         plan: The plan on board.
         system_id: The vehicle's.
-        requests_int: Items are requested by MISSION_REQUEST_INT from the first on; else, as before
-            PX4 1.17, by MISSION_REQUEST until a message with coordinates in integers came.
+        behaviour: Of which version of PX4. Where its `requests_int` is false, items are requested
+            by MISSION_REQUEST until a message with coordinates in integers came.
     """
 
-    def __init__(self, plan: PlanStore, system_id: int, *, requests_int: bool = True) -> None:
-        self._requests_int = requests_int
+    def __init__(self, plan: PlanStore, system_id: int, behaviour: Px4Behaviour) -> None:
+        self._behaviour = behaviour
+        self._requests_int = behaviour.requests_int
         self._plan = plan
         self._system_id = system_id
         self._state = _State.IDLE  # while receiving, `plan.transferring` keeps other links out
@@ -57,7 +60,7 @@ class MissionProtocol:
         self._items: list[MissionItem] = []  # received so far; stored when all are there
         self._checksum = 0  # of these; the plan's opaque_id
         self._marked: int | None = None  # the one that says it is current
-        self._sent_s = 0.0  # time of the last MISSION_REQUEST, on the wall's clock
+        self._sent_s = 0.0  # time of the last request or count, on the wall's clock
         self._received_s = 0.0  # time of the partner's last message, on the wall's clock
         # By message name; called with the message, its sender and the time.
         self._handlers: dict[str, Callable[[Any, tuple[int, int], float], list[Reply]]] = {
@@ -97,6 +100,9 @@ class MissionProtocol:
         if now_s - self._received_s > _TIMEOUT_S:
             self._finish()
             return [Notice.of("mavlink_mission_op_timeout")]
+        counting = self._state is _State.SENDING and self._sequence == 0
+        if self._behaviour.repeats_count and counting and now_s - self._sent_s > _RETRY_S:
+            return [self._counted(now_s)]
         return []
 
     # Downloads
@@ -113,8 +119,13 @@ class MissionProtocol:
         self._state, self._type, self._partner = _State.SENDING, message.mission_type, sender
         self._sequence, self._count = 0, len(self._plan.items(self._type))
         self._received_s = now_s
-        identifier = self._plan.identifier(self._type)
-        return [self._outgoing("MISSION_COUNT", sender, count=self._count, opaque_id=identifier)]
+        return [self._counted(now_s)]
+
+    def _counted(self, now_s: float) -> Outgoing:
+        self._sent_s, identifier = now_s, self._plan.identifier(self._type)
+        return self._outgoing(
+            "MISSION_COUNT", self._partner, count=self._count, opaque_id=identifier
+        )
 
     def _on_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         self._requests_int = True
@@ -214,7 +225,7 @@ class MissionProtocol:
         return [words, self._ack(UploadResult.ERROR)]
 
     def _take(self, message: Any, now_s: float) -> list[Reply]:
-        item = stored_item(message, self._type)
+        item = self._accepted(message)
         if isinstance(item, Refusal):
             self._finish()
             words = Notice.of("mavlink_mission_mis_item_invalid")
@@ -229,6 +240,15 @@ class MissionProtocol:
         self._plan.store(self._type, tuple(self._items), self._checksum, self._marked)
         self._finish()
         return [self._ack(UploadResult.ACCEPTED, identifier=self._checksum)]
+
+    def _accepted(self, message: Any) -> MissionItem | Refusal:
+        item = stored_item(message, self._type)
+        frame_known = item != Refusal(UploadResult.UNSUPPORTED_FRAME)
+        if self._behaviour.refuses_unused_params and frame_known:
+            unused = unused_param_of_item(message)
+            if unused is not None:
+                return Refusal(UploadResult(UploadResult.INVALID_PARAM1 + unused - 1))
+        return item
 
     # The rest
 

@@ -13,6 +13,7 @@ from typing import Final
 
 from sitl.mavlink.codec import Outgoing
 from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.failsafe import missing_receivers, receivers_forbid_arming
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode, Notice, Severity
 from sitl.px4sim.versions import Px4Behaviour
@@ -175,13 +176,17 @@ _MODES: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class _Check:
-    """A check that is not passed: its event, modes that it concerns, component's number."""
+    """A check that is not passed: its event, modes that it concerns, component's number, more."""
 
     event: str
     modes: int
     component: int
+    arguments: tuple[int, ...] = ()
 
 
+_NO_FIX: Final = "check_gnss_receiver_no_fix"
+_OFFLINE: Final = "check_gnss_receiver_offline"
+_RECEIVER: Final = 3
 _NO_ATTITUDE: Final = _Check("check_modes_attitude", 0x007ED17E, 16)
 _NO_LOCAL: Final = _Check("check_modes_local_pos", 0x007E007C, 17)
 _NO_GLOBAL: Final = _Check("check_modes_global_pos", 0x00000038, 24)
@@ -226,13 +231,26 @@ class HealthReport:
             _NO_STICKS: not can_fly(FlightMode.POSCTL, situation),
             _NO_STATION: autopilot.watchdog.ground_station_lost,
         }
-        return [check for check, is_open in checks.items() if is_open]
+        open_ones = [check for check, is_open in checks.items() if is_open]
+        return open_ones + self._missing_receivers()
+
+    def _missing_receivers(self) -> list[_Check]:
+        """One for each satellite receiver that is required; only the first exists."""
+        situation = self._autopilot.situation
+        missing = missing_receivers(situation)
+        required = round(situation.parameters.get("SYS_HAS_NUM_GNSS", 0))
+        modes = _ALL_MODES if receivers_forbid_arming(situation) else 0
+        return [
+            _Check(_NO_FIX if number == 0 else _OFFLINE, modes, _RECEIVER, (number,))
+            for number in range(required - missing, required)
+        ]
 
     def _can_arm(self, modes: int) -> int:
         """The modes in which it may be armed; what forbids it forbids it in all of them."""
         autopilot = self._autopilot
         alone = autopilot.watchdog.misses_ground_station(autopilot.situation)
-        return 0 if autopilot.fence.violated or autopilot.terminated or alone else modes
+        forbidden = alone or receivers_forbid_arming(autopilot.situation)
+        return 0 if autopilot.fence.violated or autopilot.terminated or forbidden else modes
 
     def _modes(self, checks: list[_Check]) -> int:
         """Those that can be flown."""
@@ -244,8 +262,14 @@ class HealthReport:
         return modes
 
 
+def _said(check: _Check) -> Notice:
+    """What concerns no mode is a warning."""
+    notice = Notice.of(check.event, check.modes, check.component, *check.arguments)
+    return notice if check.modes else replace(notice, severity=Severity.WARNING)
+
+
 def _report(checks: list[_Check], modes: int, can_arm: int) -> list[Notice]:
-    said = [Notice.of(check.event, check.modes, check.component) for check in checks]
+    said = [_said(check) for check in checks]
     errors = _SYSTEM
     for check, notice in zip(checks, said, strict=True):
         if notice.severity <= Severity.ERROR and check.component != _MODES:

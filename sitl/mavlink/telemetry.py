@@ -49,8 +49,8 @@ def heartbeat(autopilot: Autopilot) -> Fields:
     return {
         "type": int(autopilot.parameters["MAV_TYPE"]),
         "autopilot": _PX4,
-        "base_mode": autopilot.mode.base_mode | (_ARMED if autopilot.armed else 0),
-        "custom_mode": autopilot.mode.custom_mode,
+        "base_mode": autopilot.shown_mode.base_mode | (_ARMED if autopilot.armed else 0),
+        "custom_mode": autopilot.shown_mode.custom_mode,
         "system_status": status,
         "mavlink_version": 3,
     }
@@ -104,8 +104,8 @@ def extended_sys_state(autopilot: Autopilot) -> Fields:
 def current_mode(autopilot: Autopilot) -> Fields:
     """The mode that is flown, and the one that was asked for."""
     return {
-        "standard_mode": _STANDARD_MODES.get(autopilot.mode, 0),
-        "custom_mode": autopilot.mode.custom_mode,
+        "standard_mode": _STANDARD_MODES.get(autopilot.shown_mode, 0),
+        "custom_mode": autopilot.shown_mode.custom_mode,
         "intended_custom_mode": autopilot.intended.custom_mode,
     }
 

@@ -9,12 +9,19 @@ from typing import Final
 
 from sitl.px4sim.auto_modes import go_to
 from sitl.px4sim.estimation import ArmingReason, GroundContact, Positioning
-from sitl.px4sim.failsafe import Action, Cause, Failsafe, Watchdog
+from sitl.px4sim.failsafe import (
+    Action,
+    AltitudeLoss,
+    Cause,
+    Failsafe,
+    Watchdog,
+    receivers_forbid_arming,
+)
 from sitl.px4sim.fence import Fence
 from sitl.px4sim.flight_modes import FlightModes, Sticks
 from sitl.px4sim.mission_flight import MissionFlight, PlanIntake
 from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
-from sitl.px4sim.motion.dynamics import Multirotor
+from sitl.px4sim.motion.dynamics import GRAVITY_M_S2, Multirotor
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, wanted_velocity
 from sitl.px4sim.parameters import Parameters
 from sitl.px4sim.plan_store import PlanStore
@@ -23,6 +30,16 @@ from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5
 _DRAG_LEAVES: Final = 0.9
+_HOLD: Final = 4
+_BOOT_MODES: Final = {  # COM_FLTMODE_BOOT
+    1: FlightMode.ALTCTL,
+    2: FlightMode.POSCTL,
+    3: FlightMode.AUTO_MISSION,
+    _HOLD: FlightMode.AUTO_LOITER,
+    14: FlightMode.OFFBOARD,
+    17: FlightMode.AUTO_TAKEOFF,
+}
+_ROTORS: Final = 4
 
 
 class Autopilot:
@@ -60,6 +77,7 @@ class Autopilot:
         self.positioning = Positioning()
         self.failsafe = Failsafe()
         self.watchdog = Watchdog(time_scale, companion_s=behaviour.companion_s)
+        self._altitude_loss = AltitudeLoss()
         self.fence = Fence(self.plan)
         self.mission = MissionFlight()
         self.modes = FlightModes(self.mission)
@@ -72,7 +90,8 @@ class Autopilot:
             home_altitude_m=place.altitude_m,
         )
         # PX4's nav_state, nav_state_user_intention, and what disarming puts back into the latter.
-        self.mode = self.intended = self._after_disarming = FlightMode.AUTO_LOITER
+        begins_in = _BOOT_MODES.get(int(parameters.get("COM_FLTMODE_BOOT", _HOLD)))
+        self.mode = self.intended = self._after_disarming = begins_in or FlightMode.AUTO_LOITER
         self.flying_mode: FlightMode | None = None  # in the last step; None: it was disarmed
         self.terminated = False  # for good: it never arms again (flight termination)
         self.report_asked = False
@@ -80,7 +99,8 @@ class Autopilot:
         self._intake = PlanIntake(self.plan, self.fence, self.mission, self.modes.returning)
         self._home_base_m = place.altitude_m  # home's AMSL before the wandering error is added
         self._ground = GroundContact()
-        self._ever_asked = False  # sticks choose Position only before any mode command
+        # Sticks choose Position only before any mode command, and not from 1.18 on.
+        self._ever_asked = not behaviour.mode_by_first_sticks
 
     # What the world may see
 
@@ -99,7 +119,14 @@ class Autopilot:
         """Whether PX4's health and arming checks pass in the present mode."""
         blocked = self.modes.blocks_arming(self.mode, self.situation)
         ready = self.time_s >= ARMABLE_AFTER_S and not self.fence.violated
+        ready = ready and not receivers_forbid_arming(self.situation)
         return ready and not blocked and not self.terminated
+
+    @property
+    def shown_mode(self) -> FlightMode:
+        """The mode that it says that it is in: PX4 1.18 does not name a failsafe's termination."""
+        hides = self.terminated and self.behaviour.shows_intended_in_termination
+        return self.intended if hides else self.mode
 
     @property
     def taking_off(self) -> bool:
@@ -127,8 +154,10 @@ class Autopilot:
         Disarmed nearly everything is. A mode command during a failsafe takes the vehicle over.
         """
         can_fly = self.modes.can_fly(mode, self.situation)
-        if self.terminated or (self.armed and not forced and not can_fly):
+        ended = self.terminated and not self.behaviour.mode_ends_termination
+        if ended or (self.armed and not forced and not can_fly):
             return False
+        self.terminated = False
         self.intended = mode
         self._ever_asked = True
         if not mode.prevents_arming and mode is not FlightMode.AUTO_TAKEOFF:
@@ -223,6 +252,9 @@ class Autopilot:
         if not self.armed:
             return False
         self.terminated = True
+        self.intended = FlightMode.TERMINATION
+        if not self.behaviour.mode_ends_termination:
+            self._after_disarming = FlightMode.TERMINATION
         return True
 
     def take_up_plan(self) -> None:
@@ -251,12 +283,17 @@ class Autopilot:
         sticks = self.modes.pilot.present(situation)
         for action, cause in self.watchdog.step(step_s, self.intended, situation, sticks=sticks):
             self.failsafe.trigger(action, cause, self.intended, situation)
+        if self.behaviour.holds_end_with_cause:
+            self.failsafe.end(self.watchdog.over())
         action = self.fence.breach(situation)
         if action is Action.HOLD:
             # It holds where the breach was seen: it overshoots and comes back to that point.
             here = go_to(*situation.here, situation.altitude_m, situation)
             self.modes.hold.reposition(here)
         self.failsafe.trigger(action, Cause.GENERIC, self.intended, situation)
+        lost = self._altitude_loss.step(situation)
+        if lost is not None:
+            self.failsafe.trigger(*lost, self.intended, situation)
         self.failsafe.fall_back(
             self.modes.fallback(self.intended, situation), self.intended, situation
         )
@@ -273,6 +310,7 @@ class Autopilot:
             if self.flying_mode is FlightMode.AUTO_MISSION:
                 self.mission.deactivate()
             self.flying_mode = flying_mode
+            self.modes.pilot.end_nudging()
             if flight is not None:
                 situation.speed_m_s = None
                 flight.activate(situation)
@@ -297,7 +335,7 @@ class Autopilot:
         airframe = self.airframe
         velocity_m_s = (airframe.velocity_north_m_s, airframe.velocity_east_m_s)
         push = self.wind.step(step_s, velocity_m_s, flying=not airframe.on_ground)
-        if not self.armed or self.terminated:
+        if not self.armed or self.terminated or self._lacks_lift():
             airframe.step(step_s, None, push)
             return
         wanted = self._ground.hold_down(situation) or wanted_velocity(
@@ -313,7 +351,15 @@ class Autopilot:
                 north_m_s=velocity_m_s[0] * _DRAG_LEAVES,
                 east_m_s=velocity_m_s[1] * _DRAG_LEAVES,
             )
+        if not self.mode.needs_pilot:
+            wanted = self.modes.pilot.nudged(wanted, situation)
         airframe.step(step_s, wanted, push)
+
+    def _lacks_lift(self) -> bool:
+        """Whether its rotors do not carry it: PX4's simulator takes that from two parameters."""
+        limited = self.parameters.limited
+        lift_n = _ROTORS * limited("SIH_T_MAX", 0.0, 1000.0)
+        return lift_n < limited("SIH_MASS", 0.0, 1000.0) * GRAVITY_M_S2
 
     def _end_step(self) -> None:
         situation = self.situation

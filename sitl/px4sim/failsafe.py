@@ -4,9 +4,11 @@ A failsafe acts when its condition appears, not while it lasts; a mode command e
 took over"), and then the same condition does nothing until it appears anew.
 """
 
+from collections.abc import Collection
 from enum import IntEnum
 from typing import Final
 
+from sitl.px4sim.estimation import FEWEST_SATELLITES
 from sitl.px4sim.state import FlightMode, Situation
 
 GROUND_STATION: Final = 6  # MAV_TYPE_GCS
@@ -48,6 +50,7 @@ _MODES: Final = {
     Action.DISARM: FlightMode.TERMINATION,
     Action.TERMINATE: FlightMode.TERMINATION,
 }
+_HOLDS: Final = frozenset({Action.HOLD, Action.LAND})
 _WARNINGS: Final = {
     Cause.BATTERY_LOW: "commander_failsafe_enter_low_bat",
     Cause.BATTERY_CRITICAL: "commander_failsafe_enter_crit_bat_warn",
@@ -120,6 +123,12 @@ class Failsafe:
         if self.acting and self._worst()[0] is not Action.TERMINATE:
             self.reset()
             situation.say("failsafe_rc_override")
+
+    def end(self, causes: Collection[Cause]) -> None:
+        """Hold and Land for one of these causes are over: before 1.16 they end with their cause."""
+        self._active = [
+            each for each in self._active if each[1] not in causes or each[0] not in _HOLDS
+        ]
 
     def reset(self) -> None:
         """Nothing acts any more: the motors stopped, or the pilot took over."""
@@ -199,6 +208,9 @@ _LOSS_ACTIONS: Final = {  # by NAV_RCL_ACT, NAV_DLL_ACT
     5: Action.TERMINATE,
     6: Action.DISARM,
 }
+_HOLD_WITHOUT_FAILSAFE: Final = 7  # NAV_RCL_ACT
+_RECEIVER_ACTIONS: Final = {1: Action.RTL, 2: Action.LAND, 3: Action.TERMINATE}
+_NEVER_TERMINATES: Final = 121212  # CBRK_FLIGHTTERM
 _STICK_EXCEPTIONS: Final = {  # bits of COM_RCL_EXCEPT
     FlightMode.AUTO_MISSION: 1,
     FlightMode.AUTO_LOITER: 2,
@@ -207,6 +219,50 @@ _STICK_EXCEPTIONS: Final = {  # bits of COM_RCL_EXCEPT
 
 Alarm = tuple[Action, Cause]
 """A failsafe to be triggered."""
+
+
+def missing_receivers(situation: Situation) -> int:
+    """How many satellite receivers have no fix of those that PX4 requires (SYS_HAS_NUM_GNSS).
+
+    There is one here.
+    """
+    required = round(situation.parameters.get("SYS_HAS_NUM_GNSS", 0))
+    with_fix = int(situation.parameters["SIM_GPS_USED"] >= FEWEST_SATELLITES)
+    return max(required - with_fix, 0)
+
+
+def receivers_forbid_arming(situation: Situation) -> bool:
+    """Whether it does not arm for the lack of them: if it would act on that in flight."""
+    acts = situation.parameters.get("COM_GNSSLOSS_ACT", 0) > 0
+    return acts and missing_receivers(situation) > 0
+
+
+class AltitudeLoss:
+    """Notices that the vehicle falls more than FD_ALT_LOSS below its setpoint: from 1.18 on."""
+
+    def __init__(self) -> None:
+        # AMSL, since it is below its setpoint; and since when it is too far below that.
+        self._highest_m: float | None = None
+        self._lost_s: float | None = None
+
+    def step(self, situation: Situation) -> Alarm | None:
+        """Look; what has to be done about it."""
+        threshold_m = situation.parameters.get("FD_ALT_LOSS", 0.0)
+        target_m = situation.setpoint.held_altitude_m
+        here_m, now_s = situation.altitude_m, situation.time_s
+        if threshold_m <= 0.0 or target_m is None or here_m >= target_m or not situation.armed:
+            self._highest_m = self._lost_s = None
+            return None
+        highest_m = here_m if self._highest_m is None else self._highest_m
+        self._highest_m = max(here_m, min(highest_m, target_m))
+        if self._highest_m - here_m <= threshold_m:
+            self._lost_s = None
+            return None
+        self._lost_s = now_s if self._lost_s is None else self._lost_s
+        if now_s - self._lost_s < situation.parameters["FD_ALT_LOSS_T"]:
+            return None
+        may = int(situation.parameters["CBRK_FLIGHTTERM"]) != _NEVER_TERMINATES
+        return (Action.TERMINATE if may else Action.WARN), Cause.GENERIC
 
 
 class Watchdog:
@@ -234,6 +290,7 @@ class Watchdog:
         self._sticks_since_arming = False  # then or later: only their loss is a failsafe
         self._warning = BatteryWarning.NONE  # the battery's at the last look
         self._warning_at_arming = BatteryWarning.NONE  # only a worse one acts
+        self._receivers_missing = False  # of satellites, at the last look
 
     def heard(self, kind: int, situation: Situation) -> None:
         """A HEARTBEAT came in; `kind` is its MAV_TYPE."""
@@ -251,6 +308,14 @@ class Watchdog:
         self._warning_at_arming = self._warning
         self._sticks_since_arming = self._sticks
 
+    def over(self) -> list[Cause]:
+        """The causes that are none now, of links that can come back."""
+        here = {
+            Cause.GCS_LOST: not self.ground_station_lost,
+            Cause.MANUAL_CONTROL_LOST: self._sticks,
+        }
+        return [cause for cause, is_here in here.items() if is_here]
+
     def misses_ground_station(self, situation: Situation) -> bool:
         """With a failsafe on its loss, PX4 wants a ground station before it arms."""
         return situation.parameters["NAV_DLL_ACT"] > 0 and self.ground_station_lost
@@ -266,6 +331,7 @@ class Watchdog:
             alarms += self._on_sticks(intended, situation)
         self._watch_companion(situation)
         alarms += self._watch_ground_station(situation)
+        alarms += self._watch_receivers(situation)
         if self.battery.warning != self._warning:
             self._warning = self.battery.warning
             alarms += self._on_battery(self._warning, situation)
@@ -279,7 +345,12 @@ class Watchdog:
         excepted = int(situation.parameters["COM_RCL_EXCEPT"]) & _STICK_EXCEPTIONS.get(intended, 0)
         if excepted or not self._sticks_since_arming:
             return []
-        action = _LOSS_ACTIONS.get(int(situation.parameters["NAV_RCL_ACT"]), Action.NONE)
+        number = int(situation.parameters["NAV_RCL_ACT"])
+        holds = number == _HOLD_WITHOUT_FAILSAFE and intended.needs_pilot and situation.armed
+        if holds and situation.parameters.behaviour.holds_without_sticks:
+            situation.ask_mode(FlightMode.AUTO_LOITER)
+            situation.say("commander_rc_loss_hold_no_failsafe")
+        action = _LOSS_ACTIONS.get(number, Action.NONE)
         return [(action, Cause.MANUAL_CONTROL_LOST)]
 
     def _watch_companion(self, situation: Situation) -> None:
@@ -302,6 +373,13 @@ class Watchdog:
         situation.say("commander_gcs_lost")
         action = _LOSS_ACTIONS.get(int(situation.parameters["NAV_DLL_ACT"]), Action.NONE)
         return [(action, Cause.GCS_LOST)]
+
+    def _watch_receivers(self, situation: Situation) -> list[Alarm]:
+        before, self._receivers_missing = self._receivers_missing, missing_receivers(situation) > 0
+        if before or not self._receivers_missing:
+            return []
+        number = int(situation.parameters["COM_GNSSLOSS_ACT"])
+        return [(_RECEIVER_ACTIONS.get(number, Action.WARN), Cause.GENERIC)]
 
     def _on_battery(self, warning: BatteryWarning, situation: Situation) -> list[Alarm]:
         if warning is BatteryWarning.NONE:

@@ -132,7 +132,7 @@ class Fence:
         before, self.violated = self.violated, self._breached(situation)
         if before or not self.violated or not situation.armed:
             return Action.NONE
-        text = "Geofence: approaching or outside geofence"
+        text = situation.parameters.behaviour.breach_words
         situation.notices.append(Notice(Severity.CRITICAL, text))
         return action
 

@@ -1,12 +1,13 @@
 """The vehicle's flight modes together: which can be flown now, and those that fly by sticks."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from sitl.px4sim.auto_modes import Flight, HoldFlight, LandFlight, ReturnFlight, TakeoffFlight
 from sitl.px4sim.failsafe import Action
 from sitl.px4sim.mission_flight import MissionFlight
+from sitl.px4sim.motion.dynamics import MotionDemand
 from sitl.px4sim.motion.guidance import Direct, Setpoint, SetpointKind
 from sitl.px4sim.state import FlightMode, Situation
 
@@ -17,6 +18,7 @@ _TILT_SPEED_M_S: Final = 12.0
 _YAW_RATE_RAD_S: Final = math.radians(150.0)
 _TAKE_OFF: Final = 0.6
 _NO_STICKS: Final = 4  # COM_RC_IN_MODE
+_YAW_NUDGING: Final = 1  # bit of MPC_AUTO_NUDGING
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,7 @@ class Pilot:
         self._heard_s = -math.inf  # simulated time of the last MANUAL_CONTROL
         self._rest = Sticks()  # what was heard first: sticks that are moved have left it
         self._speeds = tuple(StickSpeed() for _ in range(4))  # by axis
+        self._nudging = False  # the yaw stick has turned the vehicle in the present automatic mode
 
     def hear(self, sticks: Sticks, situation: Situation) -> None:
         """MANUAL_CONTROL came in."""
@@ -106,6 +109,25 @@ class Pilot:
         """Whether a stick is moved so fast that a pilot means it (MAN_OVERRIDE_SPD)."""
         limit_per_s = situation.parameters["MAN_OVERRIDE_SPD"]
         return limit_per_s >= 0.0 and any(speed.exceeds(limit_per_s) for speed in self._speeds)
+
+    def nudged(self, wanted: MotionDemand, situation: Situation) -> MotionDemand:
+        """What an automatic mode wants, turned by the yaw stick if MPC_AUTO_NUDGING lets it.
+
+        Without the stick the heading stays until the mode changes.
+        """
+        allowed = int(situation.parameters.get("MPC_AUTO_NUDGING", 0)) & _YAW_NUDGING
+        if not allowed or not self.present(situation):
+            self._nudging = False
+            return wanted
+        turn = shaped(self.sticks.yaw)
+        self._nudging = self._nudging or turn != 0.0
+        if not self._nudging:
+            return wanted
+        return replace(wanted, yaw_rad=None, yaw_rate_rad_s=turn * _YAW_RATE_RAD_S)
+
+    def end_nudging(self) -> None:
+        """The mode changes: it turns as the new one wants."""
+        self._nudging = False
 
 
 @dataclass(eq=False)

@@ -81,6 +81,10 @@ class Parameters:
         value = self._values[name]
         return value if math.isfinite(value) else self._defaults[name]
 
+    def get(self, name: str, otherwise: float) -> float:
+        """The value; `otherwise` if this version of PX4 does not have the parameter."""
+        return self[name] if name in self._values else otherwise
+
     def limited(self, name: str, least: float, most: float) -> float:
         """The value, kept within limits that the simulation can fly with."""
         asked = (name, least, most)

@@ -25,13 +25,25 @@ class Px4Behaviour:
         tells_mission_state: In MISSION_CURRENT: mission_state and mission_mode.
         requests_int: The items of an upload are requested by MISSION_REQUEST_INT from the first on.
         moves_hold_without_flag: DO_REPOSITION without its change-mode flag moves the place of Hold.
+        mode_ends_termination: A mode command ends a termination by command.
+        holds_end_with_cause: Hold and Land of a failsafe end when their cause does, not only with a
+            mode command.
         answers_aliens: A command for another system or component is answered FAILED.
         takes_system_0: A command for system 0 is taken as one for all.
         answers_failure_injection: INJECT_FAILURE is acknowledged.
         names_absent_parameters: By PARAM_ERROR.
         overrides_by_speed: Sticks take over by their speed (MAN_OVERRIDE_SPD), not by their
             deflection (COM_RC_OVERRIDE, COM_RC_STICK_OV).
+        answers_old_requests: Messages are also requested by commands of their own, such as
+            REQUEST_AUTOPILOT_CAPABILITIES.
+        refuses_unused_params: Of commands and mission items; else they are passed over.
+        repeats_count: MISSION_COUNT of a download, until an item is requested.
+        mode_by_first_sticks: Sticks that come before any mode command choose Position.
+        holds_without_sticks: NAV_RCL_ACT 7 changes to Hold, without a failsafe.
         companion_s: After so long without a heartbeat a companion is lost; None: COM_OBC_LOSS_T.
+        shows_intended_in_termination: A failsafe's termination shows in system_status alone; else
+            as the mode, too.
+        breach_words: The text of a breach of the fence.
         words: What is said otherwise, by 1.17's event of it: the event's name there, and its text.
         without: Parameters that it does not have.
         values: Parameters that 1.17 does not have, and those with another default.
@@ -44,12 +56,21 @@ class Px4Behaviour:
     tells_mission_state: bool = True
     requests_int: bool = True
     moves_hold_without_flag: bool = False
+    mode_ends_termination: bool = False
+    holds_end_with_cause: bool = False
     answers_aliens: bool = False
     takes_system_0: bool = False
     answers_failure_injection: bool = False
     names_absent_parameters: bool = False
     overrides_by_speed: bool = False
+    answers_old_requests: bool = True
+    refuses_unused_params: bool = False
+    repeats_count: bool = False
+    mode_by_first_sticks: bool = True
+    holds_without_sticks: bool = False
     companion_s: float | None = None
+    shows_intended_in_termination: bool = False
+    breach_words: str = "Geofence: approaching or outside geofence"
     words: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     without: frozenset[str] = frozenset()
     values: Values = field(default_factory=dict)
@@ -61,11 +82,14 @@ class Px4Behaviour:
         return major << 24 | minor << 16 | self.patch << 8 | 0xFF
 
 
+_LOW_BEFORE_1_16: Final = "Low battery level"  # whatever level
 _GONE_IN_1_18: Final = frozenset({"COM_RC_OVERRIDE", "COM_RC_STICK_OV", "COM_OBC_LOSS_T"})
 _NEW_IN_1_18: Final[Values] = {
     "MAN_OVERRIDE_SPD": 1.0,
     "COM_GNSSLOSS_ACT": 0,
     "COM_FLTMODE_BOOT": 4,
+    "FD_ALT_LOSS": 0.0,
+    "FD_ALT_LOSS_T": 1.0,
     "SYS_HAS_NUM_GNSS": 0,
     "MPC_AUTO_NUDGING": 0,
     "NAV_ACC_RAD": 10.0,
@@ -80,7 +104,20 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
             answers_mode_twice=False,
             tells_mission_state=False,
             requests_int=False,
+            mode_ends_termination=True,
+            holds_end_with_cause=True,
+            values={"COM_LOW_BAT_ACT": 2},
+            breach_words="Geofence violation: approaching or outside geofence",
             answers_aliens=True,
+            words={
+                "check_battery_low": ("check_battery_low", _LOW_BEFORE_1_16),
+                "check_battery_critical": ("check_battery_low", _LOW_BEFORE_1_16),
+                "check_battery_emergency": ("check_battery_low", _LOW_BEFORE_1_16),
+                "commander_failsafe_enter_autopilot_disengaged": (
+                    "commander_failsafe_enter_generic",
+                    "Failsafe activated",
+                ),
+            },
         ),
         Px4Behaviour((1, 16), patch=2, tells_mission_state=False, requests_int=False),
         Px4Behaviour((1, 17)),
@@ -93,6 +130,12 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
             answers_failure_injection=True,
             names_absent_parameters=True,
             overrides_by_speed=True,
+            answers_old_requests=False,
+            shows_intended_in_termination=True,
+            refuses_unused_params=True,
+            repeats_count=True,
+            mode_by_first_sticks=False,
+            holds_without_sticks=True,
             companion_s=5.0,
             words={
                 "mavlink_mission_op_timeout": (

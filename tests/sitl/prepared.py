@@ -18,17 +18,24 @@ SLOWER_HZ = {name: min(rate_hz, 10.0) for name, rate_hz in ONBOARD_RATES_HZ.item
 copyreg.pickle(struct.Struct, lambda one: (struct.Struct, (one.format,)))  # also to copy it
 
 
-def local_line(links=frozenset({Link.API}), *, px4s_own=False, speed=1.0, version=USUAL):
+def local_line(
+    links=frozenset({Link.API}), *, px4s_own=False, speed=1.0, version=USUAL, started_with=()
+):
     """To a vehicle in half as many steps and with fewer messages, unless it matters."""
     quick = {} if px4s_own else {"step_s": 2 * STEP_S, "onboard_rates_hz": SLOWER_HZ}
     own = {"ground_link": Link.GROUND in links, "version": version}
-    return LocalLine(VehicleSettings(*(HOME, 1, 1, speed, 1.7e9), **own, **quick))
+    on_board = {"parameters": dict(started_with)}
+    return LocalLine(VehicleSettings(*(HOME, 1, 1, speed, 1.7e9), **own, **on_board, **quick))
 
 
 @cache
-def _ready(start, parameters, links, px4s_own, version):
-    session = Session(local_line(links, px4s_own=px4s_own, version=version), version)
-    prepare(Conversation("test", "a fact", "here", (), start, dict(parameters), links), session)
+def _ready(start, links, px4s_own, version, on_board):
+    parameters, started_with = on_board
+    line = local_line(links, px4s_own=px4s_own, version=version, started_with=started_with)
+    session = Session(line, version)
+    prepare(
+        Conversation("test", "a fact", "here", (), start, dict(parameters), links=links), session
+    )
     return session
 
 
@@ -36,6 +43,13 @@ def ready_for(
     start=Start.GROUND, parameters=None, links=frozenset({Link.API}), *, steps=(), version=USUAL
 ):
     """A session of its own with a vehicle that waits for the first step."""
-    px4s_own = any("rates" in step for step in steps)
-    given = tuple((parameters or {}).items())
-    return copy.deepcopy(_ready(start, given, links, px4s_own, version))
+    return ready_to_hold(
+        Conversation("test", "a fact", "here", steps, start, parameters or {}, links=links), version
+    )
+
+
+def ready_to_hold(one, version=USUAL):
+    """The same at the start of a conversation."""
+    px4s_own = any("rates" in step for step in one.steps)
+    on_board = tuple(tuple(each.items()) for each in (one.parameters, one.started_with))
+    return copy.deepcopy(_ready(one.start, one.links, px4s_own, version, on_board))

@@ -90,11 +90,25 @@ FACTS: Final = (
         "hold-does-not-end-a-goto",
     ),
     VersionFact(
+        "no mode command ends a termination by command; in 1.15 it starts the motors again",
+        "UserModeIntention.cpp, change",
+        "termination-in-the-air",
+        since=(1, 16),
+        instead="no command leaves out of a mode that another party chose",
+    ),
+    VersionFact(
         "the items of an upload are requested by MISSION_REQUEST until a MISSION_ITEM_INT came",
         "mavlink_mission.h, _int_mode",
         "mission-upload-and-download",
         before=(1, 17),
         instead="MAVSDK answers MISSION_ACK UNSUPPORTED, and PX4 requests by MISSION_REQUEST_INT",
+    ),
+    VersionFact(
+        "a param that means nothing to a command or to a mission item is passed over",
+        "mavlink_command_params.hpp, check_params_for_vehicle",
+        "refused-param-that-means-nothing",
+        before=(1, 18),
+        instead="no such param is sent in any version",
     ),
     VersionFact(
         "a parameter that it does not have is answered by PARAM_ERROR",

@@ -58,6 +58,9 @@ class SetpointKind(Enum):
     DIRECT = "direct"
 
 
+_WITH_ALTITUDE: Final = frozenset({SetpointKind.TAKEOFF, SetpointKind.POSITION})
+
+
 @dataclass(frozen=True, slots=True)
 class Setpoint:
     """Where to go; north, east in metres, altitudes AMSL.
@@ -83,6 +86,13 @@ class Setpoint:
     yaw_rad: float | None = None
     acceptance_m: float = 2.0
     direct: Direct | None = None
+
+    @property
+    def held_altitude_m(self) -> float | None:
+        """The altitude AMSL to come to and to keep; None where it only climbs or sinks."""
+        if self.direct is not None:
+            return self.direct.altitude_m
+        return self.altitude_m if self.kind in _WITH_ALTITUDE else None
 
 
 @dataclass(frozen=True, slots=True)

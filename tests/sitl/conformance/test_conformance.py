@@ -23,7 +23,7 @@ from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
 from sitl.px4sim.versions import BEHAVIOURS, RECORDED, USUAL
-from tests.sitl.prepared import HOME, local_line, ready_for
+from tests.sitl.prepared import HOME, local_line, ready_for, ready_to_hold
 
 CONVERSATIONS = conversations()
 
@@ -46,7 +46,7 @@ def differs(one, version):
     "one", [one for one in CONVERSATIONS if one.is_held_with(USUAL)], ids=lambda one: one.name
 )
 def test_our_autopilot_holds_to(one):
-    run_steps(ready_for(one.start, one.parameters, one.links, steps=one.steps), one.steps)
+    run_steps(ready_to_hold(one), one.steps)
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,11 @@ def test_our_autopilot_holds_to(one):
     ],
 )
 def test_as_another_version_it_holds_to(version, one):
-    session = ready_for(one.start, one.parameters, one.links, steps=one.steps, version=version)
-    run_steps(session, one.steps)
+    run_steps(ready_to_hold(one, version), one.steps)
 
 
 def test_every_one_says_where_its_fact_is_from():
-    assert len(CONVERSATIONS) == 134
+    assert len(CONVERSATIONS) == 149
     assert all(one.fact and one.recorded and one.steps for one in CONVERSATIONS)
 
 
@@ -148,6 +147,7 @@ class TestDepartures:
             {"furthest north": (40.0, 50.0), "for_s": 1.0},
             {"speed": (5.0, 6.0), "for_s": 1.0},
             {"climb": (1.0, 2.0), "for_s": 1.0},
+            {"turns": (10.0, 20.0), "for_s": 1.0},
             {"set parameter": "GF_ACTION", "value": 3, "answers": 1},
             {"parameter": "GF_ACTION", "value": 3},
             {"parameter": "GF_ACTION", "value": None},
