@@ -148,7 +148,8 @@ class _Px4Line(UdpLine):
         settings = Px4Settings(PX4_HOME, speed=speed_factor, parameters=parameters)
         self._process = Px4Process(install, settings)
         number = self._process.instance
-        super().__init__({Link.API: 14540 + number, Link.GROUND: 14550}, system_id=number + 1)
+        ports = {Link.API: 14540 + number, Link.GROUND: 14550}
+        super().__init__(ports, system_id=number + 1, time_scale=speed_factor)
 
     def listen(self) -> list[tuple[Link, Frame]]:
         """See `Line`: a PX4 that has ended says why."""

@@ -147,7 +147,10 @@ def _answered(session: Session, name: str | int, answers: Sequence[str], within_
         acks = (fields["result"] for fields in heard if fields["command"] == number)
         return [_RESULTS.get(result, str(result)) for result in acks]
 
-    session.run(within_s, lambda: bool(answers) and len(results()) >= len(answers))
+    if answers:
+        session.run_to_answer(within_s, lambda: len(results()) >= len(answers))
+    else:
+        session.run(within_s)
     session.run(_EXTRA_S)
     session.notes.append(f"{number}: {', '.join(results()) or 'silence'}")
     # Of DO_SET_MODE's two answers either may be first when the machine is busy.
@@ -223,7 +226,10 @@ def _values(session: Session, name: str, wanted: int) -> list[float]:
         heard = (one.fields for one in session.since("PARAM_VALUE"))
         return [_value(fields) for fields in heard if fields["param_id"] == name]
 
-    session.run(_QUIET_S, lambda: wanted > 0 and len(values()) >= wanted)
+    if wanted:
+        session.run_to_answer(_QUIET_S, lambda: len(values()) >= wanted)
+    else:
+        session.run(_QUIET_S)
     session.run(0.2)
     return values()
 
@@ -364,5 +370,5 @@ def _message(session: Session, item: Fields) -> Fields:
 
 
 def _next_answer(session: Session, *names: str) -> Heard | None:
-    session.run(_PATIENCE_S, lambda: bool(session.since(*names)))
+    session.run_to_answer(_PATIENCE_S, lambda: bool(session.since(*names)))
     return next(iter(session.since(*names)), None)

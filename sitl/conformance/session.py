@@ -83,9 +83,11 @@ class LocalLine:
     Attributes:
         vehicle: It.
         links: The links that there are.
+        time_scale: Simulated seconds in which an answer comes that takes a second: it takes none.
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
+        self.time_scale = 1.0
         self.vehicle = MavlinkVehicle(settings)
         self._ends = {Link.API: self.vehicle.onboard}  # those that are open
         if settings.ground_link:
@@ -131,17 +133,21 @@ class UdpLine:
         ports: Where the vehicle sends each link to.
         system_id: The vehicle's. Others may send to the same port: all PX4s of a machine do to that
             of the ground station. None: whatever comes is taken for it.
+        time_scale: Simulated seconds of a second of the wall's clock, by which answers come.
 
     Attributes:
         links: The links that there are.
+        time_scale: The same.
         now_s: The vehicle's simulated time, as its API link says; 0: not heard yet.
 
     Raises:
         PortInUseError: a port is taken.
     """
 
-    def __init__(self, ports: Mapping[Link, int], system_id: int | None = None) -> None:
-        self._system_id = system_id
+    def __init__(
+        self, ports: Mapping[Link, int], system_id: int | None = None, time_scale: float = 1.0
+    ) -> None:
+        self._system_id, self.time_scale = system_id, time_scale
         self.links = frozenset(ports)
         self.now_s = 0.0
         self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
@@ -276,6 +282,13 @@ class Session:
                 return until is None
             self._speak_on()
             self._listen()
+
+    def run_to_answer(self, seconds: float, until: Callable[[], bool]) -> bool:
+        """The same for an answer, which takes its time by the wall's clock.
+
+        A PX4 that is simulated faster than that answers no sooner.
+        """
+        return self.run(seconds * self.line.time_scale, until)
 
     def since(self, *names: str, link: Link = Link.API) -> list[Heard]:
         """The messages of these names since the present exchange began."""

@@ -18,7 +18,7 @@ from sitl.conformance.conversation import (
     in_version,
     run_steps,
 )
-from sitl.conformance.session import DepartureError, Link, UdpLine
+from sitl.conformance.session import DepartureError, Link, Session, UdpLine
 from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
@@ -117,6 +117,44 @@ class TestVersions:
         session.version = (1, 18)
         with pytest.raises(DepartureError, match=r"heard \['ACCEPTED', 'ACCEPTED'\]"):
             run_steps(session, [step])
+
+
+class LateLine:
+    """To a vehicle that what is said reaches some simulated seconds later, as a fast one."""
+
+    def __init__(self, late_s, time_scale):
+        self._line, self._sent = local_line(), []
+        self._late_s, self.time_scale = late_s, time_scale
+        self.links = self._line.links
+
+    @property
+    def now_s(self):
+        return self._line.now_s
+
+    def send(self, link, frame):
+        self._sent.append((self.now_s + self._late_s, link, frame))
+
+    def listen(self):
+        while self._sent and self._sent[0][0] <= self.now_s:
+            self._line.send(*self._sent.pop(0)[1:])
+        return self._line.listen()
+
+
+@pytest.mark.parametrize(
+    ("late_s", "step"),
+    [
+        (1.5, {"command": "REQUEST_MESSAGE", "params": (148,)}),
+        (1.5, {"parameter": "NAV_DLL_ACT", "value": 0}),
+        (3.5, {"upload": [{"at": (10, 0)}, {"at": (20, 0)}]}),
+    ],
+    ids=["command", "parameter", "upload"],
+)
+def test_an_answer_takes_its_time_by_the_walls_clock(late_s, step):
+    """At five times real time a PX4 on a busy machine answers after more than a second of its."""
+    steps = [{"wait": 3.0}, step]
+    run_steps(Session(LateLine(late_s, time_scale=5.0), USUAL), steps)
+    with pytest.raises(DepartureError, match=r"heard|no answer"):
+        run_steps(Session(LateLine(late_s, time_scale=1.0), USUAL), steps)
 
 
 class TestDepartures:
