@@ -34,16 +34,18 @@ def command(  # noqa: PLR0913 - what a case may say of a command
     answers: Sequence[str] = ("ACCEPTED",),
     *,
     within_s: float = 1.0,
-    target: Sequence[int] | None = None,
+    target: Sequence[int | None] | None = None,
 ) -> None:
     """Send a COMMAND_LONG; COMMAND_ACKs with these results have to come, none: silence.
 
-    Params that are missing are NaN. The target is a system and component id.
+    Params that are missing are NaN. The target is a system (None: the vehicle) and component id.
     """
     padded = (*params, *(math.nan,) * (7 - len(params)))
     fields: Fields = {f"param{number}": value for number, value in enumerate(padded, 1)}
     if target is not None:
-        fields["target_system"], fields["target_component"] = target
+        system, component = target
+        fields["target_system"] = session.vehicle_id if system is None else system
+        fields["target_component"] = component
     send(session, "COMMAND_LONG", fields | {"command": name})
     _answered(session, name, answers, within_s)
 

@@ -18,7 +18,7 @@ from sitl.conformance.conversation import (
     in_version,
     run_steps,
 )
-from sitl.conformance.session import DepartureError, Link, Session, UdpLine
+from sitl.conformance.session import DepartureError, Link, LocalLine, Session, UdpLine
 from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
@@ -138,6 +138,15 @@ class LateLine:
         while self._sent and self._sent[0][0] <= self.now_s:
             self._line.send(*self._sent.pop(0)[1:])
         return self._line.listen()
+
+
+def test_a_target_without_a_system_is_the_vehicle_whatever_its_number():
+    settings = VehicleSettings(HOME, system_id=5, ground_link=False)
+    step = {"command": "REQUEST_MESSAGE", "params": (148,), "target": (None, 0)}
+    run_steps(Session(LocalLine(settings), USUAL), [{"wait": 3.0}, step])
+    others = step | {"target": (1, 0)}
+    with pytest.raises(DepartureError, match=r"heard \[\]"):
+        run_steps(Session(LocalLine(settings), USUAL), [{"wait": 3.0}, others])
 
 
 @pytest.mark.parametrize(
