@@ -359,7 +359,9 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
     plan = FlightPlan.of(mission)
     rounded = dataclasses.replace(
         plan,
-        items=tuple(dataclasses.replace(i, x_deg_e7=i.x_deg_e7 + 1) for i in plan.items),
+        items=tuple(
+            dataclasses.replace(i, x_deg_e7=i.x_deg_e7 + bool(i.x_deg_e7)) for i in plan.items
+        ),
     )
 
     async def script(vehicle):
