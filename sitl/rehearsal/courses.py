@@ -221,6 +221,9 @@ def drift(sideways: float, up: float) -> Course:
 pushed: Final = often("push", 5, uniform(15.0, 35.0), uniform(22.0, 40.0))
 """Gusts of so many m/s, each as soon as something is near."""
 
+neared: Final = often("near", 4, uniform(25.0, 40.0), uniform(1.5, 3.0))
+"""The estimate jumps until only so many metres are left to what is near."""
+
 jumps: Final = spells(
     4, 150.0, ("jump", uniform(0.0, 2 * math.pi)), ("jump back",), uniform(3.0, 15.0)
 )

@@ -96,6 +96,9 @@ class Fault(Enum):
     STORM = Kind("wind of 12 to 25 m/s with gusts", 12)
     PUSHED = Kind("a gust pushes it towards a zone or the fence", 12, courses.pushed, "INIT")
     JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, courses.jumps, "INIT")
+    NEARED = Kind(
+        *("position estimate jumps towards a zone or the fence", 8, courses.neared, "INIT")
+    )
     DRIFT = Kind("position estimate drifts by 0.3 m/s", 12, drift(0.3, 0.0))
     ALTITUDE_JUMPS = Kind("altitude estimate jumps by 3 to 8 m", 16, courses.height)
     BAROMETER = Kind("altitude estimate drifts by 0.3 m/s", 12, drift(0.0, 0.3))
@@ -172,6 +175,11 @@ class Fault(Enum):
     TAKEN_IN_HASTE = Kind(
         "pilot takes over while commands of ours wait", 16, takeovers.taken_in_haste
     )
+    HELD_IN_HASTE = Kind(
+        "pilot takes over while commands of ours wait, and chooses the mode of before",
+        *(2 * len(takeovers.HELD_IN_HASTE), steps(), "INIT"),
+        turns=takeovers.HELD_IN_HASTE,
+    )
     SILENCE_TAKEN = Kind("pilot takes over during a silence", 12, takeovers.silence_taken)
     CHOSEN_BACK = Kind(
         "pilot chooses the mode of before over an order of ours that has not shown",
@@ -214,6 +222,9 @@ class Fault(Enum):
         "another mission put on board while no companion runs", 8, takeovers.replaced_alone, "INIT"
     )
     PLAN_AT_START = Kind("mission put on board as it starts", 6, takeovers.plan_at_start, "armed")
+    START_LOST = Kind(
+        "the start is lost, and another mission put on board", 6, takeovers.start_lost, "armed"
+    )
     SAME_PLAN = Kind("the same plan put on board again", 14, on_board("plan", "same"))
     PLAN_DELETED = Kind("mission deleted by a station", 8, on_board("plan", "none"))
     FENCE_DELETED = Kind("fence deleted by a station", 10, on_board("fence", None, back=1.0))
@@ -273,6 +284,11 @@ class Fault(Enum):
         "a zone is drawn over a way that waits", 12, courses.zone_in_haste, "SEARCH"
     )
     CORNERS = Kind("sent around a corner that it does not stop at", 12, requests.corners, "INIT")
+    FAST_CORNERS = Kind(
+        *("sent around such a corner at 8 m/s", 6, requests.corners, "INIT"),
+        waypoints=7,
+        mission={"speed_m_s": 8.0},
+    )
     REQUESTS = Kind("requests at random moments", 16, requests.at_random, "climb")
     SENT = Kind("sent to several points, held, and on", 10, requests.sent, "INIT")
     EXPLORED = Kind(
@@ -402,7 +418,8 @@ _ALONE: Final = frozenset(
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.IDLE, Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
-        *(Fault.STALL_TAKEN, Fault.CHOSEN_BACK),
+        *(Fault.STALL_TAKEN, Fault.CHOSEN_BACK, Fault.HELD_IN_HASTE, Fault.START_LOST),
+        *(Fault.FAST_CORNERS, Fault.NEARED),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
         *(Fault.JUMPING_POSES, Fault.POOR_FIX),

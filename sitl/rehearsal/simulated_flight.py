@@ -26,6 +26,11 @@ GUST_S: Final = 2.0
 PUSHED_M: Final = (5.5, 10.0)
 """So near to a zone a vehicle is pushed: from nearer it would be in it at once."""
 
+_RIGHT_M: Final = 0.1
+NEARED_M: Final = (6.5, 9.0)
+NEARED_S: Final = 12.0
+"""So near to a zone the estimate jumps towards it, and for so long."""
+
 _ALTERED: Final = 3000  # degE7: 33 m north
 _ACK_ERROR, _NO_SPACE = 1, 4  # MAV_MISSION_RESULT
 
@@ -124,6 +129,25 @@ class SimulatedFlight(Scenario):
             return near
 
         operator.wait_for(mislead)
+
+    def do_near(self, left_m: float) -> None:
+        """The position estimate jumps until only so much is left to a zone or fence that is near.
+
+        It is right again when the vehicle has had the time to move away.
+        """
+        operator = self._operator
+
+        def near() -> bool:
+            away_m, (east, north) = operator.space.nearest(operator.here)
+            right = math.hypot(*self._jump) < _RIGHT_M
+            if not (NEARED_M[0] < away_m < NEARED_M[1] and right and operator.ours):
+                return False
+            off_m = away_m - left_m
+            self._shift(off_m * north, off_m * east)
+            self.agenda.add(self.now_s + NEARED_S, ScheduledFault(0.0, "jump back"))
+            return True
+
+        operator.wait_for(near)
 
     def do_calm(self, _: None) -> None:
         """The gust is over."""

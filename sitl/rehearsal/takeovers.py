@@ -231,6 +231,36 @@ def taken_in_haste(dice: random.Random) -> Iterator[Row]:
     yield at_s + dice.choice((0.05, 0.5)), "deaf", False
 
 
+HELD_IN_HASTE: Final[tuple[Course, ...]] = (
+    chain(
+        (0.0, "send", 4.0),
+        (7.9, "deaf", True),
+        (0.1, "send again"),
+        (1.3, "send again"),
+        (0.3, "pilot", "AUTO_RTL"),
+        (uniform(1.05, 1.2), "pilot", "AUTO_LOITER"),
+        (4.0, "deaf", False),
+    ),
+    chain(
+        (0.0, "deaf", True),
+        (0.1, "ask", "hold"),
+        (0.6, "pilot", "AUTO_RTL"),
+        (uniform(1.05, 1.2), "pilot", "AUTO_MISSION"),
+        (6.0, "deaf", False),
+    ),
+)
+"""The pilot takes over, and at once chooses the mode in which the vehicle was ours: a go-to waits
+behind one that was lost, or a hold was lost and may leave again."""
+
+
+def start_lost(dice: random.Random) -> Iterator[Row]:
+    """Mission mode is lost on its way, and a station stores its plan before it may leave again."""
+    stored_s = dice.uniform(1.4, 2.4)
+    yield 0.0, "deaf", True
+    yield stored_s, "plan", "other"
+    yield stored_s + 0.1, "deaf", False
+
+
 def diverted(dice: random.Random) -> Iterator[Row]:
     """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
     at_s = dice.uniform(40.0, 140.0)

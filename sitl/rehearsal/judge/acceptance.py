@@ -97,6 +97,7 @@ ACCEPTED: Final = MappingProxyType(
                     "RELOAD",
                 ),
                 *("REQUESTS", "ZONE_ACROSS", "ZONE_IN_HASTE", "CORNERS"),
+                *("FAST_CORNERS", "NEARED"),
                 *("WEAK_LINKS", "GOALS"),
             ),
             _HOME,
@@ -177,6 +178,7 @@ ACCEPTED: Final = MappingProxyType(
         "ZONE_AT": _row(End.LANDED, End.ASKED, End.PILOT),
         "HANDED_BACK_HIGH": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
+        "HELD_IN_HASTE": _PILOTS,
         "LAYERS": _row(End.LANDED, End.PILOT),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "SILENCE_TAKEN": _row(End.LANDED, End.PILOT),
@@ -202,6 +204,9 @@ ACCEPTED: Final = MappingProxyType(
             says="another ground station has changed|plan on board was|another plan is|fence|rally",
         ),
         "PLAN_AT_START": _row(
+            *(End.LANDED, End.STAYED, End.PILOT), notice_s=3.0, says="plan on board|another plan"
+        ),
+        "START_LOST": _row(
             *(End.LANDED, End.STAYED, End.PILOT), notice_s=3.0, says="plan on board|another plan"
         ),
         "RESTARTED_ON_ANOTHER": _row(End.LANDED, End.PILOT),

@@ -74,6 +74,10 @@ _STRAIGHT_UP_M: Final = 10.0
 _TRANSFER_S: Final = 5.0
 """A transfer that began before is not begun once more after so long."""
 
+_MISSION, _MISSION_MODE = (4.0, 4.0), 0x04040000  # AUTO, MISSION
+_OTHER_PLAN_S: Final = 0.3
+"""Within so long an order that had been decided on has left."""
+
 _CONNECTS_S: Final = 1.0
 """A companion that was started has looked at the vehicle no sooner."""
 
@@ -271,6 +275,37 @@ def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
         if short:
             words = f"a leg is flown on, and nothing commanded, that now {short}"
             yield Violation(from_s, "leg", words)
+
+
+def mission_mode_is_not_chosen_over_anothers_plan(case: Case) -> Iterator[Violation]:
+    """Once MISSION_CURRENT has told of the plan that a station stored, it is not begun by us.
+
+    Until the operator asks for something. That is so on the ground, too, where PX4 takes off by it.
+    """
+    told = case.heard("MISSION_CURRENT")
+    for stored in case.evidence.told(SceneEventKind.PILOT):
+        if stored.value != "plan":
+            continue
+        before = [m.fields.get("mission_id") for m in told if m.time_s < stored.time_s][-1:]
+        later = (m for m in told if m.time_s > stored.time_s)
+        heard_s = next(
+            (m.time_s for m in later if [m.fields.get("mission_id")] != before), math.inf
+        )
+        asked_s = (h.time_s for h in case.evidence.told(SceneEventKind.REQUEST))
+        until_s = next((at_s for at_s in asked_s if at_s > stored.time_s), math.inf)
+        for message in case.commands:
+            if heard_s + _OTHER_PLAN_S < message.time_s < until_s and _begins_plan(message):
+                text = f"Mission mode, though another plan was on board since {stored.time_s:.1f} s"
+                yield Violation(message.time_s, "authority", text)
+                break
+
+
+def _begins_plan(message: WireMessage) -> bool:
+    """Whether a message chooses Mission mode."""
+    fields = message.fields
+    mode = number(fields, "param2"), number(fields, "param3")
+    by_command = command_of(message) == SET_MODE and mode == _MISSION
+    return by_command or (message.name == "SET_MODE" and fields.get("custom_mode") == _MISSION_MODE)
 
 
 def _rest(case: Case, index: int) -> Pair:

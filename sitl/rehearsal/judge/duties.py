@@ -21,7 +21,7 @@ from sitl.rehearsal.judge.evidence import (
     number,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.space import leads_home, open_space, rooms_of
+from sitl.rehearsal.judge.space import leads_home, open_space, rooms_of, way_home_m
 
 _BRAKED_S: Final = 4.0
 """What the vehicle has on top of that to stand still."""
@@ -30,8 +30,15 @@ _WAY_TURNS_S: Final = 25.0
 _ON_BOARD_S: Final = 30.0
 """A changed file is on board within so long, and the way home goes on."""
 
-_DETOUR: Final = 4.0
-"""How much longer than straight a way home may be, and what turning there may take."""
+_DETOUR: Final = 2.0
+"""How much longer than by the shortest clear way a flight home may take: from waypoint to waypoint,
+with a stop at each, and none of them may lie on that way."""
+
+_MORE_M: Final = 2.0
+"""What ways home keep on top of the clearances, if there is such a way; else less."""
+
+_ROUNDABOUT: Final = 4.0
+"""How much longer than straight the way home may be where the judge knows none."""
 
 _SILENT_S: Final = 5.0
 """A companion that hears nothing for so long on the way brings nothing home."""
@@ -194,7 +201,10 @@ def comes_home(
 
 def _home_by_s(case: Case, since_s: float) -> float:
     """By when it begins to land that flies home from then on."""
-    way_s = _DETOUR * case.from_home_m(case.at(since_s)) / case.mission.speed_m_s
+    mission, place = case.version_at(since_s).mission, case.place(case.at(since_s))
+    ways_m = [way_home_m(mission, place, more_m) for more_m in (_MORE_M, 0.0)]
+    way_m = next(filter(math.isfinite, ways_m), _ROUNDABOUT * math.hypot(*place))
+    way_s = _DETOUR * way_m / case.mission.speed_m_s
     return since_s + way_s + _WAY_TURNS_S + case.row.notice_s
 
 

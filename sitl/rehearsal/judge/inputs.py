@@ -301,12 +301,24 @@ def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
     lost = blind(gaps(case))
     for begin_s, end_s in _spans(messages, low):
         news, due_s = News(begin_s, "the battery was at its reserve"), begin_s + _LOW_S
-        due_s += _BELIEVED_S + case.reacts_s
+        due_s += case.reacts_s + (_BELIEVED_S if _jumps(messages, begin_s) else 0.0)
         if end_s < due_s or not case.answers(begin_s, due_s):
             continue
         if case.state(begin_s) not in _GIVEN | {"HOME"}:
             yield from says(case, news, "battery", due_s)
         yield from comes_home(case, news, begin_s, lost)
+
+
+def _jumps(messages: Sequence[WireMessage], at_s: float) -> bool:
+    """Whether a charge came from much higher within the seconds before: it may be believed later.
+
+    Not where the voltage has fallen with it.
+    """
+    told = [m for m in messages if at_s - _BELIEVED_S < m.time_s <= at_s]
+    percents = [number(m.fields, "battery_remaining") for m in told]
+    volts = [v for m in told if math.isfinite(v := number(m.fields, "voltage_battery"))]
+    sags = bool(volts) and volts[-1] < max(volts) * (1.0 - _SAGS)
+    return max(percents) - percents[-1] > _JUMPS and not sags
 
 
 def a_moment_of_no_charge_ends_nothing(case: Case) -> Iterator[Violation]:

@@ -40,6 +40,10 @@ _INSIDE_M: Final = 1.0
 """By so much a vehicle may be deeper in a zone than it knows."""
 
 
+_CORNER_M: Final = 0.4
+"""Round corners of an open space become edges that are no farther off."""
+
+
 class Rooms(NamedTuple):
     """What a vehicle kept from an area while a mission file counted.
 
@@ -150,6 +154,46 @@ def leads_home(mission: RawMission, place: Pair, more_m: float = 0.0) -> bool:
     parts = [part for part in shapely.get_parts(free) if part.area > 0.0]
     here, home = shapely.Point(place), shapely.Point(0.0, 0.0)
     return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)
+
+
+def way_home_m(mission: RawMission, place: Pair, more_m: float = 0.0) -> float:
+    """The length of the shortest way home, m, with the clearances and so much more kept.
+
+    Infinite where there is none. From a place that is too near to something, and to a home that is,
+    it leads straight on. What applies at certain hours only counts as an obstacle, too.
+    """
+    parts = [part for part in shapely.get_parts(open_space(mission.cruised, more_m)) if part.area]
+    here, home = shapely.Point(place), shapely.Point(0.0, 0.0)
+    if not parts:
+        return math.inf
+    free = min(parts, key=home.distance)
+    if free is not min(parts, key=here.distance):
+        return math.inf
+    begin, end = (shapely.shortest_line(free, each).coords[0] for each in (here, home))
+    on_m = math.dist(begin, place) + math.hypot(*end)
+    return on_m + _shortest_m(free, (float(begin[0]), float(begin[1])), (end[0], end[1]))
+
+
+def _shortest_m(free: BaseGeometry, begin: Pair, end: Pair) -> float:
+    """The length of the shortest way within a polygon: by A* from corner to corner in sight."""
+    corners = shapely.get_coordinates(free.simplify(_CORNER_M))
+    places = np.vstack((begin, end, corners))
+    room = free.buffer(2 * _CORNER_M)  # a corner that was rounded off may lie outside
+    shapely.prepare(room)
+    to_end_m = np.hypot(*(places - places[1]).T)
+    way_m = np.full(len(places), math.inf)
+    way_m[0] = 0.0
+    open_ = np.ones(len(places), dtype=bool)
+    while True:
+        at = int(np.argmin(np.where(open_, way_m + to_end_m, math.inf)))
+        if at == 1 or not (open_[at] and math.isfinite(way_m[at])):
+            return float(way_m[1])
+        open_[at] = False
+        step_m = np.hypot(*(places - places[at]).T)
+        better = np.flatnonzero(open_ & (way_m[at] + step_m < way_m))
+        ends = np.stack((np.broadcast_to(places[at], (len(better), 2)), places[better]), axis=1)
+        seen = better[shapely.covers(room, shapely.linestrings(ends))]
+        way_m[seen] = way_m[at] + step_m[seen]
 
 
 def leaves_low(case: Case, index: int) -> bool:

@@ -1,11 +1,15 @@
 """The judge of zones with terms of their own, and of what is on board among changed zones."""
 
+import itertools
+import math
+
 import pytest
 import yaml
 
 from air_router.mission.loading import load_mission
 from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind
 from sitl.rehearsal.judge.mission_reader import read_mission
+from sitl.rehearsal.judge.space import way_home_m
 from sitl.rehearsal.judge.verdict import judge
 from sitl.rehearsal.mission_file import MissionFile, hurried, with_room
 from sitl.rehearsal.zone_terms import OVER_RALLY, with_terms
@@ -156,3 +160,42 @@ def test_no_rally_point_stays_in_a_zone():
         sent = [*upload(fence=[*FENCE, *(circle if zones else ())]), *rally_upload(150, 150)]
         flown = evidence(messages=sent, text=yaml.safe_dump(document))
         assert ("plan" in kinds(flown)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("place", "corners"),
+    [
+        ((60.0, 0.0), []),  # in sight
+        ((46.0, 46.0), [(46.0, 15.0)]),  # behind the shed: around a corner of what is kept from it
+        ((30.0, 41.0), [(40.0, 45.0), (45.0, 40.0), (45.0, 20.0), (40.0, 15.0)]),  # too near to it
+    ],
+)
+def test_the_shortest_way_home_goes_around_what_is_in_the_way(tmp_path, place, corners):
+    raw = read_mission(tmp_path / "mission.yaml", TEXT)
+    shortest_m = way_home_m(raw, place)
+    assert shortest_m >= math.hypot(*place) - 0.5
+    assert way_home_m(raw, place, 2.0) >= shortest_m - 0.5
+    if not corners:
+        assert shortest_m == pytest.approx(math.hypot(*place), abs=0.1)
+        return
+    around = [place, *corners, (0.0, 0.0)]
+    around_m = sum(math.dist(a, b) for a, b in itertools.pairwise(around))
+    assert shortest_m <= around_m + 1.0
+    assert shortest_m > math.hypot(*place) + 1.0
+
+
+def test_behind_a_wall_from_fence_to_fence_there_is_no_way_home(tmp_path):
+    wall = "  - {name: wall, polygon: [[48, -100], [50, -100], [50, 200], [48, 200]]}\n"
+    raw = read_mission(tmp_path / "mission.yaml", f"{TEXT}{wall}")
+    assert way_home_m(raw, (60.0, 0.0)) == math.inf
+    assert way_home_m(raw, (30.0, 0.0)) == pytest.approx(30.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("turns_s", "wrong"), [(24, False), (42, True)])
+def test_a_way_home_takes_what_the_shortest_clear_one_does_and_some_turns(turns_s, wrong):
+    """From 45 m in sight of home it may take 18 s, and 25 s for turns; straight it takes 9 s."""
+    circles = [(45, 0), *[(45, 15), (45, 0)] * (turns_s // 6), (0, 0)]
+    flown = track(((0, 0), (60, 0), (60, 60), (60, 0), *circles))
+    said = [(61.0, "61.0 s  coming home: the battery, as it says")]
+    found = flight(flown, said=said)
+    assert ("home" in {v.kind for v in judge(found).violations}) == wrong

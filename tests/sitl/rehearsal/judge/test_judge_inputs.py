@@ -236,6 +236,20 @@ def test_at_the_reserve_it_says_so_and_comes_home():
     assert found(flight(track(ROUND), spoil, said=said)) == set()
 
 
+@pytest.mark.parametrize(("said_s", "late"), [(44.0, False), (46.0, True)])
+def test_a_charge_that_fell_slowly_is_acted_on_at_once(said_s, late):
+    """One that jumped by 56 % may be waited for, as above; here 26 % were told before."""
+
+    def spoil(message):
+        left = 24 if message.time_s >= 40.0 else 26
+        fields = {**message.fields, "battery_remaining": left}
+        battery = message.name == "SYS_STATUS" and message.time_s > 30.0
+        return dataclasses.replace(message, fields=fields) if battery else message
+
+    said = [(said_s, "coming home: battery at 24%")]
+    assert ("told" in found(flight(track(ROUND), spoil, said=said))) == late
+
+
 @pytest.mark.parametrize("gap", [False, True])
 def test_only_where_zones_leave_a_way_home_is_it_to_be_flown(gap):
     south = [[32, 32], [70 if gap else 90, 32], [70 if gap else 90, 35], [32, 35]]
@@ -502,6 +516,32 @@ def test_a_companion_that_is_started_anew_has_no_claim_to_another_plan():
         happenings[1] = SceneEvent(32.0, SceneEventKind.PILOT, value)
         flown = evidence(more=more, faults=faults, happenings=tuple(happenings))
         assert ("authority" in {v.kind for v in judge(flown).violations}) == wrong
+
+
+@pytest.mark.parametrize(
+    ("at_s", "asked_s", "wrong"),
+    [
+        (52.0, math.inf, True),
+        (50.5, math.inf, False),  # it had been decided on
+        (52.0, 51.5, False),  # the operator wants that
+        (49.0, math.inf, False),
+    ],
+)
+def test_mission_mode_is_not_chosen_over_a_plan_that_was_told_of(at_s, asked_s, wrong):
+    happenings = [SceneEvent(50.0, SceneEventKind.PILOT, "plan")]
+    if math.isfinite(asked_s):
+        happenings.append(SceneEvent(asked_s, SceneEventKind.REQUEST, "resume upload"))
+
+    def spoil(message):
+        number = 7 if message.time_s < 50.3 else 8
+        fields = {**message.fields, "mission_id": number}
+        told = message.name == "MISSION_CURRENT"
+        return dataclasses.replace(message, fields=fields) if told else message
+
+    begins = [command(at_s, 176, param2=4.0, param3=4.0)]
+    flown = flight(spoil=spoil, more=begins, faults=("START_LOST",), happenings=tuple(happenings))
+    texts = [violation.text for violation in judge(flown).violations]
+    assert any("another plan was on board" in text for text in texts) is wrong
 
 
 @pytest.mark.parametrize("stands", [False, True])
