@@ -1,13 +1,16 @@
 """The evidence that safety.md names exists, in every cell; so do the tests for old faults."""
 
+import csv
 import re
 from pathlib import Path
 
+from benchmarks.sabotage.table import SABOTAGES
 from sitl.rehearsal.faults import Fault
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "safety.md").read_text("utf-8")
 SHOWN = (ROOT / "docs" / "evidence" / "faults-of-c597b59.csv").read_text("utf-8")
+SURVIVORS = (ROOT / "docs" / "evidence" / "sabotages-that-survive.csv").read_text("utf-8")
 NAME = re.compile(r"^ *(?:async )?def (test_\w+)", re.MULTILINE)
 
 
@@ -50,3 +53,18 @@ def test_what_shows_the_faults_of_an_older_version_exists():
     named = set(re.findall(r"test_\w+_\w+_\w+", SHOWN))
     assert len(named) > 40
     assert named <= set(names_of_tests())
+
+
+def test_each_survivor_of_the_list_is_there_with_the_wall_behind_it_and_its_test():
+    """In the list it is as it was, or with both walls broken."""
+    known, names = set(names_of_tests()), [sabotage.name for sabotage in SABOTAGES]
+    rows = [
+        row for row in csv.reader(SURVIVORS.splitlines()) if row[0] == "the list of make sabotage"
+    ]
+    assert len(rows) == 3
+    assert "The walls behind these three" in TEXT
+    for _, name, because in rows:
+        assert [each for each in names if each.startswith(name)], name
+        tests = re.findall(r"test_\w+", because)
+        assert tests, name
+        assert set(tests) <= known, name

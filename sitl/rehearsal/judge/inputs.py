@@ -352,7 +352,7 @@ def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
 
 
 def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
-    """When a failsafe of the autopilot acts, that is said."""
+    """When a failsafe of the autopilot acts, that is said, and the vehicle is left to it."""
     messages = case.heard("HEARTBEAT")
     acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
     for begin_s, end_s in _spans(messages, acts):
@@ -360,7 +360,8 @@ def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
         known = case.state(begin_s - 0.1) in {"PASSIVE", "DONE"}
         if end_s >= due_s and not known and case.answers(begin_s, due_s, ours=False):
             news = News(begin_s, "a failsafe acted")
-            yield from says(case, news, "failsafe|hands off", due_s)
+            flies = case.state(begin_s - 0.1) in _LEVEL
+            yield from says(case, news, "hands off" if flies else "failsafe|hands off", due_s)
 
 
 def a_companion_that_stood_still_says_so(case: Case) -> Iterator[Violation]:

@@ -43,6 +43,9 @@ _FAST_M_S, _REACTS_S, _BRAKING_M_S2, _BESIDE_M = 2.0, 1.2, 2.0, 1.2
 beside that way is not on it.
 """
 
+_HARDEST_M_S2: Final = 4.0
+"""None brakes harder than that: PX4 does so at 3 m/s2."""
+
 _BESIDE_HOME_M: Final = 3.0
 _ASKED_S, _AGAIN_S = 2.0, 20.0
 """A landing follows a request within the one; a landing that is told again within the other."""
@@ -99,7 +102,7 @@ def places_keep_the_margin(case: Case) -> Iterator[Violation]:
 
 
 def climbs_begin_where_it_comes_to_rest(case: Case) -> Iterator[Violation]:
-    """A vehicle that is low, and moves, is told to climb on the way on which it brakes."""
+    """A vehicle that is low, and moves, is told to climb where it may come to rest."""
     for message, target in case.legs:
         index = case.at(message.time_s)
         mission = case.version_at(message.time_s).mission
@@ -110,12 +113,17 @@ def climbs_begin_where_it_comes_to_rest(case: Case) -> Iterator[Violation]:
         if not fast or not case.flying[index] or case.above_m[index] > low_m:
             continue
         on_m = speed_m_s * (_REACTS_S + speed_m_s / (2 * _BRAKING_M_S2))
-        share = on_m / max(math.dist(case.place(before), here), 1e-3)
-        rest = tuple(a + share * (a - b) for a, b in zip(here, case.place(before), strict=True))
-        off_m = shapely.LineString([here, rest]).distance(shapely.Point(target))
+        share = 1.0 / max(math.dist(case.place(before), here), 1e-3)
+        (east, north), (east_before, north_before) = here, case.place(before)
+        ahead = share * (east - east_before), share * (north - north_before)
+        stops = [  # at the soonest, and at the latest
+            (east + at_m * ahead[0], north + at_m * ahead[1])
+            for at_m in (speed_m_s**2 / (2 * _HARDEST_M_S2), on_m)
+        ]
+        off_m = shapely.LineString(stops).distance(shapely.Point(target))
         off_m -= float(case.off_m[index]) + case.row.room_m
         if off_m > _BESIDE_M and on_m > 2 * _BESIDE_M:
-            text = f"told to climb {off_m:.1f} m beside the way on which it brakes"
+            text = f"told to climb {off_m:.1f} m from where it comes to rest"
             yield Violation(message.time_s, "leg", text)
 
 

@@ -126,6 +126,15 @@ NEAR = ((0, 0), (17, 0), (17, 60), (0, 60), (0, 0))
 POSITION, FIX = "GLOBAL_POSITION_INT", "GPS_RAW_INT"
 
 
+@pytest.mark.parametrize(("words", "missing"), [("hands off: a", False), ("not sent: a", True)])
+def test_a_vehicle_in_a_failsafe_is_left_to_it(words, missing):
+    """In Hold, by our own order, only its HEARTBEAT tells of the failsafe."""
+    acts = between(70.0, 75.0, "HEARTBEAT", system_status=5)
+    said = [CRUISES, (71.0, f"71.0 s  {words} failsafe of the autopilot acts")]
+    wrong = [violation.text for violation in judge(flight(spoil=acts, said=said)).violations]
+    assert any("a failsafe acted" in text for text in wrong) == missing
+
+
 @pytest.mark.parametrize(
     ("spoil", "wrong", "words"),
     [
