@@ -58,7 +58,7 @@ sabotage: setup
 SLICE = "every leg is clear" "no clearance" "straight lines" "the loader drops a zone" "it lands where it is" \
 	"a go-to flies at 3 m" "the pilot's mode is ignored" "an order of another sender goes unnoticed" \
 	"breaches are never seen" "satellites are ignored" "the battery is ignored" \
-	"a target is measured from a position of before it was lost" \
+	"braking takes no way" \
 	"a leg is not checked again when it leaves"
 sabotage-slice: setup
 	$(BIN)/python -m benchmarks.sabotage $(SLICE)

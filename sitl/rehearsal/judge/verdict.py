@@ -207,13 +207,18 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     heard = any(taken_s < m.time_s < down_s for m in evidence.heard)
     unheard = bool(evidence.heard) and taken_s < down_s and not heard
     over |= unheard
+    # A failsafe that acts between the touchdown and the disarming ends the flight, too.
+    grounded = code == _OTHERWISE and any(
+        each.failsafe and each.armed and each.landed and each.time_s > down_s
+        for each in evidence.samples
+    )
     claimed_s = next((s.time_s for s in evidence.lines if _SAYS_PILOT.search(s.text)), math.inf)
     end_s, landed = float(case.time_s[-1]), end in {End.LANDED, End.ASKED}
     wrong = {
         f"exit 0, 'done': {end.value}": code == _DONE and not (landed or unheard),
         f"'{_LANDED}' was said: {end.value}": _LANDED in text and end is not End.LANDED,
         f"exit {code}, though it landed at home by our command": (
-            landed and code not in {_DONE, None} and not (lied_to or left or hopped)
+            landed and code not in {_DONE, None} and not (lied_to or left or hopped or grounded)
         ),
         "exit 6: a pilot took over, but none did": (
             code == _TAKEN_OVER and math.isinf(taken_s) and not lied_to

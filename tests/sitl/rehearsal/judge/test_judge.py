@@ -235,6 +235,19 @@ def test_a_leg_to_an_item_is_as_clear_as_one_to_a_place():
     assert "leg" in kinds(evidence(states, more=[jump]))
 
 
+@pytest.mark.parametrize(("fails", "told"), [(False, {"told"}), (True, set())])
+def test_a_failsafe_between_touchdown_and_disarming_ends_the_flight_too(fails, told):
+    flown = track()
+    stands = [(*flown[-1][:3], True, True, LAND_MODE)] * 40
+    down_s = (len(flown) - 20) * 0.05
+    given = evidence(
+        [*flown[:-20], *stands, *flown[-20:]],
+        code=1,
+        failsafe=((down_s + 1.0, down_s + 2.0),) if fails else (),
+    )
+    assert kinds(given) & {"told"} == told
+
+
 PILOT = (SceneEvent(30.0, SceneEventKind.PILOT, "sticks"),)
 AFTER = [heart(float(at), HOLD) for at in range(1, 90)]
 
