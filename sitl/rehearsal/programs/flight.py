@@ -115,7 +115,6 @@ class RealFlight:
             self._arguments = [
                 *(str(file.path), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
-                f"--sysid={programs.system_id}",
             ]
             if file.mission.layers:
                 self._arguments.append(f"--uav={file.mission.uav}")

@@ -224,7 +224,6 @@ class Programs:
     def __post_init__(self) -> None:
         self._vehicles: list[Child] = []  # those that run, the first and one on the same radio
         self._started = 0  # programs so far
-        self._instance = 0  # of the first PX4: it is started anew as the same
         self._brakes: list[ProcessPause] = []  # of all PX4s
 
     def start_vehicle(self) -> None:
@@ -247,10 +246,13 @@ class Programs:
             *(f"--pace-from={self.pace_source}", *more),
         )
 
-    def start_px4(self, *more: str) -> tuple[int, int]:
-        """Start a real PX4; where it sends its API link and its truth."""
-        ready = self._start_px4(*more)
-        self._instance = int(ready["system_id"]) - 1
+    def start_px4(self) -> tuple[int, int]:
+        """Start a real PX4; where it sends its API link and its truth.
+
+        It is instance 0: relay, stations and judge know the vehicle as system 1. While another PX4
+        of this machine is that, it ends with an error.
+        """
+        ready = self._start_px4("--instance=0")
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
     def _start_px4(self, *more: str) -> dict[str, Any]:
@@ -268,8 +270,7 @@ class Programs:
         if self.px4 is None:
             self.start_vehicle()
         else:
-            instance = f"--instance={self._instance}"
-            self.relay.while_closed(lambda: self.start_px4(instance))
+            self.relay.while_closed(self.start_px4)
 
     def start_second_vehicle(self) -> None:
         """Start another one, whose messages come over the same radio."""
@@ -277,11 +278,6 @@ class Programs:
             self._start_ours("--instance=1", f"--truth-to=127.0.0.1:{free_port()}")
         else:
             self.relay.listen(port_of(self._start_px4()["mavlink"]))
-
-    @property
-    def system_id(self) -> int:
-        """Of the first vehicle: a real PX4's instance is the first that is free."""
-        return self._instance + 1
 
     @property
     def pace_source(self) -> str:
