@@ -18,11 +18,13 @@ import numpy.typing as npt
 from sitl.rehearsal.judge.acceptance import accepted
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
+    LAND,
     Evidence,
     EvidenceError,
     SceneEvent,
     SceneEventKind,
     WireMessage,
+    command_of,
     heard_of_s,
     is_motion,
     target_of,
@@ -47,6 +49,9 @@ _RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
 
 _TOO_LOW_M, _TOO_HIGH_M = 2.0, 1.0
 """How wrong a vehicle may be about its height: at the plan's altitudes, and in a layer."""
+
+_CROSSES_S: Final = 0.05
+"""A message is on its way to the vehicle for so long at most, on a link in order."""
 
 _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
@@ -294,6 +299,11 @@ class Case:
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
         if not str(taking.value).isupper():  # sticks; another plan, but a landing needs none
             return taking.value != "plan" or not was_to_land(self.commands, taking.time_s)
+        if taking.value == "AUTO_LAND" and any(
+            command_of(m) == LAND and abs(m.time_s - taking.time_s) < _CROSSES_S
+            for m in self.commands
+        ):
+            return False  # of two landings on their way at once nobody can say which it was
         samples = self.evidence.samples
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]

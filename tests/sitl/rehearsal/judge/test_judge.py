@@ -280,6 +280,17 @@ def test_no_command_while_the_pilot_has_it_until_the_operator_asks():
     assert "authority" not in kinds(unaware)  # nothing reached it that could have told
 
 
+@pytest.mark.parametrize(("later_s", "good"), [(0.01, True), (0.5, False)])
+def test_a_landing_that_crosses_ours_on_its_way_is_ours(later_s, good):
+    """The vehicle lands either way, and what it says is the same."""
+    flown = track()
+    begins_s = next(n for n, state in enumerate(flown) if state[5] == LAND_MODE) * 0.05
+    pilot = SceneEvent(begins_s - 0.02, SceneEventKind.PILOT, "AUTO_LAND")
+    ours_s = begins_s - 0.02 - later_s
+    given = evidence(more=[command(ours_s, 21)], faults=("PILOT",), happenings=(pilot,))
+    assert judge(given).good == good
+
+
 @pytest.mark.parametrize(("choice", "good"), [(None, True), ("POSCTL", True), ("sticks", False)])
 def test_a_choice_that_the_autopilot_did_not_follow_is_no_takeover(choice, good):
     happenings = () if choice is None else (SceneEvent(30.0, SceneEventKind.PILOT, choice),)
