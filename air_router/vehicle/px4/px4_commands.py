@@ -230,7 +230,7 @@ class Px4Commands:
     def taken(self, out_of: Collection[FlightMode]) -> FlightMode | None:
         """The mode that the vehicle is in, if it is none of these, nor of an order of ours."""
         mode = self._telemetry.mode
-        return None if mode in {*out_of, *self._late_modes()} else mode
+        return None if mode in {*out_of, *self.late_modes()} else mode
 
     async def send(
         self,
@@ -354,7 +354,7 @@ class Px4Commands:
     def _verdict(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
         if shown(sent):
             return OrderOutcome.FOLLOWED
-        if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to, *self._late_modes()}:
+        if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to, *self.late_modes()}:
             return OrderOutcome.TAKEN
         if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
             return OrderOutcome.REFUSED
@@ -373,7 +373,7 @@ class Px4Commands:
         accepted = sent.accepted and sent.refusal is None
         return changes and accepted and loop_s() >= sent.acked_s + ACTS_S
 
-    def _late_modes(self) -> set[FlightMode]:
+    def late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
         since_s = loop_s() - LATE_S
         return {sent.order.leads_to for sent in self._unfollowed if sent.last_s >= since_s}

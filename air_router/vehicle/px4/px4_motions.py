@@ -263,10 +263,16 @@ class Px4Motions:
             await self._tell(stop(), shown, attempts=ATTEMPTS)
 
     def _px4_decides(self) -> bool:
-        """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode."""
+        """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode.
+
+        Not while an order of ours may yet take the vehicle out of Hold: what calls that off has to
+        bring it back.
+        """
         version = version_of(self._telemetry.version or "")
-        known = version is not None and not REPOSITION_CHANGES_MODE.holds_in(version)
-        return known and self._telemetry.mode is FlightMode.HOLD
+        if version is None or REPOSITION_CHANGES_MODE.holds_in(version):
+            return False
+        holds = self._telemetry.mode is FlightMode.HOLD
+        return holds and self._commands.late_modes() <= {FlightMode.HOLD}
 
     def _told_after(self, sent: SentOrder) -> bool:
         """Whether the target was told since an acknowledgement, which may be of an order before.

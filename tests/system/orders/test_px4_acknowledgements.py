@@ -4,6 +4,7 @@ Real MAVSDK over UDP against a vehicle that acknowledges late, twice, or to anot
 """
 
 import asyncio
+import contextlib
 
 import pytest
 
@@ -99,6 +100,31 @@ def test_a_place_that_finds_another_mode_is_refused_by_px4_and_is_the_pilot_s(ru
 
     px4 = run(taken, script, version=(1, 18), **hovering)
     assert px4.commands() == STOP
+
+
+def test_what_calls_off_a_jump_out_of_hold_changes_the_mode_in_1_18_too(run, hovering):
+    """The jump's Mission mode may yet come: a stop that changes no mode would not end it."""
+
+    def answer(px4, order):
+        set_item(px4, order)
+        if px4.commands() == JUMP:
+            loop.call_soon_threadsafe(jumped.set)
+        if getattr(order, "command", None) == REPOSITION:
+            px4.acknowledge(order, ACCEPTED)
+
+    async def script(vehicle):
+        nonlocal loop
+        loop = asyncio.get_running_loop()
+        jumps = asyncio.create_task(vehicle.jump(ITEM))
+        await jumped.wait()
+        jumps.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await jumps
+        await vehicle.hold()
+
+    loop, jumped = None, asyncio.Event()
+    px4 = run(answer, script, version=(1, 18), **hovering)
+    assert px4.orders[-1].param2 == 1.0
 
 
 def test_out_of_another_mode_a_place_changes_it_in_1_18_too(run):
