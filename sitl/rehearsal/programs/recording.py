@@ -134,7 +134,10 @@ class Recording(FlightRecord):
             and m.component == COMPANION
             and m.fields.get("mission_type", 0) == 0
         }
-        plan = [{**items[n], "x": items[n]["x"] + 1, "y": items[n]["y"] - 1} for n in sorted(items)]
+        plan = [
+            {**item, "x": item["x"] + 1, "y": item["y"] - 1} if item["x"] else item
+            for _, item in sorted(items.items())
+        ]
         return [*plan[:3], *reversed(plan[3:])] if backwards else plan
 
     def _follow(self, heartbeat: Mapping[str, Any]) -> None:

@@ -24,6 +24,7 @@ from sitl.rehearsal.stand_ins.stations import Station
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
 _VEHICLE, _STATION = 1, 255  # system ids
+_ACCEPTED: Final = 0  # MAV_MISSION_RESULT
 _COMMANDS: Final = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 _READY_SPEED: Final = 1.0
 """Times real time until it is armed: only from then on the companion says how far it is."""
@@ -131,7 +132,7 @@ class LossyRelay:
         def answer(message: WireMessage) -> None:
             if message.target != _STATION:
                 return
-            if message.name == "MISSION_ACK":
+            if message.name == "MISSION_ACK" and message.fields["type"] == _ACCEPTED:
                 stored()
             elif message.name in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}:
                 seq = int(message.fields["seq"])
