@@ -5,12 +5,9 @@ The versions are those of the simulated autopilot, and the real PX4s that PX4_SI
 
 import contextlib
 import json
-import os
 import re
 import socket
 import struct
-import subprocess
-import sys
 import time
 from typing import NamedTuple
 
@@ -19,13 +16,8 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.sim.ports import free_port
 from air_router.vehicle.px4.versions import FLOWN, name_of
-from sitl.process.px4_install import NoPx4Error, find_px4, named
-from tests.system.conftest import answer, environment, hurry
-
-REAL = [
-    pytest.param(f"{place}/", id=place.rpartition("/")[2]) for place in named(os.environ) or [""]
-]
-"""Each PX4 that PX4_SITL names: one per version; else one that is found otherwise."""
+from tests.system.conftest import answer, hurry
+from tests.system.real_px4 import PLACES, found, named_by, started
 
 WRONG = {
     "GF_ACTION": 0,
@@ -92,17 +84,7 @@ def cards_of(words, folder):
         if words[0] == "vehicle":
             words = [*words, f"--gcs-to=127.0.0.1:{link.getsockname()[1]}"]
             words += [f"--api-to=127.0.0.1:{free_port()}", f"--truth-to=127.0.0.1:{free_port()}"]
-        process = stack.enter_context(
-            subprocess.Popen(
-                [sys.executable, "-m", "sitl", words[0], str(mission), *words[1:]],
-                stdout=subprocess.PIPE,
-                stderr=stack.enter_context((folder / "vehicle.log").open("wb")),
-                cwd=folder,
-                env=environment(),
-            )
-        )
-        stack.callback(process.terminate)
-        ready = json.loads(process.stdout.readline())
+        ready = stack.enter_context(started(folder, words[0], mission, *words[1:]))
         port = ready["mavlink"].rpartition(":")[2]
         system = ready["system_id"]
         seen_from = words[0] == "vehicle"
@@ -119,18 +101,18 @@ def cards_of(words, folder):
     return Cards(before, after, wrong)
 
 
-@pytest.fixture(scope="module", params=[*map(name_of, FLOWN), *REAL])
-def cards(request, shared_folder):
-    place, real, _ = request.param.rpartition("/")
-    folder = shared_folder / f"card-{place.rpartition('/')[2] or request.param.strip('/')}"
-    folder.mkdir()
-    if not real:
-        return cards_of(["vehicle", f"--px4-version={request.param}", "--speed=10"], folder)
-    try:
-        find_px4(place or None)
-    except NoPx4Error as error:
-        pytest.skip(str(error).splitlines()[0])
-    return cards_of(["px4", *(["--px4", place] if place else [])], folder)
+OURS = [pytest.param((True, name_of(version)), id=name_of(version)) for version in FLOWN]
+REAL = [pytest.param((False, *each.values), id=each.id) for each in PLACES]
+
+
+@pytest.fixture(scope="module", params=[*OURS, *REAL])
+def cards(request, tmp_path_factory):
+    simulated, which = request.param
+    folder = tmp_path_factory.mktemp("card")
+    if simulated:
+        return cards_of(["vehicle", f"--px4-version={which}", "--speed=10"], folder)
+    found(which)
+    return cards_of(["px4", *named_by(which)], folder)
 
 
 def test_every_parameter_is_told(cards):

@@ -2,16 +2,14 @@
 
 import contextlib
 import json
-import os
 import shutil
 import subprocess
-import sys
 
 import pytest
 
 from air_router.sim.ports import free_port
-from sitl.process.px4_install import NoPx4Error, find_px4, named
-from tests.system.conftest import answer, environment
+from tests.system.conftest import answer
+from tests.system.real_px4 import PLACES, found, named_by, started
 from tests.system.simulated import simulated_vehicle
 
 ROUTER = shutil.which("mavlink-routerd")
@@ -47,25 +45,13 @@ def test_a_simulated_vehicle_flies_behind_it(tmp_path, short_mission):
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("place", named(os.environ) or [""], ids=lambda place: place or "PATH")
+@pytest.mark.parametrize("place", PLACES)
 def test_a_real_px4_flies_behind_it(place, tmp_path, short_mission):
-    try:
-        find_px4(place or None)
-    except NoPx4Error as error:
-        pytest.skip(str(error).splitlines()[0])
-    words = ["px4", str(short_mission), "--speed=3", *(["--px4", place] if place else [])]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sitl", *words],
-        stdout=subprocess.PIPE,
-        cwd=tmp_path,
-        env=environment(),
-    )
-    with process:
-        try:
-            ready = json.loads(process.stdout.readline())
-            with routed(ready["mavlink"].rpartition(":")[2]) as to:
-                code, report, said = flown(tmp_path, short_mission, to, ready["system_id"])
-        finally:
-            process.terminate()
+    found(place)
+    with (
+        started(tmp_path, "px4", short_mission, "--speed=3", *named_by(place)) as ready,
+        routed(ready["mavlink"].rpartition(":")[2]) as to,
+    ):
+        code, report, said = flown(tmp_path, short_mission, to, ready["system_id"])
     assert (code, report["outcome"]) == (0, "done"), said
     assert report["closest_approach_m"] >= report["clearance_m"], said

@@ -10,8 +10,8 @@ import sys
 import pytest
 
 from air_router.sim.ports import free_port
-from sitl.process.px4_install import NoPx4Error, find_px4, named
-from tests.system.conftest import answer, environment
+from tests.system.conftest import answer
+from tests.system.real_px4 import PLACES, found, named_by, started
 from tests.system.serial_cable import SerialCable, plugged_into
 from tests.system.simulated import simulated_vehicle
 
@@ -41,45 +41,23 @@ def test_the_card_of_a_vehicle_at_a_noisy_serial_port(tmp_path, short_mission, b
     assert min(cable.carried) > 0
 
 
-@pytest.fixture(params=named(os.environ) or [""], ids=lambda place: place or "PATH")
-def real_px4(request):
-    """Each PX4 that PX4_SITL names, where its `px4-mavlink` starts a link at a device."""
-    try:
-        install = find_px4(request.param or None)
-    except NoPx4Error as error:
-        pytest.skip(str(error).splitlines()[0])
+def mavlink_program(place):
+    """What starts a link of a real PX4 at a device; without it the test is skipped."""
+    install = found(place)
     program = install.words.removesuffix("px4") + "px4-mavlink"
     if not os.access(program, os.X_OK):
         pytest.skip(f"{install.words} has no px4-mavlink beside it")
-    return request.param, program
+    return program
 
 
-@contextlib.contextmanager
-def started(folder, *words):
-    """A process of `sitl`, and what it says when it is ready."""
-    with (folder / "px4.log").open("wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "sitl", *map(str, words)],
-            stdout=subprocess.PIPE,
-            stderr=log,
-            cwd=folder,
-            env=environment(),
-        )
-        with process:
-            try:
-                yield json.loads(process.stdout.readline())
-            finally:
-                process.terminate()
-
-
+@pytest.mark.parametrize("place", PLACES)
 @pytest.mark.timeout(600)
-def test_a_real_px4_flies_by_a_noisy_serial_port(real_px4, tmp_path, short_mission):
-    place, program = real_px4
-    where = ["--px4", place] if place else []
+def test_a_real_px4_flies_by_a_noisy_serial_port(place, tmp_path, short_mission):
+    program = mavlink_program(place)
     baud = 57_600
     with (
         contextlib.closing(SerialCable(baud, NOISE)) as cable,
-        started(tmp_path, "px4", short_mission, *where) as ready,
+        started(tmp_path, "px4", short_mission, *named_by(place)) as ready,
     ):
         system = ready["system_id"]
         link = ["-d", cable.ends[0], "-b", str(baud), "-m", "onboard", "-r", str(baud // 12)]
@@ -92,23 +70,23 @@ def test_a_real_px4_flies_by_a_noisy_serial_port(real_px4, tmp_path, short_missi
     assert report["closest_approach_m"] >= report["clearance_m"], said
 
 
+@pytest.mark.parametrize("place", PLACES)
 @pytest.mark.timeout(600)
-def test_a_real_hexarotor_flies(real_px4, tmp_path, short_mission):
-    place, _ = real_px4
-    where = ["--px4", place] if place else []
+def test_a_real_hexarotor_flies(place, tmp_path, short_mission):
+    found(place)
     with contextlib.ExitStack() as stack:
-        words = "px4", short_mission, *where, "--airframe=hex", "--speed=3"
+        words = "px4", short_mission, *named_by(place), "--airframe=hex", "--speed=3"
         try:
             ready = stack.enter_context(started(tmp_path, *words))
         except json.JSONDecodeError:
-            pytest.skip((tmp_path / "px4.log").read_text(encoding="utf-8").splitlines()[0])
+            pytest.skip((tmp_path / "sitl.log").read_text(encoding="utf-8").splitlines()[0])
         link = f"--connect={ready['mavlink']}", f"--sysid={ready['system_id']}", "--no-record"
         _, out, _ = answer(tmp_path, "preflight", short_mission, *link, "--look", "--json")
-        found = {line["name"]: line["found"] for line in json.loads(out)["checks"]}["vehicle"]
+        kind = {line["name"]: line["found"] for line in json.loads(out)["checks"]}["vehicle"]
         flight = "fly", short_mission, *link, "--arm", "--yes", "--duration=60", "--json"
         code, out, said = answer(tmp_path, *flight)
     report = json.loads(out)
-    kind = "quadrotor" if "PX4 1.17" in found else "hexarotor"  # as 1.17 calls it (MAV_TYPE)
-    assert found.startswith(f"{kind}, PX4 1."), found
+    named = "quadrotor" if "PX4 1.17" in kind else "hexarotor"  # as 1.17 calls it (MAV_TYPE)
+    assert kind.startswith(f"{named}, PX4 1."), kind
     assert (code, report["outcome"]) == (0, "done"), said
     assert report["closest_approach_m"] >= report["clearance_m"], said

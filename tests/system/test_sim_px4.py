@@ -12,7 +12,7 @@ import pytest
 from air_router.control.control import ControlClient
 from air_router.vehicle.clock import ALLOWANCE_S
 from sitl.process.pace import STALLED_SPEED
-from sitl.process.px4_install import NoPx4Error, find_px4, named
+from tests.system.real_px4 import PLACES, found
 
 ON_LINUX = pytest.mark.skipif(
     sys.platform != "linux", reason="looks at processes as Linux has them"
@@ -101,19 +101,11 @@ def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(simul
         os.sched_yield()
 
 
-@pytest.fixture(params=named(os.environ) or [""], ids=lambda place: place or "PATH")
-def real_px4(request):
-    """Each PX4 that PX4_SITL names: one per version; else one that is found otherwise."""
-    try:
-        find_px4(request.param or None)
-    except NoPx4Error as error:
-        pytest.skip(str(error).splitlines()[0])
-    return request.param
-
-
+@pytest.mark.parametrize("place", PLACES)
 @pytest.mark.timeout(400)
-def test_a_flight_on_a_real_px4(command, short_mission, tmp_path, real_px4):
-    where = [real_px4] if real_px4 else []
+def test_a_flight_on_a_real_px4(command, short_mission, tmp_path, place):
+    found(place)
+    where = [place] if place else []
     flight = command(
         *("air-router", "sim", short_mission, "--speed=5", "--duration=250"),
         *("--json", "--log-dir", tmp_path / "logs", "--px4", *where),

@@ -197,10 +197,8 @@ class Px4Motions:
             return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
 
         place = latitude_deg, longitude_deg, amsl_m, self._speed_m_s
-        if self._px4_decides():
-            await self._tell_in_hold(reposition(*place, change_mode=False), shown)
-        else:
-            await self._tell(reposition(*place), shown)
+        in_hold = self._px4_decides()
+        await self._tell(reposition(*place, change_mode=not in_hold), shown, in_hold=in_hold)
         self._late = None
 
     async def hold(self, *, out_of: Modes = None) -> None:
@@ -257,10 +255,9 @@ class Px4Motions:
             other = before is not None and not _near(target, before)
             return math.dist(target, here) <= STOPS_M and (other or self._told_after(sent))
 
-        if self._px4_decides():
-            await self._tell_in_hold(stop(change_mode=False), shown, attempts=ATTEMPTS)
-        else:
-            await self._tell(stop(), shown, attempts=ATTEMPTS)
+        in_hold = self._px4_decides()
+        order = stop(change_mode=not in_hold)
+        await self._tell(order, shown, attempts=ATTEMPTS, in_hold=in_hold)
 
     def _px4_decides(self) -> bool:
         """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode.
@@ -281,21 +278,16 @@ class Px4Motions:
         """
         return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + DONE_S
 
-    async def _tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
+    async def _tell(
+        self, order: Px4Order, shown: Shown, *, attempts: int = 1, in_hold: bool = False
+    ) -> None:
+        """Send an order; `in_hold`: it changes no mode, and where it is refused the mode has."""
         self.stop_telling()  # the speed was for what ends now
-        await self._commands.tell(order, shown, attempts=attempts)
-
-    async def _tell_in_hold(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
-        """Send an order that changes no mode; where it is refused the mode has changed.
-
-        Raises:
-            TakenOverError: a pilot chose another mode.
-            NotConfirmedError: the vehicle does not follow.
-        """
         try:
-            await self._tell(order, shown, attempts=attempts)
+            await self._commands.tell(order, shown, attempts=attempts)
         except NotConfirmedError:
-            await self._commands.look(order.words, {FlightMode.HOLD}, anew=True)
+            if in_hold:  # raises for a pilot who chose another mode
+                await self._commands.look(order.words, {FlightMode.HOLD}, anew=True)
             raise
 
     def _tell_speed(self) -> None:

@@ -303,7 +303,7 @@ class Case:
             command_of(m) == LAND and abs(m.time_s - taking.time_s) < _CROSSES_S
             for m in self.commands
         ):
-            return False  # of two landings on their way at once nobody can say which it was
+            return False  # two landings on their way at once cannot be distinguished
         samples = self.evidence.samples
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
