@@ -4,7 +4,7 @@ from enum import IntEnum
 from typing import ClassVar
 
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError, RequestError
-from mocha_link.team.problem import DocumentError
+from mocha_link.team import DocumentError
 
 
 class ExitCode(IntEnum):

@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.routing import row
-from mocha_link.store.database import Database
-from mocha_link.store.record import Record
-from mocha_link.store.storage import Storage
-from mocha_link.store.wire import Header
+from mocha_link.store import Database, Header, Record, Storage
 
 ENTRIES = 65_536  # 256 robots with 256 topics each: as many as headers can tell apart
 START_MS = 1_795_000_000_000

@@ -13,9 +13,9 @@ from typing import Any
 
 from PIL import Image
 
-from air_router.live.playback import Playback, RecordedFlight
-from air_router.record.log import Log
-from air_router.web.serving import Web
+from air_router.live import Playback, RecordedFlight
+from air_router.record import Log
+from air_router.web import Web
 from benchmarks.browser import chromium
 
 LASTS_S = 20

@@ -29,21 +29,19 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from air_router.controller.model.events import RobotPose
-from air_router.controller.model.states import State
-from air_router.flight.flight import Flight
-from air_router.flight.terminal import StatusLine
-from air_router.gossip.mapper import Mapper
-from air_router.mission.loading import load_mission
-from air_router.record.recorder import Recorder
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.controller.model import RobotPose, State
+from air_router.flight import Flight, StatusLine
+from air_router.gossip import Mapper
+from air_router.mission import load_mission
+from air_router.record import Recorder
+from air_router.vehicle import VehicleClock
+from air_router.vehicle.px4 import Px4Vehicle
 from geo.frame import Point
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from air_router.mission.mission import Mission
+    from air_router.mission import Mission
 
 MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
 COMMANDS: Final = frozenset({41, 75, 76})  # MISSION_SET_CURRENT, COMMAND_INT, COMMAND_LONG

@@ -25,27 +25,23 @@ from typing import TYPE_CHECKING, Any, Final
 
 from playwright.sync_api import sync_playwright
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.events import RobotPose
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.flight.flight_loop import CommandService
-from air_router.gossip.mapper import Mapper
-from air_router.live.joint import JointPage
-from air_router.live.server import LivePage
-from air_router.mission.loading import load_mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.vehicle import FlightMode, Telemetry
-from air_router.web.serving import PageAddress
+from air_router.controller import Controller
+from air_router.controller.model import FlightSetup, RobotPose
+from air_router.flight import CommandService
+from air_router.gossip import Mapper
+from air_router.live import JointPage, LivePage
+from air_router.mission import load_mission
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import FlightMode, Telemetry
+from air_router.web import PageAddress
 from benchmarks.browser import chromium
 from geo.frame import Point
-from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
-from mocha_link.links.reading import Reading, Unit
+from mocha_link.links import Direction, LinkMetrics, Reading, SyncEnded, SyncStarted, Unit
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from air_router.mission.mission import Mission
+    from air_router.mission import Mission
 
 MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
 STEP_S: Final = 0.1

@@ -14,19 +14,16 @@ from typing import Any
 
 import shapely
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.editor.edits import Move
-from air_router.editor.session import EditSession, MissionFile
-from air_router.files.settings import SEEK_POLICIES
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import load_mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.vehicle import Telemetry
+from air_router.controller import Controller
+from air_router.controller.model import FlightSetup
+from air_router.editor import EditSession, MissionFile, Move
+from air_router.files import SEEK_POLICIES
+from air_router.mission import FlightPlan, load_mission
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import Telemetry
 from benchmarks.route.maps import Map, made
 from geo.frame import Geodetic, LocalFrame, Point
-from mocha_link.team.document import Document
+from mocha_link.team import Document
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 

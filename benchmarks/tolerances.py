@@ -21,10 +21,7 @@ import pytest
 
 from benchmarks.patched import ROOT
 from sitl.rehearsal import judge as room
-from sitl.rehearsal.judge import verdict
-from sitl.rehearsal.judge.case import Case, Rule
-from sitl.rehearsal.judge.evidence import Evidence, EvidenceError
-from sitl.rehearsal.judge.space import rooms_of
+from sitl.rehearsal.judge import Case, Evidence, EvidenceError, Rule, rooms_of, verdict
 
 TESTS: Final = "tests/sitl/rehearsal/judge"
 FACTOR: Final = 3.0

@@ -21,10 +21,8 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Final, NamedTuple
 
-from air_router.live.server import LivePage
-from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.scenario import SceneOverError
-from sitl.rehearsal.simulated_flight import SimulatedFlight
+from air_router.live import LivePage
+from sitl.rehearsal import Fault, Scene, SceneOverError, SimulatedFlight
 from tests.golden.adapter import construction_of, controller_of
 from tests.golden.nodes import Node
 from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, read

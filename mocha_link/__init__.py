@@ -6,35 +6,57 @@ with Node(team, "titan") as node:
     node.publish("/pose", b"...")
 """
 
-import re
-from importlib import import_module
-from pathlib import Path
+from mocha_link.lazy import door
 
 __version__ = "0.2.0.dev0"
 
-_MODULES = {
-    name: module
-    for module, name in re.findall(
-        r"^from (\S+) import (\w+) as ",
-        Path(__file__).with_suffix(".pyi").read_text("utf-8"),
-        re.MULTILINE,
-    )
-}
-"""Which module has what, as `__init__.pyi` says to type checkers. It is imported when one of its
-names is asked for, so that a program that needs only a part, as most commands do, does not wait for
-numpy, pydantic and sockets.
-"""
-
-__all__ = sorted(_MODULES)  # noqa: PLE0605 - a list, computed from one table
-
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = found  # the next time it is there
-    return found
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "clock": ("Clock", "Instant", "SystemClock"),
+        "errors": ("ListenError", "MochaLinkError", "PortInUseError", "RadioError"),
+        "links.metrics": (
+            "Contact",
+            "ContactBegan",
+            "ContactEnded",
+            "Direction",
+            "LinkEvent",
+            "LinkMetrics",
+            "LinkState",
+            "MessageStored",
+            "RssiChanged",
+            "StorageFailed",
+            "StorageRecovered",
+            "SyncEnded",
+            "SyncStarted",
+            "SyncTimedOut",
+        ),
+        "links.reading": ("Reading", "Unit"),
+        "node.broadcast": ("EventStream",),
+        "node.node": ("Node", "NodeClosedError"),
+        "radios": ("ManualRadio", "Radio", "Report", "UdpRadio", "open_radio"),
+        "ros.typed": ("Typed", "TypedError"),
+        "service.prometheus": ("PrometheusError", "PrometheusServer"),
+        "service.server": ("MetricsServer",),
+        "service.service_client": (
+            "MetricsError",
+            "ServiceClient",
+            "ServiceError",
+            "ServiceUnreachableError",
+        ),
+        "store.message": ("Message",),
+        "store.wire": ("Header", "HeaderError", "PayloadError"),
+        "team.document": ("Document", "DocumentError", "Problem"),
+        "team.keys": ("KeyFileError", "KeyMismatchError", "KeysUnavailableError"),
+        "team.team": (
+            "Priority",
+            "Robot",
+            "Team",
+            "Topic",
+            "Trigger",
+            "Trust",
+            "UnknownRobotError",
+            "UnknownTopicError",
+        ),
+    },
+)

@@ -2,7 +2,7 @@
 
 import sys
 
-from mocha_link.node.lifetime import leave_when_interrupted
+from mocha_link.lifetime import leave_when_interrupted
 
 
 def main() -> int:

@@ -19,7 +19,7 @@ import mocha_link.cli.cli
 import sitl.cli.cli
 from mocha_link.cli.program import Command
 from mocha_link.errors import install_command
-from tests.imports import imports_in
+from tests.imports import imports_in, late_homes
 
 ROOT = Path(__file__).parents[1]
 MISSION = str(ROOT / "missions" / "pennovation" / "mission.yaml")
@@ -180,16 +180,21 @@ def test_what_only_the_program_says_needs_only_python():
         assert len([name for name in found if name.split(".")[0] in OURS]) < 20
 
 
+def file_of(module):
+    path = ROOT / module.replace(".", "/")
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
 @cache
 def names_in(module):
     """What a module of ours imports when it is imported; None if it is not a module."""
-    path = ROOT / module.replace(".", "/")
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    path = file_of(module)
     if not path.exists():
         return None
     names = {module.rpartition(".")[0]} - {""}
     for source, name in imports_in(path.read_text(encoding="utf-8"), deep=False):
-        names |= {source} if name is None else {source, f"{source}.{name}"}
+        home = late_homes(file_of(source)).get(name, source)
+        names |= {source} if name is None else {source, home, f"{home}.{name}"}
     return names
 
 

@@ -1,17 +1,22 @@
-"""The rules of the house that can be checked: who imports whom, no circles, one noun a file.
+"""The rules of the house that can be checked: who imports whom, doors, no circles, one noun a file.
 
-Every import counts, at the top of a file or within a function. A room is a folder; a package's own
-root is one as well. `__main__` stands outside: it starts the program.
+Every import counts, at the top of a file or within a function. A room is a folder, its door the
+`__init__.py`: what other rooms may use stands in its `__all__`. The modules at the root of a
+package (`geo.frame`, `air_router.errors`) are doors themselves. `__main__` stands outside: it
+starts the program. The tests of a room may look inside.
 """
 
 import ast
+import inspect
 from collections.abc import Iterator
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import networkx as nx
+import pytest
 
-from tests.imports import imports_in
+from tests.imports import imports_in, late_homes
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
@@ -21,6 +26,26 @@ ALLOWED = {
     "sitl": {"sitl", "air_router", "geo", "mocha_link"},
 }
 FILE_LINES = 800
+NAMES = 20
+MORE_NAMES = {  # doors with more names, and why
+    "mocha_link": "the whole library, for programs that embed it",
+    "air_router.controller.model": "a vocabulary: each event, action and request is a name",
+    "air_router.files": "what any reader needs: JSON, XML and YAML text, a draft, its settings",
+    "air_router.files.maps": "each format that is read or written is a name",
+    "air_router.mission": "a mission, its fleet, its plan on board, and how each is read",
+    "air_router.record": "written and replayed by the flight, exported by the commands",
+    "air_router.vehicle": "the port: each event, each measurement, each instruction is a name",
+    "air_router.web": "what the four pages share",
+    "mocha_link.links": "a vocabulary: each event of a link is a name",
+    "mocha_link.store": "a message and the header, which the wire gives its constants",
+    "mocha_link.sync": "actions of the protocol, each a name",
+    "mocha_link.team": "a team, its keys, and the mistakes of its file",
+    "sitl.experiment": "a run's settings and its plan, for the rooms that make it",
+    "sitl.px4sim": "the autopilot's own types, which its motion and its wire share",
+    "sitl.rehearsal": "the parts of a scene, for the two ways to fly it",
+    "sitl.rehearsal.judge": "the kinds of evidence, for the two ways to gather it",
+    "sitl.world.towns": "a town, its terrain and its ways",
+}
 
 
 def name_of(path: Path) -> str:
@@ -39,12 +64,41 @@ def modules() -> dict[str, Path]:
 
 
 def imports(module: str) -> Iterator[str]:
-    """The modules of ours that a module imports, packages' faces among them."""
+    """The modules of ours that a module imports, doors among them, and what is behind late ones."""
     for source, name in imports_in(modules()[module].read_text("utf-8"), deep=True):
         assert not source.startswith("."), f"{module}: relative import"
         if source.split(".")[0] in ALLOWED:
             deeper = f"{source}.{name}"
             yield deeper if deeper in modules() else source
+            if source in doors() and name in (late := late_homes(modules()[source])):
+                yield late[name]
+
+
+@cache
+def doors() -> dict[str, set[str]]:
+    """The names at each door."""
+    rooms = [name for name, path in modules().items() if path.name == "__init__.py"]
+    return {room: {*getattr(import_module(room), "__all__", ())} for room in rooms}
+
+
+def room_of(module: str) -> str:
+    return module if module in doors() else module.rpartition(".")[0]
+
+
+@cache
+def past_doors() -> list[str]:
+    """Each import of a room's inside from another room."""
+    found = []
+    for path in [*modules().values(), *sorted((ROOT / "benchmarks").rglob("*.py"))]:
+        here = room_of(name_of(path))
+        for source, name in imports_in(path.read_text("utf-8"), deep=True):
+            there = room_of(source)
+            if source.split(".")[0] not in ALLOWED or there in {here, *ALLOWED}:
+                continue
+            inside = source != there or name not in doors()[there] | {None}
+            if inside and f"{source}.{name}" not in doors():
+                found.append(f"{name_of(path)}: from {source} import {name}")
+    return found
 
 
 @cache
@@ -97,3 +151,41 @@ def test_rooms_say_what_they_are_for():
 def test_files_hold_one_noun():
     lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in modules().items()}
     assert {name: count for name, count in lines.items() if count > FILE_LINES} == {}
+
+
+def test_rooms_are_entered_by_their_doors():
+    assert past_doors() == []
+
+
+def test_a_door_has_few_names():
+    wide = {room for room, names in doors().items() if len(names) > NAMES}
+    assert wide == {*MORE_NAMES}
+
+
+def at_door(room: str, name: str) -> object:
+    """What is had there; nothing where an extra is not installed."""
+    try:
+        return getattr(import_module(room), name)
+    except ModuleNotFoundError as error:
+        if str(error.name).split(".")[0] in ALLOWED:
+            raise
+        return None
+
+
+@pytest.mark.parametrize("room", doors())
+def test_a_door_has_what_it_names(room):
+    """And no name is that of a module behind it: it would depend on what was imported before."""
+    for name in doors()[room]:
+        found = at_door(room, name)
+        assert inspect.ismodule(found) == (f"{room}.{name}" in modules()), name
+
+
+@pytest.mark.parametrize("room", [r for r in doors() if late_homes(modules()[r])])
+def test_a_door_that_loads_late_gives_what_type_checkers_read(room):
+    homes = late_homes(modules()[room])
+    assert {*homes} == doors()[room]
+    for name, home in homes.items():
+        found = at_door(room, name)
+        assert (
+            found is None or inspect.ismodule(found) or found is getattr(import_module(home), name)
+        )

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
-from air_router.vehicle.px4.versions import FLOWN, NEWEST, Version, name_of
+from air_router.vehicle.px4 import FLOWN, NEWEST, Version, name_of
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
-from mocha_link.team.value_mistakes import decimal_degrees, number_advice, pair_in, plain
+from mocha_link.team import decimal_degrees, number_advice, pair_in, plain
 
 _VERSIONS = ", ".join(map(name_of, FLOWN))
 
@@ -114,7 +114,7 @@ def note_options(arguments: argparse.Namespace, fields: Mapping[str, str]) -> No
         arguments: The command line.
         fields: Of each option, by its name among the arguments, the field of `usual_values`.
     """
-    from air_router.files.usual_values import option_notes  # noqa: PLC0415 - few commands need it
+    from air_router.files import option_notes  # noqa: PLC0415 - few commands need it
 
     given = ((f"--{name}", getattr(arguments, name), field) for name, field in fields.items())
     for note in option_notes(given):

@@ -6,8 +6,7 @@ import json
 import sys
 
 from air_router.cli.arguments import MORE_THAN_0, number, print_json
-from air_router.control.command_request import MODELS, parse_command
-from air_router.control.control import ControlClient, endpoint_of
+from air_router.control import MODELS, ControlClient, endpoint_of, parse_command
 from air_router.errors import ExitCode, UsageError
 
 _EPILOG = """\

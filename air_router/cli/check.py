@@ -9,14 +9,18 @@ from pathlib import Path
 
 from air_router.cli.arguments import add_start, add_uav, print_json
 from air_router.errors import ExitCode
-from air_router.files.mission_document import MissionDocument
-from air_router.mission.loading import choose, read_draft, unusual, validate
-from air_router.mission.mission import Mission
-from air_router.preflight.check_facts import facts_of, summary
-from air_router.preflight.survey import MissionSurvey
-from air_router.preflight.world_check import WorldCheck, WorldUncheckedError, world_notes
-from air_router.routing.graph import WaypointGraph
-from mocha_link.team.document import DocumentError, Problem
+from air_router.files import MissionDocument
+from air_router.mission import Mission, choose, read_draft, unusual, validate
+from air_router.preflight import (
+    MissionSurvey,
+    WorldCheck,
+    WorldUncheckedError,
+    facts_of,
+    summary,
+    world_notes,
+)
+from air_router.routing import WaypointGraph
+from mocha_link.team import DocumentError, Problem
 
 _EPILOG = """\
 examples:
@@ -68,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         sys.stdout.write("\n".join(summary(findings)) + "\n")
     if arguments.png is not None:
-        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+        from air_router.report import draw_mission  # noqa: PLC0415 - an extra
 
         legs = [
             (findings.graph.position(step.start), findings.graph.position(step.end))
@@ -98,8 +102,8 @@ def _finish(check: WorldCheck | None) -> None:
 
 
 def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
-    from air_router.mission.validation import faults_of  # noqa: PLC0415 - only for pictures
-    from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+    from air_router.mission import faults_of  # noqa: PLC0415 - only for pictures
+    from air_router.report import draw_mission  # noqa: PLC0415 - an extra
 
     graph = None if "planner" in draft.unread else WaypointGraph(mission)
     draw_mission(mission, path, graph=graph, faults=faults_of(draft, mission))

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from air_router.errors import EXPECTED, exit_code
-from mocha_link.cli.program import Command, Program
+from mocha_link.cli import Command, Program
 from mocha_link.errors import told
 
 _SOUTHERN = re.compile(r"-[\d.]+,")

@@ -9,32 +9,30 @@ from typing import Any, Final
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, note_options, number, print_json
 from air_router.errors import ExitCode, UsageError
-from air_router.files.json_document import JsonDocument, json_text
-from air_router.files.maps.feature_set import (
+from air_router.files import JsonDocument, MissionDocument, json_text, kmz_of, write_whole
+from air_router.files.maps import (
     FeatureSet,
+    add_zones,
     feature_set_of,
     feature_set_of_zones,
+    geojson_text,
+    kml_text,
+    read_zones,
 )
-from air_router.files.maps.geojson import geojson_text
-from air_router.files.maps.kml import kml_text
-from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.mission_document import MissionDocument
-from air_router.files.missions.mission_write import mission_text
-from air_router.files.missions.qgc_items import NOT_FLOWN
-from air_router.files.missions.qgc_write import (
+from air_router.files.missions import (
+    NOT_FLOWN,
     ConversionWarnings,
     areas_of,
+    mission_text,
     plan_of,
     tell_settings,
     with_zones,
 )
-from air_router.files.whole_file import write_whole
-from air_router.files.xml_document import kmz_of
-from air_router.mission.loading import foreign_draft, is_mission, read_draft, validate
-from air_router.record.log import Log
+from air_router.mission import foreign_draft, is_mission, read_draft, validate
+from air_router.record import Log
 from air_router.words import counted
 from mocha_link.errors import needs_extra
-from mocha_link.team.document import DocumentError, Problem
+from mocha_link.team import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KMZ = "KMZ"
@@ -190,9 +188,9 @@ def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
     log = Log(arguments.source)
     with needs_extra(f"a file for {kind}", kind.lower(), "air-router"):
         if kind == _FOXGLOVE:
-            from air_router.record.foxglove_sdk import foxglove_mcap as made  # noqa: PLC0415
+            from air_router.record import foxglove_mcap as made  # noqa: PLC0415
         else:
-            from air_router.record.rerun_file import rerun_file as made  # noqa: PLC0415
+            from air_router.record import rerun_recording as made  # noqa: PLC0415
     written = made(log)
     if log.ending is not None:
         report.warnings.add("the rest", f"the record is not whole: {log.ending}", "record-cut")

@@ -13,19 +13,22 @@ from air_router.cli.arguments import (
     place,
     print_json,
 )
-from air_router.coverage.camera import CAMERAS, SurveyCamera, camera_of
-from air_router.coverage.cover_area import CoverOptions, read_field
-from air_router.coverage.cover_output import (
+from air_router.coverage import (
+    CAMERAS,
+    CoverOptions,
+    SurveyCamera,
+    camera_of,
     facts_of,
     lines_of,
     place_of,
     place_text,
+    read_field,
     waypoints_of,
     written,
 )
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from air_router.files.whole_file import write_whole
-from geo.coverage.coverage import CoverageError, Swath, cover
+from air_router.files import write_whole
+from geo.coverage import CoverageError, Swath, cover
 
 _OVERLAP, _SIDELAP = 70.0, 60.0
 _ACCELERATION_M_S2: Final = 2.0
@@ -155,7 +158,7 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write("\n".join(f"# {line}" for line in lines) + "\n")
         sys.stdout.write(place_text(field, waypoints))
     if arguments.png is not None:
-        from air_router.report.picture import draw_coverage  # noqa: PLC0415 - an extra
+        from air_router.report import draw_coverage  # noqa: PLC0415 - an extra
 
         draw_coverage(field, plan, arguments.png, lines[0])
         sys.stderr.write(f"drawn: {arguments.png}\n")

@@ -8,9 +8,9 @@ import webbrowser
 from pathlib import Path
 
 from air_router.cli.arguments import home, say
-from air_router.editor.session import EditSession, MissionFile, write_starter
+from air_router.editor import EditSession, MissionFile, write_starter
 from air_router.errors import ExitCode
-from air_router.web.serving import add_page_options, page_port, show, web_of
+from air_router.web import add_page_options, page_port, show, web_of
 from mocha_link.errors import needs_extra
 
 _DEFAULT_PORT = 8424
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     web = web_of(arguments)
     assert web is not None  # noqa: S101 - there always is a port
     with needs_extra("the page", "web", "air-router"):
-        from air_router.editor.server import EditorServer  # noqa: PLC0415 - an extra
+        from air_router.editor import EditorServer  # noqa: PLC0415 - an extra
     if arguments.new is not None:
         write_starter(arguments.mission, arguments.new)
     file = MissionFile(arguments.mission)

@@ -21,35 +21,27 @@ from air_router.cli.arguments import (
     print_json,
     say,
 )
-from air_router.control.control import CONTROL_NAME, endpoint_of
+from air_router.control import CONTROL_NAME, endpoint_of
 from air_router.errors import PictureError, RefusedError
-from air_router.files.settings import SEEK_POLICIES
-from air_router.flight.flight import Flight
-from air_router.flight.flight_stats import FlightResult
-from air_router.flight.resumption import as_begun
-from air_router.flight.terminal import StatusLine
-from air_router.gossip.gossip import Gossip
-from air_router.gossip.mapper import Mapper
-from air_router.mission.loading import load_flown
-from air_router.mission.mission import Mission
-from air_router.mission.team import ALONE, sought, team_of
-from air_router.preflight.preflight_survey import PreflightSurvey
-from air_router.record.recorder import Recorder
-from air_router.record.recording import (
+from air_router.files import SEEK_POLICIES
+from air_router.flight import Flight, FlightResult, StatusLine, as_begun
+from air_router.gossip import Gossip, Mapper
+from air_router.mission import ALONE, Mission, load_flown, sought, team_of
+from air_router.preflight import PreflightSurvey
+from air_router.record import (
+    Recorder,
     add_recording,
     add_viewer,
     folder_of,
     viewing,
 )
-from air_router.report.flight_table import table
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.pace import PaceClient, PaceSource
-from air_router.vehicle.px4.px4 import Px4Vehicle
-from air_router.vehicle.px4.px4_connection import Px4Connection
-from air_router.web.serving import ServeError, add_web, web_of
+from air_router.report import table
+from air_router.vehicle import PaceClient, PaceSource, VehicleClock
+from air_router.vehicle.px4 import Px4Connection, Px4Vehicle
+from air_router.web import ServeError, add_web, web_of
 from mocha_link import ListenError, PortInUseError, RadioError
 from mocha_link.errors import MissingExtraError, needs_extra
-from mocha_link.team.keys import KeyFileError, KeyMismatchError
+from mocha_link.team import KeyFileError, KeyMismatchError
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
 PART: Final = "--part"
@@ -73,7 +65,7 @@ def refusing() -> Iterator[None]:
 
 
 @refusing()
-def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightResult:
+def fly_mission(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightResult:
     """Fly a mission to its end; the exceptions say why one did not start.
 
     Args:
@@ -150,7 +142,7 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
         web = web_of(arguments)
         if web is not None:
             with needs_extra("the page", "web", "air-router"):
-                from air_router.live.server import LivePage  # noqa: PLC0415 - an extra
+                from air_router.live import LivePage  # noqa: PLC0415 - an extra
             told = flight.controller, flight.commands, gossip.links
             flight.loop.page = LivePage(*told, mapper=mapper, web=web)
         gc.freeze()  # what is there by now stays: a search of it for garbage blocks the loop
@@ -288,7 +280,7 @@ def run(arguments: argparse.Namespace) -> int:
         mission = dataclasses.replace(mission, window=window)
     if arguments.arm and not arguments.yes and not _confirmed(mission):
         raise RefusedError("not confirmed: the vehicle stays disarmed")
-    result = fly(mission, arguments, "sim" if arguments.part else "flight")
+    result = fly_mission(mission, arguments, "sim" if arguments.part else "flight")
     return finish(mission, result, arguments)
 
 
@@ -308,7 +300,7 @@ def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace
     if picture is None or not result.track:
         return result.exit_code
     try:
-        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+        from air_router.report import draw_mission  # noqa: PLC0415 - an extra
 
         draw_mission(mission, picture, track=result.track, meetings=result.meetings)
     except (PictureError, MissingExtraError) as error:

@@ -11,13 +11,10 @@ from typing import Any
 
 from air_router.cli.arguments import add_start, add_uav, place, print_json
 from air_router.errors import ExitCode, UsageError
-from air_router.mission.loading import load_mission
-from air_router.mission.mission import Mission
-from air_router.mission.validation import FAR_M
-from air_router.preflight.survey import closest_approach, route_time_s
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Leg, NoRoute, Route, Router
-from geo.airspace.airspace import FENCE
+from air_router.mission import FAR_M, Mission, load_mission
+from air_router.preflight import closest_approach, route_time_s
+from air_router.routing import Leg, NoRoute, Route, Router, WaypointGraph
+from geo.airspace import FENCE
 from geo.frame import FrameError, Geodetic, Point
 
 _EPILOG = """\
@@ -65,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         sys.stdout.write("\n".join(_lines(mission, begin, route)) + "\n")
     if arguments.png is not None:
-        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+        from air_router.report import draw_mission  # noqa: PLC0415 - an extra
 
         draw_mission(mission, arguments.png, graph=graph, route=(start, route))
         sys.stderr.write(f"drawn: {arguments.png}\n")

@@ -9,18 +9,12 @@ from typing import Final
 from air_router.cli.arguments import add_uav, print_json
 from air_router.cli.fly import add_vehicle_arguments, vehicle_of
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import load_flown
-from air_router.mission.mission import Mission
-from air_router.mission.team import team_of
-from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check
-from air_router.preflight.preflight_survey import PreflightSurvey
-from air_router.record.recording import add_recording, folder_of
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleEvent
-from mocha_link.cli.program import coloured
+from air_router.mission import FlightPlan, Mission, load_flown, team_of
+from air_router.preflight import BAD, GOOD, LOOK, Card, Check, PreflightSurvey
+from air_router.record import add_recording, folder_of
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import Telemetry, Vehicle, VehicleClock, VehicleEvent
+from mocha_link.cli import coloured
 
 TELEMETRY_S: Final = 4.0
 """Wall-clock limit for the first position after the vehicle was found; they come at 10 Hz."""

@@ -4,10 +4,8 @@ import argparse
 
 from air_router.cli.arguments import print_json, say, speed_factor
 from air_router.errors import ExitCode
-from air_router.record.log import Log
-from air_router.record.recording import add_record, record_of
-from air_router.record.replay import replay
-from air_router.web.serving import add_web, show, web_of
+from air_router.record import Log, add_record, record_of, replay_record
+from air_router.web import add_web, show, web_of
 from mocha_link.errors import needs_extra
 
 
@@ -36,12 +34,12 @@ def run(arguments: argparse.Namespace) -> int:
     web, path = web_of(arguments), record_of(arguments)
     if web is not None:
         with needs_extra("the page", "web", "air-router"):
-            from air_router.live.playback import Playback, RecordedFlight  # noqa: PLC0415
+            from air_router.live import Playback, RecordedFlight  # noqa: PLC0415
         page = Playback(RecordedFlight(Log(path)), web, speed=arguments.speed)
         show(page, lambda where: say(f"{where}; Ctrl-C ends"))
         return ExitCode.DONE
     log = Log(path)
-    result = replay(log)
+    result = replay_record(log)
     found = result.difference
     if arguments.json:
         print_json({**result.as_json(), "ending": log.ending})

@@ -5,12 +5,9 @@ import sys
 from pathlib import Path
 
 from air_router.errors import ExitCode, UsageError
-from air_router.files.whole_file import write_whole
-from air_router.record.log import Log
-from air_router.record.recording import add_record, record_of
-from air_router.record.serialization import json_of
-from air_router.report.flight_page import page_of
-from air_router.report.flight_summary import summary_of
+from air_router.files import write_whole
+from air_router.record import Log, add_record, json_of, record_of
+from air_router.report import page_of, summary_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 from air_router.cli.arguments import say
 from air_router.cli.fly import add_link_arguments
 from air_router.errors import ExitCode, RefusedError, UsageError
-from air_router.vehicle.px4.key_provisioning import provide, remove
-from air_router.vehicle.px4.signing_key import SigningKey
+from air_router.vehicle.px4 import SigningKey, provide, remove
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

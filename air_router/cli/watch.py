@@ -4,7 +4,7 @@ import argparse
 
 from air_router.cli.arguments import say
 from air_router.errors import ExitCode, UsageError
-from air_router.web.serving import PageAddress, add_web, show, web_of
+from air_router.web import PageAddress, add_web, show, web_of
 from mocha_link.errors import needs_extra
 
 
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     if twice is not None:
         raise UsageError(f"{twice} is given twice; leave one out")
     with needs_extra("the page", "web", "air-router"):
-        from air_router.live.joint import JointPage  # noqa: PLC0415 - an extra
+        from air_router.live import JointPage  # noqa: PLC0415 - an extra
     page = JointPage(places, web)
     for flight in flights:
         page.found(flight.place, flight)

@@ -1,1 +1,30 @@
 """Requests of the operator and of other programs: read, limited, served."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "command_request": (
+            "Budget",
+            "COSTLY_AT_ONCE",
+            "COSTLY_PER_S",
+            "CommandRequest",
+            "MODELS",
+            "RequestHandler",
+            "TOO_MANY",
+            "View",
+            "command_request_of",
+            "parse_command",
+        ),
+        "control": (
+            "CONTROL_NAME",
+            "ControlAnswer",
+            "ControlClient",
+            "ControlError",
+            "ControlUnreachableError",
+            "endpoint_of",
+        ),
+        "control_server": ("ControlServer",),
+    },
+)

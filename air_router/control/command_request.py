@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Protocol
 
 from pydantic import Field, ValidationError
 
-from air_router.controller.model.requests import (
+from air_router.controller.model import (
     OPERATOR,
     AnyRequest,
     ChangeAltitude,
@@ -23,12 +23,12 @@ from air_router.controller.model.requests import (
     SeekNow,
 )
 from air_router.messages import MOST_POINTS
-from air_router.vehicle.clock import loop_s
+from air_router.vehicle import loop_s
 from geo.frame import FrameError, LocalFrame
 from mocha_link.errors import RequestError
 from mocha_link.sanitize import sanitize
-from mocha_link.service.requests import Request
-from mocha_link.team.error_text import request_error_text
+from mocha_link.service import Request
+from mocha_link.team import request_error_text
 
 MAX_BYTES: Final = 64 * 1024
 

@@ -21,8 +21,7 @@ from urllib.parse import urlsplit
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.errors import RequestError
 from mocha_link.loopback import is_loopback
-from mocha_link.service.endpoint import EndpointKeyError, named
-from mocha_link.service.service_client import EndpointClient
+from mocha_link.service import EndpointClient, EndpointKeyError, named
 
 CONTROL_NAME: Final = "flight"
 """The name of the endpoint of `--control` without an endpoint."""

@@ -22,8 +22,7 @@ from air_router.control.command_request import (
     command_request_of,
 )
 from mocha_link.errors import RequestError
-from mocha_link.service import requests
-from mocha_link.service.listener import Listener
+from mocha_link.service import Listener, requests
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""

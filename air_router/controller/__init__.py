@@ -1,1 +1,12 @@
 """The mission controller: telemetry and events in, actions out. Pure."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "airspace_change": ("widened_router",),
+        "command_handler": ("NOT_HEARD_S",),
+        "controller": ("Controller",),
+    },
+)

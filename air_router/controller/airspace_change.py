@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from geo.airspace.airspace import FENCE, Airspace
+from air_router.mission import Mission
+from air_router.routing import Router, WaypointGraph
+from geo.airspace import FENCE, Airspace
 
 
 def among(router: Router, mission: Mission) -> bool:

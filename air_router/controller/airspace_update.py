@@ -22,38 +22,35 @@ from air_router.controller.airspace_change import (
     widened_router,
 )
 from air_router.controller.envelope import ReturnMonitor
-from air_router.controller.model.actions import (
+from air_router.controller.model import (
+    AirspaceChanged,
     FlyToNode,
     FlyToPoint,
-    HoldHere,
-    RenewPlan,
-    WidenRoutes,
-)
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RoutesWidened
-from air_router.controller.model.mission_context import (
     Goal,
+    HoldHere,
     MissionContext,
     OnBoard,
+    PlanRenewed,
     Progress,
+    RenewPlan,
+    RoutesWidened,
+    Signal,
+    State,
+    WidenRoutes,
     ZoneChange,
 )
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Navigator
-from air_router.controller.motion.way_out import way_out
-from air_router.controller.states.explore_state import Exploration
-from air_router.mission.mission import Mission
-from air_router.routing.departure import BRAKING_M_S2, STANDING_M_S, names_of
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.instructions import (
+from air_router.controller.motion import CommandGate, Navigator, nearest_way_out
+from air_router.controller.states import Exploration
+from air_router.mission import Mission
+from air_router.routing import BRAKING_M_S2, STANDING_M_S, Router, WaypointGraph, names_of
+from air_router.vehicle import (
     BE_READY_AT_HOME,
     FLY_OUT,
     OUT_OF_ITS_WAY,
     RELOAD_AGAIN,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace import FENCE, Airspace
 
 NO_WAY_OUT: Final = "no way out of a new zone"
 """What is alarmed of until there is one."""
@@ -263,7 +260,7 @@ class AirspaceUpdate:
         if self._way_out is None or context.way.goal is not self._way_out:
             if telemetry.time_s < self._stuck_until_s:
                 return
-            found = way_out(context.router, context.mission, telemetry)
+            found = nearest_way_out(context.router, context.mission, telemetry)
             if self._way_out is None and inside:
                 context.warn(f"leaving {names_of(inside)}", OUT_OF_ITS_WAY)
             place = telemetry.position if found is None else found.place

@@ -14,32 +14,33 @@ from typing import Any, ClassVar, Final
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.envelope import ReturnMonitor
-from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
-from air_router.controller.model.mission_context import (
-    Ending,
-    Goal,
-    MissionContext,
-    OnBoard,
-    ZoneChange,
-)
-from air_router.controller.model.requests import (
+from air_router.controller.model import (
     AnyRequest,
     ChangeAltitude,
     ComeHome,
+    CommandAck,
+    Ending,
     ExploreNow,
+    Goal,
     GoOn,
     GoTo,
     HoldNow,
     LandNow,
+    MissionContext,
+    OnBoard,
+    ReadAgain,
+    Refusal,
     Reload,
     RequestRefusedError,
+    Requests,
     SeekNow,
+    Signal,
+    State,
+    ZoneChange,
 )
-from air_router.controller.model.states import Requests, Signal, State
 from air_router.controller.standstill import Standstill
-from air_router.controller.states.goto_state import Accepted, GotoValidator
-from air_router.controller.states.table import StateHandlers
-from air_router.vehicle.input_limits import NO_FIX
+from air_router.controller.states import Accepted, GotoValidator, StateHandlers
+from air_router.vehicle import NO_FIX
 
 NOT_HEARD_S: Final = 3.0
 """A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""

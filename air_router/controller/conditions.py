@@ -11,12 +11,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.states import Signal
+from air_router.controller.model import MissionContext, Signal
 from air_router.controller.safety_monitor import Deviation, Response
-from air_router.mission.tracking import SLACK_M, tracking_error_m
-from air_router.vehicle.instructions import NEARER_THAN_IT_SAYS
-from air_router.vehicle.vehicle import Telemetry
+from air_router.mission import SLACK_M, tracking_error_m
+from air_router.vehicle import NEARER_THAN_IT_SAYS, Telemetry
 
 WORSE_S: Final = 3.0
 """How long they are worse before it is held for: receivers and gusts flicker."""

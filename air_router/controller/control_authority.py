@@ -11,15 +11,18 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import ControlHolder, HoldHere
-from air_router.controller.model.mission_context import MissionContext, OnBoard
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import MODES, RETRY_S, CommandGate
-from air_router.controller.motion.initial_climb import InitialClimb
+from air_router.controller.model import (
+    ControlHolder,
+    HoldHere,
+    MissionContext,
+    OnBoard,
+    Signal,
+    State,
+)
+from air_router.controller.motion import MODES, RETRY_S, CommandGate, InitialClimb
 from air_router.controller.safety_monitor import SafetyMonitor
-from air_router.mission.mission import Mission
-from air_router.vehicle.input_limits import MODE_S
-from air_router.vehicle.instructions import (
+from air_router.mission import Mission
+from air_router.vehicle import (
     CHECK_LINK,
     CHECK_SENDERS,
     CHOOSE_AGAIN,
@@ -28,6 +31,7 @@ from air_router.vehicle.instructions import (
     IN_YOUR_HANDS,
     KEEP_CLEAR,
     LAND_BY_HAND,
+    MODE_S,
     NO_UPLOADS,
     RESUME_AGAIN,
     SEPARATE_TWINS,
@@ -35,10 +39,8 @@ from air_router.vehicle.instructions import (
     TAKE_WHERE_IT_HOLDS,
     UPLOAD_OURS,
     WATCH_FAILSAFE,
-    Instruction,
-)
-from air_router.vehicle.vehicle import (
     FlightMode,
+    Instruction,
     LinkSilent,
     MavlinkSpoofed,
     PlanCompared,

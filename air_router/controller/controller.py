@@ -22,55 +22,57 @@ from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import Envelope, ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
-from air_router.controller.model.actions import (
+from air_router.controller.model import (
     Action,
-    ControlHolder,
-    Finish,
-    FlyToNode,
-    Seeking,
-    StateChanged,
-)
-from air_router.controller.model.events import (
     AirspaceChanged,
+    AnyRequest,
     CommandConfirmed,
     CommandFailed,
     CompanionLagged,
+    ControlHolder,
     Event,
+    Finish,
+    FlightSetup,
     FlownBefore,
+    FlyToNode,
+    From,
+    MissionContext,
     PeerFault,
     PlanRenewed,
+    Progress,
+    Requests,
     RobotPath,
     RobotPose,
     RobotSought,
     RoutesWidened,
+    Seeking,
+    Signal,
+    State,
+    StateChanged,
 )
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.mission_context import MissionContext, Progress
-from air_router.controller.model.requests import AnyRequest
-from air_router.controller.model.states import From, Requests, Signal, State
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import InitialClimb
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.motion import CommandGate, InitialClimb, Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
 from air_router.controller.standstill import Standstill
-from air_router.controller.states.explore_state import Exploration
-from air_router.controller.states.goto_state import GotoValidator
-from air_router.controller.states.search_points import Search
-from air_router.controller.states.table import STATES, StateHandlers, transitions
-from air_router.mission.flight_plan import FlightPlan
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.battery import BELIEVED_S, BatteryWatch
-from air_router.vehicle.input_limits import CALM
-from air_router.vehicle.instructions import (
+from air_router.controller.states import (
+    STATES,
+    Exploration,
+    GotoValidator,
+    Search,
+    StateHandlers,
+    transitions,
+)
+from air_router.mission import FlightPlan
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import (
     BE_READY_AT_HOME,
+    BELIEVED_S,
+    CALM,
     CHECK_PEER,
     CLIMB_BY_HAND,
     FLY_OUT,
     IN_YOUR_HANDS,
     WATCH_BATTERY,
-)
-from air_router.vehicle.vehicle import (
+    BatteryWatch,
     ItemReached,
     LinkSilent,
     MavlinkSpoofed,
@@ -80,7 +82,7 @@ from air_router.vehicle.vehicle import (
     Telemetry,
     WrongVehicle,
 )
-from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
+from mocha_link.links import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
 
 class Controller:

@@ -40,13 +40,18 @@ from typing import Final
 
 from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.model import MissionContext, Signal, State
+from air_router.controller.motion import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
-from air_router.vehicle.input_limits import INPUT_ALARMS, InputNews, InputStatus, Stop
-from air_router.vehicle.instructions import BE_READY_AT_HOME, NO_OTHER_HOME
-from air_router.vehicle.vehicle import Telemetry
+from air_router.vehicle import (
+    BE_READY_AT_HOME,
+    INPUT_ALARMS,
+    NO_OTHER_HOME,
+    InputNews,
+    InputStatus,
+    Stop,
+    Telemetry,
+)
 
 HOLD_S: Final = 2.0
 """A vehicle that holds for a deviation stands after so long, and goes on."""

@@ -11,17 +11,20 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from air_router.controller.conditions import ConditionsWatch
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import below
+from air_router.controller.model import (
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    MissionContext,
+    Signal,
+    State,
+)
+from air_router.controller.motion import CommandGate, below
 from air_router.controller.safety_monitor import DOUBT_M, Deviation, HomeWatch, Response
-from air_router.controller.states.return_state import HomeReachability
-from air_router.mission.mission import Mission
-from air_router.routing.departure import names_of
-from air_router.routing.return_planner import LANDING_MARGIN, WayHome
-from air_router.vehicle.instructions import (
+from air_router.controller.states import HomeReachability
+from air_router.mission import Mission
+from air_router.routing import LANDING_MARGIN, WayHome, names_of
+from air_router.vehicle import (
     BE_READY,
     BE_READY_AT_HOME,
     FLY_OUT,
@@ -29,8 +32,8 @@ from air_router.vehicle.instructions import (
     TOO_MUCH_WIND,
     WATCH_HEIGHT,
     Instruction,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
 OFF_M: Final = 5.0

@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.events import CompanionLagged
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model import CompanionLagged, MissionContext
 from air_router.controller.safety_monitor import Deviation, Response
-from air_router.routing.departure import names_of
-from air_router.vehicle.instructions import BE_READY, FREE_PROCESSOR
-from air_router.vehicle.vehicle import Telemetry
+from air_router.routing import names_of
+from air_router.vehicle import BE_READY, FREE_PROCESSOR, Telemetry
 from geo.frame import Point
 
 HOLD_S: Final = 2.0

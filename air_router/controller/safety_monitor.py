@@ -12,19 +12,25 @@ from enum import Enum
 from statistics import median
 from typing import Final, NamedTuple
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Motion
-from air_router.controller.model.mission_context import MissionContext, OnBoard
-from air_router.controller.model.states import State
-from air_router.controller.motion.command_gate import MODES, CommandGate
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
-from air_router.vehicle.height_frame import HomeMove
-from air_router.vehicle.instructions import (
+from air_router.controller.model import (
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    MissionContext,
+    Motion,
+    OnBoard,
+    State,
+)
+from air_router.controller.motion import MODES, CommandGate
+from air_router.mission import FlightPlan, Mission
+from air_router.vehicle import (
     NO_OTHER_HOME,
     WATCH_HEIGHT,
+    FlightMode,
+    HomeMove,
     Instruction,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
 DISARMED_S: Final = 10.0

@@ -15,17 +15,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from air_router.controller.model.mission_context import MissionContext, Progress, ZoneChange
-from air_router.controller.model.states import State
-from air_router.routing.departure import names_of
-from air_router.vehicle.instructions import (
+from air_router.controller.model import MissionContext, Progress, State, ZoneChange
+from air_router.routing import names_of
+from air_router.vehicle import (
     FLY_OUT,
     HOME_OR_TAKE_OVER,
     LAND_BY_HAND,
     TAKE_OVER,
     Instruction,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
 MOVED_M: Final = 3.0

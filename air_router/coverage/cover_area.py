@@ -10,17 +10,20 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import UsageError
-from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline
-from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.mission_document import Area, MissionDocument, MissionPoint
-from air_router.files.settings import DEFAULT_SPEED_M_S, AreaForm, PlannerSettings
-from air_router.files.whole_file import PlacedSource
-from air_router.mission.loading import read_draft, validate
-from air_router.mission.mission import FlightWindow, areas_of
-from geo.airspace.airspace import FENCE, Airspace
-from geo.airspace.zone import Outline
+from air_router.files import (
+    DEFAULT_SPEED_M_S,
+    Area,
+    AreaForm,
+    MissionDocument,
+    MissionPoint,
+    PlacedSource,
+    PlannerSettings,
+)
+from air_router.files.maps import MapArea, MapCircle, MapOutline, add_zones, read_zones
+from air_router.mission import FlightWindow, areas_of, read_draft, validate
+from geo.airspace import FENCE, Airspace, Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team import Document, DocumentError, Problem
 
 _MISSION_KEYS = frozenset({"home", "waypoints", "no_fly_zones", "fence", "fences", "altitude_m"})
 _ABOUT_WAYPOINTS = ("waypoint-", "no-waypoints", "same-place")

@@ -11,15 +11,13 @@ import numpy as np
 from air_router.coverage.camera import SurveyCamera
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, UsageError
-from air_router.files.mission_document import MissionPoint
-from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.mission_write import mission_text
-from air_router.files.text_edit import with_section
-from air_router.mission.loading import validate
-from air_router.routing.return_planner import Pace, Way
-from geo.coverage.coverage import Coverage, Swath, UnseenCause
+from air_router.files import MissionPoint, with_section
+from air_router.files.missions import mission_text, read_mission
+from air_router.mission import validate
+from air_router.routing import Pace, Way
+from geo.coverage import Coverage, Swath, UnseenCause
 from geo.frame import Point
-from mocha_link.team.document import Document, DocumentError
+from mocha_link.team import Document, DocumentError
 
 
 def facts_of(

@@ -13,9 +13,7 @@ from typing import Any, ClassVar, Self
 
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
-from air_router.files.json_document import is_number, value_at
-from air_router.files.mission_document import Keys
-from air_router.files.yaml_text import Digits, degrees, metres
+from air_router.files import Digits, Keys, degrees, is_number, metres, value_at
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3

@@ -19,18 +19,13 @@ from shapely import Polygon, make_valid
 from air_router.editor.changes import Changes, Region
 from air_router.editor.edits import Edit, EditError
 from air_router.editor.file_changes import PlanChanges, YamlChanges
-from air_router.files.json_document import JsonDocument, json_from_text
-from air_router.files.mission_document import Area, MissionDocument
-from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.qgc_read import plan_draft
-from air_router.files.text_edit import rewritten
-from air_router.mission.loading import check_own, validate
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Route, Router
-from geo.airspace.zone import Outline, ZoneError, polygons_of
+from air_router.files import Area, JsonDocument, MissionDocument, json_from_text, rewritten
+from air_router.files.missions import plan_draft, read_mission
+from air_router.mission import Mission, check_own, validate
+from air_router.routing import Route, Router, WaypointGraph
+from geo.airspace import Outline, ZoneError, polygons_of
 from geo.frame import Point
-from mocha_link.team.document import Document, DocumentError
+from mocha_link.team import Document, DocumentError
 
 _LEAST_CORNERS = 3
 _MOST_WORK = 4_000

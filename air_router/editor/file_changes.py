@@ -15,11 +15,8 @@ from air_router.editor.changes import (
     ring_of,
 )
 from air_router.editor.edits import EditError
-from air_router.files.json_document import value_at
-from air_router.files.mission_document import Keys
-from air_router.files.missions.qgc_items import RELATIVE_FRAMES, MavCommand
-from air_router.files.missions.qgc_write import simple_item
-from air_router.files.yaml_text import metres
+from air_router.files import Keys, metres, value_at
+from air_router.files.missions import RELATIVE_FRAMES, MavCommand, simple_item
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),

@@ -18,9 +18,8 @@ from air_router.editor.session import (
     UnconfirmedError,
 )
 from air_router.errors import AirRouterError
-from air_router.web.serving import HERE, Say, Web
-from air_router.web.site import Browsers, PageOutbox, Site, as_json
-from mocha_link.team.document import DocumentError
+from air_router.web import HERE, Browsers, PageOutbox, Say, Site, Web, as_json
+from mocha_link.team import DocumentError
 
 _LOG = logging.getLogger(__name__)
 _WATCH_S = 1.0

@@ -14,11 +14,10 @@ from air_router.editor.editable_mission import EditableMission, MissionAnalysis
 from air_router.editor.edits import Edit, EditError
 from air_router.editor.view import route_view, view
 from air_router.errors import AirRouterError, UsageError
-from air_router.files.missions.mission_write import first_mission_text
-from air_router.files.whole_file import bytes_within, write_whole
+from air_router.files import bytes_within, write_whole
+from air_router.files.missions import first_mission_text
 from geo.frame import Geodetic, Point
-from mocha_link.team.document import MAX_BYTES, DocumentError
-from mocha_link.team.problem import text_in
+from mocha_link.team import MAX_BYTES, DocumentError, text_in
 
 _MOST_STEPS = 500
 _FIRST_WAYPOINT = Point(0.0, 40.0)

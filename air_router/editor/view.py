@@ -9,14 +9,11 @@ from typing import Any
 from air_router.editor.changes import Changes, Handle, Pair, Region
 from air_router.editor.editable_mission import MissionAnalysis
 from air_router.editor.file_changes import SECTIONS
-from air_router.files.mission_document import Area, Keys, MissionDocument
-from air_router.mission.mission import Mission
-from air_router.mission.team import UAV_KIND
-from air_router.mission.tracking import TrackingMargin
-from air_router.routing.router import Route
-from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees, line
-from mocha_link.team.document import DocumentError, Problem
-from mocha_link.team.team import Team
+from air_router.files import Area, Keys, MissionDocument
+from air_router.mission import UAV_KIND, Mission, TrackingMargin
+from air_router.routing import Route
+from air_router.web import Degrees, Rings, area_beside, beside, buffer, degrees, line
+from mocha_link.team import DocumentError, Problem, Team
 
 _NUMBERS = ("altitude_m", "speed_m_s", "duration_s", "endurance_s", "battery_reserve")
 _MOST_EDGES = 20_000

@@ -18,9 +18,7 @@ from typing import Any, Final, TypeGuard
 
 from air_router.files.json_mistakes import json_mistake
 from air_router.files.whole_file import bytes_within
-from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.error_text import Key
-from mocha_link.team.problem import text_in
+from mocha_link.team import Document, DocumentError, Key, text_in
 
 MAX_BYTES: Final = 4 * 1024 * 1024
 MAX_DEPTH: Final = 60

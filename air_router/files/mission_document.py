@@ -23,7 +23,7 @@ from air_router.files.settings import (
     WhenExplored,
 )
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
-from geo.airspace.zone import Band, Circle, Outline, Ring, Shape, ZoneError
+from geo.airspace import Band, Circle, Outline, Ring, Shape, ZoneError
 from geo.frame import (
     STEP_M,
     FrameError,
@@ -34,7 +34,7 @@ from geo.frame import (
     dense_ring,
 )
 from mocha_link.sanitize import sanitize
-from mocha_link.team.document import Problem
+from mocha_link.team import Problem
 
 Keys = tuple[str | int, ...]
 """The way to a value in a document."""

@@ -25,7 +25,7 @@ from air_router.files.yaml_text import (
     word,
     yaml_flow,
 )
-from mocha_link.team.document import Document
+from mocha_link.team import Document
 
 _REST = re.compile(r"[ \t]*(,?)[ \t]*(#.*)?")
 """What may stand behind an item that has its line for itself."""

@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel
 
 from air_router.files.mission_document import Keys, MissionDocument
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team import Document, DocumentError, Problem
 
 UNUSUAL: Final = "unusual-value"
 """The code of a note on a number outside of its band."""

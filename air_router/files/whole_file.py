@@ -12,7 +12,7 @@ from typing import Final
 
 from air_router.errors import UsageError
 from mocha_link.path_safety import check_links
-from mocha_link.team.problem import Problem, bytes_of
+from mocha_link.team import Problem, bytes_of
 
 _ANY_WRITES: Final = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 

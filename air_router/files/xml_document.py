@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from mocha_link.team.problem import DocumentError
+from mocha_link.team import DocumentError
 
 MAX_DEPTH: Final = 60
 MAX_ELEMENTS: Final = 500_000

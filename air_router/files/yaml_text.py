@@ -16,7 +16,7 @@ from typing import Any, Self
 import yaml
 
 from air_router.files.mission_document import Keys
-from mocha_link.team.document import Document
+from mocha_link.team import Document
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Self
 from pydantic import BaseModel, Field, PlainValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from geo.airspace.zone import Band
+from geo.airspace import Band
 from geo.validity import DAY_NUMBERS, DAYS, NO_MOMENT, Hours, Period, Validity, moment_of
 
 

@@ -1,1 +1,14 @@
 """One flight: the asyncio shell around controller, vehicle and gossip."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "flight": ("Flight",),
+        "flight_loop": ("COMMAND_S", "CommandService"),
+        "flight_stats": ("FlightResult", "FlownTrack"),
+        "resumption": ("as_begun",),
+        "terminal": ("StatusLine", "line_of"),
+    },
+)

@@ -15,12 +15,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from air_router.control.control_server import ControlServer
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Announce
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.requests import GoOn
-from air_router.controller.model.states import State
+from air_router.control import ControlServer
+from air_router.controller import Controller
+from air_router.controller.model import Announce, FlightSetup, GoOn, State
 from air_router.errors import AirRouterError, ExitCode, NoVehicleError, RefusedError
 from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_loop import CommandService, FlightLoop
@@ -29,33 +26,27 @@ from air_router.flight.flight_view import FlightView
 from air_router.flight.lag_watch import watch_lag
 from air_router.flight.resumption import flown_before, recognised
 from air_router.flight.terminal import StatusLine, listening
-from air_router.gossip.gossip import Gossip
-from air_router.gossip.mapper import Mapper, receive_patches
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
-from air_router.preflight.card import Card, PreflightRefusedError
-from air_router.preflight.preflight_survey import PreflightSurvey
-from air_router.record.recorder import PREFLIGHT, Recorder
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.airframe import SET_UP
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.instructions import (
+from air_router.gossip import Gossip, Mapper, receive_patches
+from air_router.mission import FlightPlan, Mission
+from air_router.preflight import Card, PreflightRefusedError, PreflightSurvey
+from air_router.record import PREFLIGHT, Recorder
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import (
     SEPARATE_TWINS,
+    SET_UP,
     TAKE_FROM_HERE,
     TAKE_OVER,
-    Instruction,
-    Severity,
-)
-from air_router.vehicle.vehicle import (
     FlightMode,
+    Instruction,
     LinkSilent,
     MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     PlanTried,
+    Severity,
     Telemetry,
     Vehicle,
+    VehicleClock,
     VehicleEvent,
     VehicleInfo,
     WrongVehicle,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.states import State
-from air_router.vehicle.vehicle import Telemetry
+from air_router.controller import Controller
+from air_router.controller.model import State
+from air_router.vehicle import Telemetry
 from air_router.words import wind_words
-from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links import LinkMetrics
 
 
 def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:

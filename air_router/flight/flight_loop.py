@@ -15,13 +15,15 @@ from collections.abc import Callable, Collection, Coroutine, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any, Final, Protocol
 
-from air_router.control.command_request import CommandRequest, View
-from air_router.controller.command_handler import NOT_HEARD_S
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import (
+from air_router.control import CommandRequest, View
+from air_router.controller import NOT_HEARD_S, Controller
+from air_router.controller.model import (
+    OPERATOR,
     Action,
     Announce,
+    AnyRequest,
     CommandAck,
+    Event,
     Finish,
     Motion,
     PublishMap,
@@ -29,27 +31,23 @@ from air_router.controller.model.actions import (
     Refusal,
     RenewPlan,
     Seeking,
+    State,
     StateChanged,
     WidenRoutes,
 )
-from air_router.controller.model.events import Event
-from air_router.controller.model.requests import OPERATOR, AnyRequest
-from air_router.controller.model.states import State
-from air_router.controller.motion.command_gate import REACTION_S
+from air_router.controller.motion import REACTION_S
 from air_router.errors import ExitCode
 from air_router.flight.flight_stats import FlightStats, ending_of
 from air_router.flight.flight_view import DIGITS, situation
 from air_router.flight.mission_reloader import MissionReloader, ReloadReport
 from air_router.flight.motions import MotionSender
 from air_router.flight.terminal import StatusLine
-from air_router.gossip.gossip import Gossip
-from air_router.mission.flight_plan import FlightPlan
-from air_router.record.recorder import Recorder
+from air_router.gossip import Gossip
+from air_router.mission import FlightPlan
+from air_router.record import Recorder
 from air_router.repeats import Repeats, times
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.instructions import Severity
-from air_router.vehicle.vehicle import FlightMode, Vehicle
-from air_router.web.serving import Say, Served
+from air_router.vehicle import FlightMode, Severity, Vehicle, VehicleClock
+from air_router.web import Say, Served
 from geo.frame import LocalFrame
 from mocha_link.errors import RequestError
 

@@ -10,24 +10,24 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final
 
-from air_router.controller.model.actions import (
+from air_router.controller.model import (
     Action,
+    AirspaceChanged,
     ControlHolder,
+    Event,
     Finish,
+    PlanRenewed,
     RenewPlan,
+    State,
     StateChanged,
 )
-from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
-from air_router.controller.model.states import State
 from air_router.errors import ExitCode
-from air_router.gossip.interactions import Interactions
-from air_router.gossip.mapper import Mapper
-from air_router.mission.mission import Mission
-from air_router.vehicle.clock import REBOOT_S
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import Airspace
+from air_router.gossip import Interactions, Mapper
+from air_router.mission import Mission
+from air_router.vehicle import REBOOT_S, Telemetry
+from geo.airspace import Airspace
 from geo.frame import Point
-from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded
+from mocha_link.links import Direction, LinkEvent, SyncEnded
 
 OFF_GROUND_M: Final = 2.0
 """A vehicle that never was higher above home has not flown."""

@@ -9,16 +9,16 @@ import zlib
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from air_router.control.command_request import View
-from air_router.controller.controller import Controller
+from air_router.control import View
+from air_router.controller import Controller
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.mission_reloader import ReloadReport
-from air_router.live.scene import scenery
-from air_router.mission.mission import Mission
-from air_router.routing.router import Router
-from air_router.web.outlines import degrees
+from air_router.live import scenery
+from air_router.mission import Mission
+from air_router.routing import Router
+from air_router.web import degrees
 from geo.frame import LocalFrame, Point
-from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links import LinkMetrics
 
 DIGITS: Final = 8
 """Of a degree: a millimetre."""

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.events import CompanionLagged
-from air_router.vehicle.clock import loop_s
+from air_router.controller.model import CompanionLagged
+from air_router.vehicle import loop_s
 
 LOOK_S: Final = 0.1
 """How often it is looked."""

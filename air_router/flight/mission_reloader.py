@@ -14,25 +14,36 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from air_router.controller.airspace_change import widened_router
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import ReadAgain, RenewPlan, WidenRoutes
-from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed, RoutesWidened
-from air_router.controller.model.mission_context import OnBoard
+from air_router.controller import Controller, widened_router
+from air_router.controller.model import (
+    AirspaceChanged,
+    Event,
+    OnBoard,
+    PlanRenewed,
+    ReadAgain,
+    RenewPlan,
+    RoutesWidened,
+    WidenRoutes,
+)
 from air_router.errors import (
     AirRouterError,
     ExitCode,
     NotConfirmedError,
     PlanRefusedError,
 )
-from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan
-from air_router.mission.loading import DRAWN_OVER, checked, choose, read_draft
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.vehicle import Vehicle
-from geo.airspace.zone import Zone
-from mocha_link.team.document import DocumentError
+from air_router.mission import (
+    DRAWN_OVER,
+    FENCE_POINTS,
+    FlightPlan,
+    Mission,
+    checked,
+    choose,
+    read_draft,
+)
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import Vehicle
+from geo.airspace import Zone
+from mocha_link.team import DocumentError
 
 _log = logging.getLogger(__name__)
 

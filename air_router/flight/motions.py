@@ -5,12 +5,19 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
-from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.controller.motion.command_gate import MODES
+from air_router.controller.model import (
+    CommandConfirmed,
+    CommandFailed,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    Motion,
+)
+from air_router.controller.motion import MODES
 from air_router.errors import NotConfirmedError, NotSentError
-from air_router.mission.flight_plan import FlightPlan
-from air_router.vehicle.vehicle import FlightMode, TakenOverError, Vehicle
+from air_router.mission import FlightPlan
+from air_router.vehicle import FlightMode, TakenOverError, Vehicle
 
 
 class MotionSender:

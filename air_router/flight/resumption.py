@@ -16,15 +16,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.events import FlownBefore
-from air_router.controller.model.flight_setup import FlightSetup
+from air_router.controller import Controller
+from air_router.controller.model import FlightSetup, FlownBefore
 from air_router.errors import AirRouterError, PlanRefusedError, RefusedError
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import FlightWindow, Mission
-from air_router.record.log import Log
-from air_router.record.replay import replay
-from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
+from air_router.mission import FlightPlan, FlightWindow, Mission
+from air_router.record import Log, replay_record
+from air_router.vehicle import Telemetry, Vehicle, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -169,7 +166,7 @@ def _recorded(
     if setup is None or _identity(setup.mission) != _identity(mission):
         return None
     controller = Controller(setup)
-    until_s = replay(Log(path), controller).until_s
+    until_s = replay_record(Log(path), controller).until_s
     if abs(now_s - until_s - since_s) > APART_S + APART_SHARE * since_s:
         return None  # it was switched off since
     flown, last = controller.flown, controller.context.telemetry

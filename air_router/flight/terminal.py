@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterator
 from types import MappingProxyType
 from typing import Final, TextIO
 
-from air_router.control.command_request import CommandRequest, parse_command
-from air_router.vehicle.instructions import Severity
+from air_router.control import CommandRequest, parse_command
+from air_router.vehicle import Severity
 from mocha_link.errors import RequestError
 
 REFRESH_S: Final = 0.25

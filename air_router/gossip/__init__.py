@@ -1,1 +1,14 @@
 """The UAV's gossip node: what it tells the team, and what the team tells the mission."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "gossip": ("Gossip", "MAP_INTERVAL_S"),
+        "interactions": ("Interactions",),
+        "mapper": ("MARGIN_M", "Mapper", "RESOLUTION_M", "receive_patches"),
+        "ros_messages": ("Datum", "MAP_FRAME", "occupancy_of", "readers_of", "stamp"),
+        "team_messages": ("TeamMessageDecoder",),
+    },
+)

@@ -10,10 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from air_router.control.command_request import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
-from air_router.controller.model.actions import CommandAck, Refusal
-from air_router.controller.model.events import Event, PeerFault
-from air_router.controller.model.requests import GoTo
+from air_router.control import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
+from air_router.controller.model import CommandAck, Event, GoTo, PeerFault, Refusal
 from air_router.gossip.mapper import Mapper
 from air_router.gossip.ros_messages import OCCUPANCY, occupancy_writer, readers_of
 from air_router.gossip.team_messages import TeamMessageDecoder
@@ -29,12 +27,11 @@ from air_router.messages import (
     PoseMessage,
     SeekMessage,
 )
-from air_router.mission.team import pose_topic
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.vehicle import Telemetry
+from air_router.mission import pose_topic
+from air_router.vehicle import Telemetry, VehicleClock
 from geo.frame import FrameError, LocalFrame
 from mocha_link import Message, MetricsServer, Node, Team
-from mocha_link.links.metrics import Direction, LinkEvent, LinkMetrics, MessageStored, SyncEnded
+from mocha_link.links import Direction, LinkEvent, LinkMetrics, MessageStored, SyncEnded
 from mocha_link.sanitize import sanitize
 
 _log = logging.getLogger(__name__)

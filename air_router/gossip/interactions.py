@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass, field
 
-from mocha_link.links.metrics import (
+from mocha_link.links import (
     ContactBegan,
     ContactEnded,
     Direction,

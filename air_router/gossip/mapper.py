@@ -11,7 +11,7 @@ import zmq
 import zmq.asyncio
 
 from air_router.errors import RefusedError
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 from geo.frame import Point
 from geo.grid import MAX_CELLS, GridError, GridPatch, SemanticGrid
 

@@ -22,12 +22,12 @@ from air_router.messages import (
     PathMessage,
     PoseMessage,
 )
-from air_router.mission.team import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
+from air_router.mission import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import SemanticGrid, Terrain
 from mocha_link.errors import MissingExtraError
-from mocha_link.ros.typed import TypedError, Types
-from mocha_link.team.team import Robot, Team
+from mocha_link.ros import TypedError, Types
+from mocha_link.team import Robot, Team
 
 OCCUPANCY: Final = "nav_msgs/OccupancyGrid"
 MAP_FRAME: Final = "map"

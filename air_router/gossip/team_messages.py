@@ -12,9 +12,8 @@ from typing import Final
 
 from shapely import LineString
 
-from air_router.controller.model.events import Event, RobotPath, RobotPose, RobotSought
-from air_router.controller.model.requests import GoTo
-from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S
+from air_router.controller.model import Event, GoTo, RobotPath, RobotPose, RobotSought
+from air_router.controller.targets import SOUGHT_BY_OTHER_S
 from air_router.gossip.ros_messages import Reader
 from air_router.messages import (
     FARTHEST_M,

@@ -1,1 +1,13 @@
 """The map page of a flight that is under way."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "joint": ("JointPage",),
+        "playback": ("Playback", "RecordedFlight"),
+        "scene": ("scenery",),
+        "server": ("LivePage",),
+    },
+)

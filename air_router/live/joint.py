@@ -17,9 +17,7 @@ from urllib.parse import quote
 import aiohttp
 from aiohttp import ClientWSTimeout, WSCloseCode, WSMsgType, web
 
-from air_router.web.guard import cookie_of
-from air_router.web.serving import HERE, PageAddress, Say, Web
-from air_router.web.site import Site
+from air_router.web import HERE, PageAddress, Say, Site, Web, cookie_of
 
 MOST_BYTES: Final = 16 * 1024 * 1024
 """No text of a flight is longer; the longest are its map, and the track of a long day."""

@@ -10,21 +10,18 @@ from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, Final
 
-from air_router.control.command_request import CommandRequest
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Announce, PublishMap
-from air_router.controller.model.flight_setup import FlightSetup
+from air_router.control import CommandRequest
+from air_router.controller import Controller
+from air_router.controller.model import Announce, FlightSetup, PublishMap
 from air_router.errors import RefusedError
-from air_router.gossip.gossip import MAP_INTERVAL_S
-from air_router.gossip.mapper import Mapper
+from air_router.gossip import MAP_INTERVAL_S, Mapper
 from air_router.live.scene import LiveScene
 from air_router.live.server import TICK_S, LivePage
-from air_router.record.log import RecordEntry
-from air_router.record.replay import RecordedStep, Replayer, steps_of
-from air_router.vehicle.vehicle import Telemetry
-from air_router.web.serving import Say, Web
+from air_router.record import RecordedStep, RecordEntry, Replayer, steps_of
+from air_router.vehicle import Telemetry
+from air_router.web import Say, Web
 from mocha_link.errors import RequestError
-from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links import LinkMetrics
 
 MOST_SPEED: Final = 100.0
 _STEPS: Final = 400

@@ -10,24 +10,29 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
-from air_router.controller.model.events import Event, RobotPath, RobotPose
-from air_router.controller.model.states import State
-from air_router.controller.targets.target_list import TargetTrack
-from air_router.gossip.interactions import Interactions
-from air_router.mission.flight_plan import HOME_NODE
-from air_router.mission.mission import Mission
+from air_router.controller import Controller
+from air_router.controller.model import (
+    Action,
+    Announce,
+    CommandAck,
+    Event,
+    Finish,
+    RobotPath,
+    RobotPose,
+    State,
+    StateChanged,
+)
+from air_router.controller.targets import TargetTrack
+from air_router.gossip import Interactions
+from air_router.mission import HOME_NODE, Mission
 from air_router.repeats import Repeats, times
-from air_router.routing.router import Router
-from air_router.vehicle.clock import REBOOT_S
-from air_router.vehicle.instructions import Severity
-from air_router.vehicle.vehicle import Telemetry
-from air_router.web.outlines import area_beside, buffer, degrees, place_in
+from air_router.routing import Router
+from air_router.vehicle import REBOOT_S, Severity, Telemetry
+from air_router.web import area_beside, buffer, degrees, place_in
 from air_router.words import wind_words
-from geo.airspace.zone import Shape
+from geo.airspace import Shape
 from geo.frame import Point
-from mocha_link.links.metrics import LinkEvent, LinkMetrics
+from mocha_link.links import LinkEvent, LinkMetrics
 
 TRACK_STEP_M: Final = 0.5
 """Positions nearer than this to the last one add nothing to a line on a map."""

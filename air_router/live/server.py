@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from air_router.control.command_request import (
+from air_router.control import (
     COSTLY_AT_ONCE,
     COSTLY_PER_S,
     TOO_MANY,
@@ -19,19 +19,15 @@ from air_router.control.command_request import (
     RequestHandler,
     command_request_of,
 )
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Action
-from air_router.controller.model.events import Event
-from air_router.gossip.interactions import Interactions
-from air_router.gossip.mapper import Mapper
+from air_router.controller import Controller
+from air_router.controller.model import Action, Event
+from air_router.gossip import Interactions, Mapper
 from air_router.live.scene import LiveScene, scenery
-from air_router.web.outlines import degrees
-from air_router.web.serving import HERE, SHOWN_AT, Say, Web
-from air_router.web.site import Browsers, PageOutbox, Site, as_json
+from air_router.web import HERE, SHOWN_AT, Browsers, PageOutbox, Say, Site, Web, as_json, degrees
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells
 from mocha_link.errors import Guard, RequestError
-from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded
+from mocha_link.links import Direction, LinkMetrics, SyncEnded
 
 TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.files.mission_document import Area, MissionDocument, Uav
+from air_router.files import Area, MissionDocument, Uav
 from air_router.mission.tracking import TrackingMargin
-from geo.airspace.zone import Circle
+from geo.airspace import Circle
 from geo.frame import Point
-from mocha_link.team.document import Problem
+from mocha_link.team import Problem
 
 STANDING_SHARE: Final = 0.25
 """A vehicle takes off where it stands: that is at most this share of the homes' separation away

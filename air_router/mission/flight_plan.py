@@ -26,7 +26,7 @@ from shapely import LinearRing
 from shapely import Point as ShapelyPoint
 
 from air_router.mission.mission import Mission
-from geo.airspace.zone import Circle, Outline, Ring, Shape
+from geo.airspace import Circle, Outline, Ring, Shape
 from geo.frame import LocalFrame, Point, stepped
 
 

@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import UsageError
-from air_router.files.json_document import MAX_BYTES, load_json
-from air_router.files.maps.ardupilot_fences import is_fence_file, is_waypoint_file
-from air_router.files.maps.gpx import gpx_draft, read_gpx
-from air_router.files.mission_document import MissionDocument
-from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.qgc_read import plan_draft
-from air_router.files.missions.waypoint_file import read_old_fence_draft, read_waypoints
-from air_router.files.settings import SLOWEST_M_S
-from air_router.files.usual_values import UNUSUAL
-from air_router.files.whole_file import bytes_within
+from air_router.files import (
+    MAX_BYTES,
+    SLOWEST_M_S,
+    UNUSUAL,
+    MissionDocument,
+    bytes_within,
+    load_json,
+)
+from air_router.files.maps import gpx_draft, is_fence_file, is_waypoint_file, read_gpx
+from air_router.files.missions import plan_draft, read_mission, read_old_fence_draft, read_waypoints
 from air_router.messages import FARTHEST_M
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
@@ -29,8 +29,7 @@ from air_router.mission.mission import FlightWindow, Mission, MissionAreas, Wayp
 from air_router.mission.team import check_team
 from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
-from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.problem import Problem, text_in
+from mocha_link.team import Document, DocumentError, Problem, text_in
 
 DRAWN_OVER: Final = frozenset(
     {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}

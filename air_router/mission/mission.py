@@ -14,15 +14,21 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from air_router.files.mission_document import Area, MissionDocument
-from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers, WhenExplored
-from air_router.files.zone_terms import HomeAltitudeError
+from air_router.files import (
+    Accepted,
+    Area,
+    HomeAltitudeError,
+    MissionDocument,
+    PlannerSettings,
+    SeekPolicy,
+    Timers,
+    WhenExplored,
+)
 from air_router.mission.fleet import Layer
 from air_router.mission.tracking import TrackingMargin
-from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Band, Shape, Zone, ZoneError
+from geo.airspace import Airspace, Band, Shape, Zone, ZoneError
 from geo.frame import LocalFrame, Point
-from mocha_link.team.document import Problem
+from mocha_link.team import Problem
 
 LAUNCH_WAIT = timedelta(hours=1)
 """So much later than it was to start a mission may start."""

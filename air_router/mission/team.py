@@ -11,14 +11,11 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import RefusedError
-from air_router.files.mission_document import Keys, MissionDocument
-from air_router.files.missions.mission_mistakes import other_kind
-from air_router.files.whole_file import is_file
+from air_router.files import Keys, MissionDocument, is_file
+from air_router.files.missions import other_kind
 from air_router.messages import GOALS_TOPIC, JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC
 from air_router.mission.mission import Mission
-from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.path_mistakes import path_advice
-from mocha_link.team.team import Team, Topic
+from mocha_link.team import Document, DocumentError, Team, Topic, path_advice
 
 UAV_KIND: Final = "aerial_robot"
 """The kind of the team's robots that fly; without `uav` in the mission, the only one is meant."""

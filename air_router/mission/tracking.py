@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.files.settings import PlannerSettings
+from air_router.files import PlannerSettings
 
 ESTIMATE: Final = 0.63
 """Metres that the estimated position is off, for each metre of accuracy that the receiver reports

@@ -10,16 +10,13 @@ import numpy as np
 import shapely
 from shapely import Polygon, STRtree
 
-from air_router.files.mission_document import Area, MissionDocument, MissionPoint, RefusedRing
-from air_router.files.zone_terms import HomeAltitudeError
+from air_router.files import Area, HomeAltitudeError, MissionDocument, MissionPoint, RefusedRing
 from air_router.mission.mission import Mission, MissionAreas
 from air_router.mission.tracking import TrackingMargin
-from geo.airspace.airspace import FENCE, Airspace
-from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
+from geo.airspace import FENCE, Airspace, Circle, Shape, ZoneError, circle_ring
 from geo.frame import FrameError, Point
-from geo.paths.separators import separators
-from geo.paths.shortest import shortest_paths
-from mocha_link.team.document import Problem
+from geo.paths import barriers, shortest_paths
+from mocha_link.team import Problem
 
 FAR_M = 50_000.0
 """Places farther from home than this are typing errors; no sheet shows them."""
@@ -329,7 +326,7 @@ def _check_ways(draft: MissionDocument, areas: MissionAreas) -> None:
         if part == around_home is not None or paths.connected(home, spot.position):
             continue
         if part not in answers:
-            answers[part] = _walls(separators(airspace, home, spot.position))
+            answers[part] = _walls(barriers(airspace, home, spot.position))
         draft.report(
             spot.keys,
             f"no clear way leads from home to {spot.label}: {answers[part]} at "

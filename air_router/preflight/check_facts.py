@@ -5,12 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
-from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan
-from air_router.mission.mission import Mission
-from air_router.mission.team import finders
+from air_router.mission import FENCE_POINTS, FlightPlan, Mission, finders
 from air_router.preflight.expected_clearance import expected_clearances
 from air_router.preflight.survey import MissionSurvey, SurveyedLeg
-from air_router.routing.return_planner import LANDING_MARGIN, Pace, Way, straight_returns
+from air_router.routing import LANDING_MARGIN, Pace, Way, straight_returns
 from air_router.words import counted
 
 _TIGHTEST = 3

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from air_router.controller.states.return_state import landing_radius_m
-from air_router.mission.mission import Mission
-from air_router.mission.tracking import tracking_error_m
-from air_router.routing.departure import names_of
+from air_router.controller.states import landing_radius_m
+from air_router.mission import Mission, tracking_error_m
+from air_router.routing import names_of
 
 LAND = "landing"
 """The kind that begins farthest from what was checked: anywhere within its radius of home."""

@@ -9,16 +9,12 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from air_router.controller.states.ready_state import HOME_TOLERANCE_M
-from air_router.mission.fleet import STANDING_SHARE
-from air_router.mission.flight_plan import FENCE_TOO_LONG
-from air_router.mission.mission import Mission
+from air_router.controller.states import HOME_TOLERANCE_M
+from air_router.mission import FENCE_TOO_LONG, STANDING_SHARE, Mission
 from air_router.preflight.card import BAD, GOOD, LOOK, Check, CheckVerdict
-from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
-from air_router.routing.router import Router
-from air_router.vehicle.airframe import SET_UP
-from air_router.vehicle.px4.versions import FACTS, FLOWN, NEWEST, OLDEST, name_of, version_of
-from air_router.vehicle.vehicle import GpsFix, Inspection, Telemetry, VehicleInfo
+from air_router.routing import LANDING_MARGIN, ReturnPlanner, Router
+from air_router.vehicle import SET_UP, GpsFix, Inspection, Telemetry, VehicleInfo
+from air_router.vehicle.px4 import FACTS, FLOWN, NEWEST, OLDEST, name_of, version_of
 from air_router.words import wind_words
 
 FEWEST_SATELLITES: Final = 6

@@ -6,12 +6,11 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.files.settings import Accepted
-from air_router.mission.mission import Mission
+from air_router.files import Accepted
+from air_router.mission import Mission
 from air_router.preflight.card import BAD, GOOD, LOOK, Check
-from air_router.routing.departure import BRAKING_M_S2
-from air_router.routing.return_planner import straight_returns
-from air_router.vehicle.px4.versions import Version, name_of
+from air_router.routing import BRAKING_M_S2, straight_returns
+from air_router.vehicle.px4 import Version, name_of
 from geo.frame import Point
 
 HARMLESS_JERK_M_S3: Final = 3.0

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 from air_router.preflight import preflight
 from air_router.preflight.card import Card, Check
 from air_router.preflight.preflight_parameters import names, parameters, straight_return
-from air_router.routing.router import Router
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4.versions import version_of
-from air_router.vehicle.vehicle import Inspection, Telemetry, Vehicle, VehicleInfo
+from air_router.routing import Router
+from air_router.vehicle import Inspection, Telemetry, Vehicle, VehicleClock, VehicleInfo
+from air_router.vehicle.px4 import version_of
 from mocha_link import Team
 
 DIAL_S: Final = 1.0

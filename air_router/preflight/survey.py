@@ -7,11 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from air_router.mission.flight_plan import HOME_NODE
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.return_planner import Pace, ReturnPlanner, Way
-from air_router.routing.router import Leg, NoRoute, Route, Router
+from air_router.mission import HOME_NODE, Mission
+from air_router.routing import Leg, NoRoute, Pace, ReturnPlanner, Route, Router, Way, WaypointGraph
 from geo.frame import Point
 
 

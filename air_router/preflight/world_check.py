@@ -10,9 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files.usual_values import WORLD, notes
-from mocha_link.team.document import Document
-from mocha_link.team.problem import DocumentError, Problem
+from air_router.files import WORLD, notes
+from mocha_link.team import Document, DocumentError, Problem
 
 
 class WorldRefusedError(AirRouterError):

@@ -1,1 +1,26 @@
 """The record of a flight: written, read, and run again."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "foxglove_sdk": ("foxglove_mcap",),
+        "log": ("Log", "Note", "RecordEntry"),
+        "record_file": ("no_folder",),
+        "recorder": ("PREFLIGHT", "Recorder"),
+        "recording": (
+            "ViewerAddress",
+            "add_record",
+            "add_recording",
+            "add_viewer",
+            "folder_of",
+            "record_of",
+            "viewing",
+        ),
+        "replay": ("RecordedStep", "Replayer", "replay_record", "steps_of"),
+        "rerun_file": ("rerun_recording",),
+        "serialization": ("json_of",),
+    },
+    modules=("serialization",),
+)

@@ -14,17 +14,14 @@ from typing import Any, Final, NamedTuple
 
 from shapely import Polygon
 
-from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, StateChanged
-from air_router.controller.model.events import RobotPose
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.vehicle.instructions import Severity
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.zone import Band
+from air_router.controller.model import Announce, FlyToNode, FlyToPoint, RobotPose, StateChanged
+from air_router.mission import Mission
+from air_router.routing import WaypointGraph
+from air_router.vehicle import Severity, Telemetry
+from geo.airspace import Band
 from geo.frame import FrameError, Point
 from geo.grid import SemanticGrid
-from mocha_link.links.metrics import LinkMetrics
-from mocha_link.links.reading import Reading, Unit
+from mocha_link.links import LinkMetrics, Reading, Unit
 
 EVERY_S: Final = 0.2
 """The vehicle's place is drawn so often; its telemetry is recorded at the full rate anyway."""

@@ -25,14 +25,13 @@ from mcap.records import (
 )
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 
-from air_router.controller.model.actions import Motion
-from air_router.controller.model.flight_setup import FlightSetup
+from air_router.controller.model import FlightSetup, Motion
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization
 from air_router.record.record_file import FORMAT, LIBRARY
 from air_router.record.serialization import ABOUT_MOTIONS, NOTES, ORDER_KEY, RECENT, RecordChannel
 from air_router.record.values import TYPE_KEY, CodecError, decoder, shown
-from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links import LinkMetrics
 
 RECORD_BYTES: Final = 256 << 20
 """A longer record, or a chunk that would unpack to more, is taken for damage."""

@@ -22,7 +22,7 @@ from typing import Final
 from mcap.writer import Writer
 
 from air_router.errors import RefusedError
-from air_router.files.whole_file import sync_folder
+from air_router.files import sync_folder
 from air_router.record.serialization import RecordChannel
 from mocha_link.errors import told
 from mocha_link.path_safety import made_folder

@@ -14,9 +14,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from air_router.controller.model.actions import Motion
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.gossip.mapper import Mapper
+from air_router.controller.model import FlightSetup, Motion
+from air_router.gossip import Mapper
 from air_router.record import serialization
 from air_router.record.drawing import Drawn, FlightDrawing, grid, schema_text
 from air_router.record.record_file import RecordFile, no_folder, open_record
@@ -32,9 +31,9 @@ from air_router.record.serialization import (
     note_channel,
 )
 from air_router.record.values import TYPE_KEY, encode
-from air_router.vehicle.clock import REBOOT_S
-from mocha_link.links.metrics import LinkMetrics
-from mocha_link.node.lifetime import Closeable
+from air_router.vehicle import REBOOT_S
+from mocha_link.lifetime import Closeable
+from mocha_link.links import LinkMetrics
 
 _log = logging.getLogger(__name__)
 

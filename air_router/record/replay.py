@@ -12,12 +12,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from air_router.controller.controller import Controller
+from air_router.controller import Controller
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization
 from air_router.record.log import Log, RecordEntry
 from air_router.record.serialization import ABOUT_MOTIONS, RECENT
-from air_router.vehicle.vehicle import Telemetry
+from air_router.vehicle import Telemetry
 
 CONTEXT: Final = 10
 """So many events before a difference are told; positions in between only as the last one."""
@@ -172,7 +172,7 @@ def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedS
         yield current
 
 
-def replay(entries: Iterable[RecordEntry], controller: Controller | None = None) -> Replay:
+def replay_record(entries: Iterable[RecordEntry], controller: Controller | None = None) -> Replay:
     """Give a record's events to a fresh controller and compare what it does.
 
     Args:

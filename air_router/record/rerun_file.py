@@ -25,7 +25,7 @@ _PLOTS: Final = {
 """Numbers of a topic that are plotted; those of a link by peer."""
 
 
-def rerun_file(log: Log) -> bytes:
+def rerun_recording(log: Log) -> bytes:
     """The bytes of an .rrd file, with a blueprint that shows all of it.
 
     Raises:

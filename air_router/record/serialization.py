@@ -13,11 +13,10 @@ from functools import cache
 from types import NoneType
 from typing import Any, Final, NamedTuple, get_args, get_origin
 
-from air_router.controller.model.actions import Action, Motion
-from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
+from air_router.controller.model import Action, CommandConfirmed, CommandFailed, Event, Motion
 from air_router.record import values
 from air_router.record.values import TYPE_KEY, CodecError, decoder, fields_of, recorded_name
-from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links import LinkMetrics
 
 ORDER_KEY: Final = "of"
 """Which motion a motion is, or a confirmation of one: there may be several alike."""

@@ -23,8 +23,7 @@ from typing import Any, Final, get_args, get_origin
 import numpy as np
 
 from air_router.errors import AirRouterError, ExitCode
-from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Shape, Zone
+from geo.airspace import Airspace, Shape, Zone
 
 Plain = Any
 """What `json.dumps` takes and `json.loads` gives."""

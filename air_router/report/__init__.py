@@ -1,1 +1,14 @@
 """Pictures of missions, and what is reported of a flight that is over."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "flight_page": ("page_of",),
+        "flight_summary": ("summary_of",),
+        "flight_table": ("several", "table", "went_on_without"),
+        "map_sheet": ("Ink", "MapSheet"),
+        "picture": ("draw_coverage", "draw_mission"),
+    },
+)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from air_router.controller.model.states import State
+from air_router.controller.model import State
 from air_router.report.flight_summary import FlightSummary
 from air_router.report.svg import (
     BOTTOM,

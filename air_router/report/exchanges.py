@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, field
 from itertools import accumulate
 from typing import Any, Final
 
-from air_router.gossip.interactions import Interactions
+from air_router.gossip import Interactions
 from air_router.messages import MAP_TOPIC
-from mocha_link.links.metrics import LinkEvent, MessageStored, RssiChanged
+from mocha_link.links import LinkEvent, MessageStored, RssiChanged
 
 STAMP_S: Final = 0.0005
 """Stamps are whole milliseconds."""

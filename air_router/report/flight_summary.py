@@ -9,19 +9,28 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
-from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
-from air_router.controller.model.events import CommandFailed, RobotPose
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.requests import Asked, ChangeAltitude, GoTo, SeekNow
-from air_router.controller.model.states import State
+from air_router.controller.model import (
+    Announce,
+    Asked,
+    ChangeAltitude,
+    CommandAck,
+    CommandFailed,
+    Finish,
+    FlightSetup,
+    GoTo,
+    RobotPose,
+    Seeking,
+    SeekNow,
+    State,
+    StateChanged,
+)
 from air_router.errors import AirRouterError, ExitCode
-from air_router.flight.flight_stats import FlownTrack
-from air_router.mission.mission import Mission
-from air_router.record.log import Note, RecordEntry
+from air_router.flight import FlownTrack
+from air_router.mission import Mission
+from air_router.record import Note, RecordEntry
 from air_router.report.exchanges import Exchanges
-from air_router.vehicle.clock import REBOOT_S
-from air_router.vehicle.vehicle import Telemetry
-from mocha_link.links.metrics import LinkEvent
+from air_router.vehicle import REBOOT_S, Telemetry
+from mocha_link.links import LinkEvent
 
 TRACK_S: Final = 0.5
 """So often the track has a point, and its distance to zones and fence is looked at."""

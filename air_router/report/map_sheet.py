@@ -15,9 +15,9 @@ from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import PictureError
-from air_router.files.whole_file import write_whole
+from air_router.files import write_whole
 from air_router.report.svg import Labels, colours
-from geo.airspace.zone import Circle, Shape, polygons_of
+from geo.airspace import Circle, Shape, polygons_of
 from geo.frame import Point
 from mocha_link.errors import needs_extra
 

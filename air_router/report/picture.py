@@ -12,15 +12,13 @@ from typing import Any, Final
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from air_router.coverage.cover_area import Field
-from air_router.mission.mission import Mission
-from air_router.mission.validation import Faults, far
+from air_router.coverage import Field
+from air_router.mission import Faults, Mission, far
 from air_router.report.map_sheet import Ink, MapSheet, drawn, roomiest
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Route
+from air_router.routing import Route, WaypointGraph
 from air_router.words import counted
-from geo.airspace.zone import Zone
-from geo.coverage.coverage import Coverage
+from geo.airspace import Zone
+from geo.coverage import Coverage
 from geo.frame import Point
 from mocha_link.sanitize import sanitize
 

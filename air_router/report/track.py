@@ -4,12 +4,11 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 from air_router.report.charts import Figure, robot_css
 from air_router.report.flight_summary import FlightSummary
 from air_router.report.svg import NARROW, Labels, clock, element, in_both_widths, picture, text
-from geo.airspace.airspace import FENCE
-from geo.airspace.zone import Circle, Shape
+from geo.airspace import FENCE, Circle, Shape
 
 _MARGIN_M: Final = 25.0
 _DOT_PX: Final = 4.0

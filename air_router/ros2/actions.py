@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final
 
-from air_router.control.control import ControlAnswer
-from air_router.gossip.ros_messages import stamp
+from air_router.control import ControlAnswer
+from air_router.gossip import stamp
 from air_router.ros2.messages import CANCEL, Values
 from air_router.ros2.ros_graph import RosGraph
 

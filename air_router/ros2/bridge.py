@@ -12,19 +12,19 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Final
 
-from air_router.control.command_request import parse_command
-from air_router.control.control import (
+from air_router.control import (
     ControlAnswer,
     ControlClient,
     ControlError,
     ControlUnreachableError,
+    parse_command,
 )
 from air_router.errors import AirRouterError
 from air_router.ros2 import actions, messages
 from air_router.ros2.actions import ActionServer, Answer
 from air_router.ros2.messages import TOPICS, OutgoingMessage, Scene, Values
 from air_router.ros2.ros_graph import RosGraph
-from mocha_link.bridges.bridge import channel
+from mocha_link.bridges import channel
 from mocha_link.errors import RequestError
 
 LOOK_S: Final = 0.2

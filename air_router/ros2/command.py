@@ -3,12 +3,12 @@
 import argparse
 import sys
 
-from air_router.cli.arguments import say
-from air_router.control.control import ControlClient, endpoint_of
+from air_router.cli import say
+from air_router.control import ControlClient, endpoint_of
 from air_router.errors import ExitCode
 from air_router.ros2.messages import FOLDER
 from mocha_link.errors import needs_extra
-from mocha_link.node.lifetime import until_terminated
+from mocha_link.lifetime import until_terminated
 
 _EPILOG = """\
 examples:

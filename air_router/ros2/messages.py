@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.gossip.ros_messages import MAP_FRAME, occupancy_of, stamp
+from air_router.gossip import MAP_FRAME, occupancy_of, stamp
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import SemanticGrid
 

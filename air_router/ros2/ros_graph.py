@@ -13,8 +13,8 @@ from typing import Any, Final
 from cyclonedds.core import DDSException
 
 from air_router.ros2.messages import HEADER, Values, definitions, spaces
-from mocha_link.bridges.dds import Dds
-from mocha_link.ros.ros import RosCodec, RosError
+from mocha_link.bridges import Dds
+from mocha_link.ros import RosCodec, RosError
 
 _DEPTH: Final = 10
 _MATCH_S, _LOOK_S = 0.2, 0.005

@@ -1,1 +1,38 @@
 """Routes: the waypoint graph, its planners, first legs, and the ways home."""
+
+from air_router.routing.departure import (
+    BRAKING_M_S2,
+    STANDING_M_S,
+    Momentum,
+    PendingSetpoint,
+    names_of,
+)
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.return_planner import (
+    LANDING_MARGIN,
+    Pace,
+    ReturnPlanner,
+    Way,
+    WayHome,
+    straight_returns,
+)
+from air_router.routing.router import Leg, NoRoute, Route, Router
+
+__all__ = [
+    "BRAKING_M_S2",
+    "LANDING_MARGIN",
+    "STANDING_M_S",
+    "Leg",
+    "Momentum",
+    "NoRoute",
+    "Pace",
+    "PendingSetpoint",
+    "ReturnPlanner",
+    "Route",
+    "Router",
+    "Way",
+    "WayHome",
+    "WaypointGraph",
+    "names_of",
+    "straight_returns",
+]

@@ -22,9 +22,9 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace import FENCE, Airspace
 from geo.frame import Point
-from geo.paths.shortest import ShortestPaths, path_length_m
+from geo.paths import ShortestPaths, path_length_m
 
 _GIVE_M = 0.01
 """How much closer than the vehicle is now a leg out of the margin may come: rounding."""

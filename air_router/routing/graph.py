@@ -16,10 +16,9 @@ import numpy.typing as npt
 import shapely
 from shapely import STRtree
 
-from air_router.mission.flight_plan import HOME_NODE
-from air_router.mission.mission import Mission
+from air_router.mission import HOME_NODE, Mission
 from geo.frame import Point
-from geo.paths.shortest import ShortestPaths, path_length_m, shortest_paths
+from geo.paths import ShortestPaths, path_length_m, shortest_paths
 
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.intp]

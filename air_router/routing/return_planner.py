@@ -17,12 +17,11 @@ from typing import Final
 
 import numpy as np
 
-from air_router.mission.flight_plan import HOME_NODE
-from air_router.mission.mission import Mission
+from air_router.mission import HOME_NODE, Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route, Router
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import Airspace
+from air_router.vehicle import Telemetry
+from geo.airspace import Airspace
 from geo.frame import Point
 
 ACCELERATION_M_S2: Final = 2.0

@@ -26,9 +26,9 @@ from air_router.routing.departure import (
     names_of,
 )
 from air_router.routing.graph import WaypointGraph
-from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace import FENCE, Airspace
 from geo.frame import Point
-from geo.paths.separators import separators
+from geo.paths import barriers
 
 _SAME_M = 0.01
 """A free point nearer than this to a waypoint is the waypoint."""
@@ -220,7 +220,7 @@ class Router:
         )
 
     def _no_route(self, start: Point, target: Leg, rule: Departure) -> NoRoute:
-        walls = separators(self._airspace, start, target.to)
+        walls = barriers(self._airspace, start, target.to)
         if walls:
             kept_m = sorted({self._airspace.kept_m(name) for name in walls})
             keep = " and ".join(f"{metres:g} m" for metres in kept_m)

@@ -23,7 +23,7 @@ from types import FrameType
 from typing import IO, Any, Final, TextIO
 
 from air_router.errors import ExitCode
-from air_router.flight.terminal import line_of
+from air_router.flight import line_of
 
 AIR_ROUTER: Final = (sys.executable, "-m", "air_router.cli.cli")
 

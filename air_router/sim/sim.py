@@ -13,27 +13,29 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import (
+from air_router.cli import (
+    PART,
+    add_flight_arguments,
     add_px4_version,
     add_rover,
     add_start,
+    finish,
+    fly_mission,
     note_options,
     print_json,
+    refusing,
     say,
     speed_factor,
 )
-from air_router.cli.fly import PART, add_flight_arguments, finish, fly, refusing
 from air_router.errors import UsageError
-from air_router.mission.loading import load_mission
-from air_router.mission.mission import Mission
-from air_router.preflight.world_check import WorldCheck, world_notes
-from air_router.record.record_file import no_folder
-from air_router.record.recording import ViewerAddress
-from air_router.report.flight_table import several
+from air_router.mission import Mission, load_mission
+from air_router.preflight import WorldCheck, world_notes
+from air_router.record import ViewerAddress, no_folder
+from air_router.report import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
-from air_router.vehicle.px4.versions import NEWEST
-from air_router.web.serving import PageAddress, shown_beside, web_of
+from air_router.vehicle.px4 import NEWEST
+from air_router.web import PageAddress, shown_beside, web_of
 from mocha_link.errors import MissingExtraError, needs_extra
 from mocha_link.path_safety import made_folder
 
@@ -102,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
             "arm": True,
             "resume": False,
         }
-        result = fly(mission, argparse.Namespace(**{**vars(arguments), **flown}), "sim")
+        result = fly_mission(mission, argparse.Namespace(**{**vars(arguments), **flown}), "sim")
         result.report["world"] = world.stop()
     return finish(mission, result, arguments)
 
@@ -114,7 +116,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
     page = None
     if web is not None:
         with needs_extra("the page", "web", "air-router"):
-            from air_router.live.joint import JointPage  # noqa: PLC0415 - an extra
+            from air_router.live import JointPage  # noqa: PLC0415 - an extra
         page = JointPage((layer.uav for layer in mission.layers), web)
 
     def overhear(uav: str, line: str) -> bool:

@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode, NoVehicleError
-from air_router.mission.fleet import Layer
-from air_router.record.record_file import no_folder
+from air_router.mission import Layer
+from air_router.record import no_folder
 from air_router.sim.ports import free_port, is_free
-from air_router.vehicle.pace import PaceSource
-from air_router.vehicle.px4.versions import NEWEST, Version, name_of
-from mocha_link.node.lifetime import Closeable
+from air_router.vehicle import PaceSource
+from air_router.vehicle.px4 import NEWEST, Version, name_of
+from mocha_link.lifetime import Closeable
 from mocha_link.path_safety import new_file
 
 _log = logging.getLogger(__name__)

@@ -14,11 +14,11 @@ from typing import Any, Final
 
 import yaml
 
-from air_router.cli.arguments import home, note_options, number, say
+from air_router.cli import home, note_options, number, say
 from air_router.errors import ExitCode, UsageError
-from air_router.files.missions.mission_write import first_mission_text
-from air_router.files.yaml_text import degrees_text
-from air_router.mission.loading import load_mission
+from air_router.files import degrees_text
+from air_router.files.missions import first_mission_text
+from air_router.mission import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
 
 _EPILOG: Final = """\

@@ -3,8 +3,8 @@
 import sys
 import time
 
-from mocha_link.ros.ros import RosCodec
-from mocha_link.service.service_client import ServiceClient
+from mocha_link.ros import RosCodec
+from mocha_link.service import ServiceClient
 
 latitude, longitude = map(float, sys.argv[2].split(","))
 codec = RosCodec()

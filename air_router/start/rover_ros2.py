@@ -3,8 +3,8 @@
 import sys
 import time
 
-from mocha_link.bridges.dds import Dds
-from mocha_link.ros.ros import RosCodec
+from mocha_link.bridges import Dds
+from mocha_link.ros import RosCodec
 
 x, y = map(float, sys.argv[2].split(","))  # metres from the datum
 codec, dds = RosCodec(), Dds({}, domain=int(sys.argv[1]))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 from air_router.vehicle.vehicle import Telemetry, VehicleEvent
-from mocha_link.node.lifetime import Closeable
+from mocha_link.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final, Protocol
 
 from air_router.errors import NotConfirmedError
-from air_router.mission.flight_plan import FlightPlan
+from air_router.mission import FlightPlan
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.instructions import Severity

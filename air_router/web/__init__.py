@@ -1,1 +1,36 @@
 """Map pages in the browser: the server, its guard against others' pages, and what pages share."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "guard": ("cookie_of",),
+        "outlines": (
+            "Degrees",
+            "Rings",
+            "area_beside",
+            "beside",
+            "buffer",
+            "degrees",
+            "line",
+            "place_in",
+        ),
+        "serving": (
+            "HERE",
+            "PageAddress",
+            "SHOWN_AT",
+            "Say",
+            "ServeError",
+            "Served",
+            "Web",
+            "add_page_options",
+            "add_web",
+            "page_port",
+            "show",
+            "shown_beside",
+            "web_of",
+        ),
+        "site": ("Browsers", "PageOutbox", "Site", "as_json"),
+    },
+)

@@ -22,8 +22,7 @@ from urllib.parse import urlsplit
 
 from air_router import __version__
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from air_router.mission.loading import load_mission
-from air_router.mission.mission import Mission
+from air_router.mission import Mission, load_mission
 from air_router.web.tile_file import (
     HIGHEST_ZOOM,
     MOST_TILE_BYTES,

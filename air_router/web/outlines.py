@@ -9,7 +9,7 @@ from shapely import Point as ShapelyPoint
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from geo.airspace.zone import Circle, Shape, polygons_of
+from geo.airspace import Circle, Shape, polygons_of
 from geo.frame import Floats, FrameError, LocalFrame, Point
 
 DECIMALS = 7

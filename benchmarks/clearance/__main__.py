@@ -27,14 +27,12 @@ from typing import Any
 
 import yaml
 
-from air_router.files.settings import PlannerSettings
-from air_router.mission.tracking import BREEZE_M_S, TrackingMargin
+from air_router.files import PlannerSettings
+from air_router.mission import BREEZE_M_S, TrackingMargin
 from benchmarks.clearance.measure import Figures, figures
-from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.programs.flight import RealFlight
-from sitl.rehearsal.programs.scenes import WireScene
-from sitl.rehearsal.simulated_flight import SimulatedFlight
+from sitl.px4sim.motion import WindSettings
+from sitl.rehearsal import Fault, Scene, SimulatedFlight
+from sitl.rehearsal.programs import RealFlight, WireScene
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 SPEEDS_M_S = (2.0, 3.5, 5.0, 6.5, 8.0)

@@ -15,14 +15,19 @@ from typing import Final
 import numpy as np
 import shapely
 
-from air_router.controller.motion.command_gate import REACTION_S
-from air_router.flight.flight_loop import COMMAND_S
-from air_router.routing.departure import BRAKING_M_S2, Momentum
+from air_router.controller.motion import REACTION_S
+from air_router.flight import COMMAND_S
+from air_router.routing import BRAKING_M_S2, Momentum
 from geo.frame import Point
-from sitl.rehearsal.judge import space
-from sitl.rehearsal.judge.case import Case, Responsible
-from sitl.rehearsal.judge.evidence import Evidence, EvidenceError, is_motion
-from sitl.rehearsal.judge.verdict import end_of
+from sitl.rehearsal.judge import (
+    Case,
+    Evidence,
+    EvidenceError,
+    Responsible,
+    end_of,
+    is_motion,
+    space,
+)
 
 STANDS_M_S: Final = 0.5
 """A leg that is begun faster than this is a turn."""

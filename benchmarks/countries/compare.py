@@ -23,13 +23,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from air_router.files.maps.map_area import MapArea, MapCircle
-from air_router.files.maps.zone_files import read_zones
-from air_router.files.mission_document import MissionDocument
-from air_router.files.zone_terms import AltitudeLimit, Reference
-from air_router.mission.loading import read_draft, validate
+from air_router.files import AltitudeLimit, MissionDocument, Reference
+from air_router.files.maps import MapArea, MapCircle, read_zones
+from air_router.mission import read_draft, validate
 from benchmarks.countries.independent import Limit, Zone, area_m2, polygon_area_m2, read
-from geo.airspace.zone import Circle
+from geo.airspace import Circle
 
 TOLERANCE = 2e-3
 LEAST_M2 = 1_000.0

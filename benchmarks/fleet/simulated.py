@@ -23,7 +23,7 @@ from functools import partial
 
 from benchmarks.fleet.node import TOPIC
 from benchmarks.fleet.processes import team_text
-from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
+from mocha_link.links import Direction, MessageStored, SyncEnded
 from tests.mocha_link.conftest import team_of
 from tests.mocha_link.network_sim import NEAR_DBM, STEADY_S, Line, NetworkSim
 

@@ -20,7 +20,7 @@ from benchmarks.fleet.processes import HERE
 from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError
 from benchmarks.route.maps import made
 from benchmarks.routing import mission_text
-from mocha_link.team.document import Document
+from mocha_link.team import Document
 
 WAYPOINTS, ZONES, KEYS = 500, 100, 12
 GOAL_MS, LIMIT_MS, PAUSE_MS = 150, 120_000, 1000

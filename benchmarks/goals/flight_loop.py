@@ -15,9 +15,7 @@ from typing import Any, Self
 from unittest import mock
 
 from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError
-from sitl.rehearsal.companion import SimulatedLoop
-from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.simulated_flight import SimulatedFlight
+from sitl.rehearsal import Fault, Scene, SimulatedFlight, SimulatedLoop
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 NAMES = ("pennovation", "urban")

@@ -17,9 +17,8 @@ from benchmarks.database import NOW_S, record
 from benchmarks.fleet.processes import HERE, free_ranges
 from benchmarks.goals import flooded
 from benchmarks.goals.figure import Conditions, Figure
-from mocha_link.node.zmtp import ZmtpSession
-from mocha_link.store.database import Database
-from mocha_link.store.storage import Storage
+from mocha_link.node import ZmtpSession
+from mocha_link.store import Database, Storage
 
 FLOODS, FLOOD_BYTES = 8, 40_000_000  # of each
 PART = struct.pack(">BQ", 0b011, 60_000) + bytes(60_000)  # more parts follow, and a long size

@@ -9,7 +9,7 @@ from pathlib import Path
 import shapely
 from shapely import Polygon, STRtree
 
-from geo.airspace.airspace import Airspace, Zone
+from geo.airspace import Airspace, Zone
 from geo.frame import Point
 
 CLEARANCE_M = 5.0

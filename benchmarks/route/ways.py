@@ -8,16 +8,12 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from air_router.files.settings import PlannerSettings
-from air_router.mission.tracking import TrackingMargin
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Route, Router
+from air_router.files import PlannerSettings
+from air_router.mission import TrackingMargin
+from air_router.routing import Route, Router, WaypointGraph
 from benchmarks.route.maps import Map
 from geo.frame import Point
-from geo.paths.free_space import HAIR_M, FreeSpace
-from geo.paths.mesh import Mesh
-from geo.paths.polyanya import Source
-from geo.paths.shortest import path_length_m, shortest, shortest_paths
+from geo.paths import HAIR_M, FreeSpace, Mesh, Source, path_length_m, shortest_path, shortest_paths
 
 Query = Callable[[Point, Point], float | None]
 """Length of the path between two places; None if there is none."""
@@ -63,7 +59,7 @@ class Arcs:
         mesh = Mesh(FreeSpace(self._map.airspace).tight())
 
         def query(start: Point, goal: Point) -> float | None:
-            path = shortest(mesh, [Source(0.0, start)], goal)
+            path = shortest_path(mesh, [Source(0.0, start)], goal)
             return None if path is None else path_length_m(path)
 
         return query

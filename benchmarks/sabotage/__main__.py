@@ -22,8 +22,8 @@ MISSION = "missions/pennovation/mission.yaml"
 
 def fly(scenes: Iterable[str]) -> Iterator[dict[str, Any]]:
     """Fly scenes, as `FAULT-seed`, with the code as it is imported; what the judge says of each."""
-    from sitl.cli.rehearse_command import fly as flown  # noqa: PLC0415 - changed code is imported late
-    from sitl.rehearsal.faults import Fault, Scene  # noqa: PLC0415
+    from sitl.cli import fly as flown  # noqa: PLC0415 - changed code is imported late
+    from sitl.rehearsal import Fault, Scene  # noqa: PLC0415
 
     for scene in scenes:
         fault, seed = scene.rsplit("-", 1)

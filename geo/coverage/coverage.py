@@ -18,15 +18,11 @@ from shapely import Point as ShapelyPoint
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from geo.airspace.airspace import Airspace
-from geo.airspace.zone import polygons_of
+from geo.airspace import Airspace, polygons_of
 from geo.coverage.row_order import Joiner, Row, cells_of, in_order
 from geo.coverage.visibility import CoverageError, Swath, Sweep, Visibility
 from geo.frame import Point
-from geo.paths.free_space import FreeSpace
-from geo.paths.mesh import Mesh
-from geo.paths.polyanya import Source
-from geo.paths.shortest import shortest, shortest_paths
+from geo.paths import FreeSpace, Mesh, Source, shortest_path, shortest_paths
 
 __all__ = ["Coverage", "CoverageError", "Swath", "cover"]
 
@@ -151,7 +147,7 @@ def _joiner(airspace: Airspace, within: Polygon) -> Joiner:
             return start, end
         if mesh.part_of(start) is None or mesh.part_of(end) is None:
             return shortest_paths(airspace).path(start, end)
-        return shortest(mesh, [Source(0.0, start)], end)
+        return shortest_path(mesh, [Source(0.0, start)], end)
 
     return path
 

@@ -18,7 +18,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from geo.airspace.zone import polygons_of
+from geo.airspace import polygons_of
 from geo.frame import Point
 
 Floats = npt.NDArray[np.float64]

@@ -25,10 +25,10 @@ from shapely import GeometryType, Polygon, STRtree
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
-from geo.airspace.airspace import Airspace
-from geo.airspace.zone import (
+from geo.airspace import (
     ARC_EXCESS,
     ARC_STEPS,
+    Airspace,
     Circle,
     Shape,
     arc_excess,

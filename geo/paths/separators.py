@@ -9,7 +9,7 @@ import shapely
 from shapely import LinearRing, Polygon
 from shapely import Point as ShapelyPoint
 
-from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
 from geo.paths.shortest import shortest_paths
@@ -20,7 +20,7 @@ _Suspects = tuple[int, ...]
 _FENCES = -1
 
 
-def separators(airspace: Airspace, a: Point, b: Point) -> tuple[str, ...]:
+def barriers(airspace: Airspace, a: Point, b: Point) -> tuple[str, ...]:
     """Names of zones (and the fence) that together leave no way between two clear places.
 
     None of the names could be left out. Empty when the places are connected, or not clear.

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geo.airspace.airspace import Airspace
+from geo.airspace import Airspace
 from geo.frame import Point
 from geo.paths.free_space import BEVEL, FreeSpace
 from geo.paths.mesh import Mesh
@@ -178,7 +178,7 @@ class ShortestPaths:
 
     def _between(self, mesh: Mesh, here: Path, there: Path) -> Path | None:
         """The shortest path in a mesh between the ends of two paths that lead there."""
-        path = shortest(mesh, [Source(0.0, here[-1])], there[-1])
+        path = shortest_path(mesh, [Source(0.0, here[-1])], there[-1])
         if path is None:
             return None
         path = self._begun_at(here[:-1], path)
@@ -202,7 +202,7 @@ class ShortestPaths:
             return None
         nearby = self._nearby(point)
         for place in mesh.all_around(point, _DIRECTIONS):
-            path = shortest(nearby, [Source(0.0, point)], place)
+            path = shortest_path(nearby, [Source(0.0, point)], place)
             if path is not None and self._all_clear(path):
                 return path, mesh.nearest(place)[1]
         return None
@@ -218,7 +218,7 @@ class ShortestPaths:
         """A path within a pocket between corners that the mesh does not have."""
         if not (self.airspace.point_clear(start) and self.airspace.point_clear(end)):
             return None
-        path = shortest(self._nearby(start), [Source(0.0, start)], end)
+        path = shortest_path(self._nearby(start), [Source(0.0, start)], end)
         return path if path is not None and self._all_clear(path) else None
 
     def _begun_at(self, start: Path, path: Path) -> Path:
@@ -270,7 +270,7 @@ class ShortestPaths:
         search.run(math.inf)
         places = [begin, *doors, *search.corners]
         sources = [Source(math.dist(start, place), place) for place in dict.fromkeys(places)]
-        path = shortest(mesh, sources, goal[0][-1], allowed=first)
+        path = shortest_path(mesh, sources, goal[0][-1], allowed=first)
         if path is None:
             return None
         path = self._begun_at(goal[0][:-1], path[::-1])[::-1]
@@ -281,7 +281,7 @@ class ShortestPaths:
         return bool(self.airspace.legs_clear_between(places[:-1], places[1:]).all())
 
 
-def shortest(
+def shortest_path(
     mesh: Mesh,
     sources: Sequence[Source],
     goal: Point,

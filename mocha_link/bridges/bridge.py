@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 from mocha_link.bridges.progress import Progress
 from mocha_link.errors import install_command
-from mocha_link.service.service_client import (
+from mocha_link.service import (
     TEXT,
     ServiceClient,
     ServiceError,

@@ -15,8 +15,8 @@ from typing import Any
 
 from mocha_link.bridges.ros_clients import Cdr
 from mocha_link.errors import Guard, MochaLinkError, needs_extra
-from mocha_link.node.lifetime import Closeable
-from mocha_link.ros.ros_store import RosTypes, element
+from mocha_link.lifetime import Closeable
+from mocha_link.ros import RosTypes, element
 
 with needs_extra("ROS 2", "ros2"):
     from cyclonedds.core import (

@@ -17,9 +17,8 @@ from mocha_link.bridges.bridge import Bridge, channel
 from mocha_link.bridges.progress import Progress
 from mocha_link.bridges.ros_clients import Rcl, Ros1
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
-from mocha_link.node.lifetime import INTERRUPTED, until_terminated
-from mocha_link.service.endpoint import EndpointKeyError, folder
-from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
+from mocha_link.lifetime import INTERRUPTED, until_terminated
+from mocha_link.service import EndpointKeyError, ServiceClient, ServiceUnreachableError, folder
 
 DONE, FAILED = 0, 1
 

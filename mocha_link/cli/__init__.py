@@ -1,1 +1,10 @@
 """The command line `mocha-link`: one module per command."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "program": ("Command", "Program", "coloured"),
+    },
+)

@@ -11,8 +11,7 @@ from typing import Any
 from mocha_link.cli.keys_command import links, protection_lines
 from mocha_link.cli.links_view import aligned
 from mocha_link.cli.program import examples
-from mocha_link.team.document import DocumentError
-from mocha_link.team.team import Team
+from mocha_link.team import DocumentError, Team
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

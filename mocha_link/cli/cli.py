@@ -14,7 +14,7 @@ from mocha_link.errors import (
     NotInTeamError,
     told,
 )
-from mocha_link.team.problem import DocumentError
+from mocha_link.team import DocumentError
 
 COMMANDS = tuple(
     Command(name, f"mocha_link.cli.{name}_command", about)

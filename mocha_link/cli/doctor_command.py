@@ -15,14 +15,18 @@ from typing import NamedTuple
 from mocha_link.cli.program import examples, seconds
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
-from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded, SyncTimedOut
-from mocha_link.links.reading import Reading, as_reading
-from mocha_link.links.trigger import threshold
-from mocha_link.node.gossip import Gossip
-from mocha_link.node.transport import Transport
+from mocha_link.links import (
+    Direction,
+    LinkEvent,
+    Reading,
+    SyncEnded,
+    SyncTimedOut,
+    as_reading,
+    threshold,
+)
+from mocha_link.node import Gossip, Transport
 from mocha_link.radios import open_radio
-from mocha_link.team.keys import SecretKey, peer_keys, secret_key
-from mocha_link.team.team import Robot, Team
+from mocha_link.team import Robot, SecretKey, Team, peer_keys, secret_key
 
 LISTEN_S = 8.0  # four intervals of nodes that pull by the timer
 AHEAD_S = 1.0  # clocks closer than that do no harm

@@ -14,11 +14,16 @@ import yaml
 from mocha_link.cli.program import examples
 from mocha_link.errors import MochaLinkError, told
 from mocha_link.path_safety import check_links, new_file
-from mocha_link.team import keys
-from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.error_text import as_label
-from mocha_link.team.keys import KeyMismatchError, SecretKey
-from mocha_link.team.team import Robot, Team
+from mocha_link.team import (
+    Document,
+    DocumentError,
+    KeyMismatchError,
+    Robot,
+    SecretKey,
+    Team,
+    as_label,
+    keys,
+)
 
 _BOM = b"\xef\xbb\xbf"
 

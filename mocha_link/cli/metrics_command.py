@@ -8,7 +8,7 @@ import time
 
 from mocha_link.cli.links_view import UNREADABLE, EventFilter, NodeView, Style, event_line
 from mocha_link.cli.program import EXAMPLE, endpoint, examples, seconds
-from mocha_link.service.service_client import MetricsError, watch
+from mocha_link.service import MetricsError, watch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,8 +16,8 @@ from types import FrameType
 
 from mocha_link.cli.links_view import UNREADABLE, NodeView, Style
 from mocha_link.cli.program import EXAMPLE, coloured, endpoint, examples
-from mocha_link.node.lifetime import until_terminated
-from mocha_link.service.service_client import Subscription
+from mocha_link.lifetime import until_terminated
+from mocha_link.service import Subscription
 
 DONE = 0
 REDRAW_S = 1.0  # ages grow also when nothing comes

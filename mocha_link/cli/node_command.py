@@ -13,13 +13,11 @@ from typing import NoReturn
 
 from mocha_link.cli.links_view import EventFilter, event_line
 from mocha_link.cli.program import EXAMPLE, drop_output, endpoint, examples, web_address
-from mocha_link.links.metrics import LinkEvent
-from mocha_link.node.lifetime import until_terminated
-from mocha_link.node.node import Node
-from mocha_link.service.prometheus import PrometheusServer
-from mocha_link.service.server import MetricsServer, as_fields
-from mocha_link.service.service import ServiceServer
-from mocha_link.team.team import Team
+from mocha_link.lifetime import until_terminated
+from mocha_link.links import LinkEvent
+from mocha_link.node import Node
+from mocha_link.service import MetricsServer, PrometheusServer, ServiceServer, as_fields
+from mocha_link.team import Team
 
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
 LOOK_S = 1.0  # Python overlooks a signal that comes just before a wait, until that ends

@@ -20,7 +20,7 @@ from typing import Any, NoReturn, TextIO
 
 from mocha_link import __version__
 from mocha_link.errors import MissingExtraError, needs_extra
-from mocha_link.node.lifetime import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
+from mocha_link.lifetime import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 
 USAGE = 2
 EXIT_CODES = (

@@ -1,1 +1,28 @@
 """What happens on the links, and their state: what another planner embeds."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "link_table": ("LinkTable", "QUIET_S", "throughput_bytes_s"),
+        "metrics": (
+            "Contact",
+            "ContactBegan",
+            "ContactEnded",
+            "Direction",
+            "LinkEvent",
+            "LinkMetrics",
+            "LinkState",
+            "MessageStored",
+            "RssiChanged",
+            "StorageFailed",
+            "StorageRecovered",
+            "SyncEnded",
+            "SyncStarted",
+            "SyncTimedOut",
+        ),
+        "reading": ("Reading", "Unit", "as_reading"),
+        "trigger": ("NOT_HEARD", "SILENT_INTERVALS", "SyncTrigger", "threshold"),
+    },
+)

@@ -26,7 +26,7 @@ from mocha_link.links.metrics import (
     SyncTimedOut,
 )
 from mocha_link.links.reading import Unit, as_reading
-from mocha_link.store.trust import difference
+from mocha_link.store import difference
 
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
 MAX_CONTACTS = 32

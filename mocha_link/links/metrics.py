@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mocha_link.links.reading import Reading
-from mocha_link.store.wire import Header
+from mocha_link.store import Header
 
 
 class Direction(enum.Enum):

@@ -8,7 +8,7 @@ from math import inf
 
 from mocha_link.links.metrics import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit, as_reading
-from mocha_link.team.team import Trigger
+from mocha_link.team import Trigger
 
 QUIET_PULL_S = 15.0  # at most so often a peer is asked whose messages come unasked
 TURN_S = 5.0  # so much longer it is left to the peer to ask, which then spares us that,

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Self
 
-from mocha_link.links.metrics import LinkEvent
+from mocha_link.links import LinkEvent
 
 QUEUE_EVENTS = 1000
 

@@ -18,7 +18,7 @@ from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
-from mocha_link.team.keys import PublicKey, SecretKey
+from mocha_link.team import PublicKey, SecretKey
 
 # A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
 MAX_REPLY_BYTES = wire.MAX_BYTES + 1024 * 1024

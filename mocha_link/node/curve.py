@@ -15,7 +15,7 @@ import os
 from typing import ClassVar, Final
 
 from mocha_link.node.zmtp import ERROR, OWN_BYTES, READY, Part, WrongKeyError, ZmtpError, metadata
-from mocha_link.team.keys import require
+from mocha_link.team import require
 
 try:
     import nacl.bindings as nacl

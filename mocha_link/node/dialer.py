@@ -16,8 +16,7 @@ from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.router import BURST
-from mocha_link.team.keys import PublicKey, Seal, SecretKey
-from mocha_link.team.team import Robot, Team
+from mocha_link.team import PublicKey, Robot, Seal, SecretKey, Team
 
 FRESH_S = 60.0
 RETRY_S = 5.0

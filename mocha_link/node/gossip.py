@@ -11,24 +11,23 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_table import QUIET_S, LinkTable
-from mocha_link.links.metrics import (
+from mocha_link.links import (
+    QUIET_S,
+    SILENT_INTERVALS,
     ContactEnded,
     Direction,
     LinkEvent,
     LinkMetrics,
+    LinkTable,
     MessageStored,
+    Reading,
     SyncStarted,
+    SyncTrigger,
 )
-from mocha_link.links.reading import Reading
-from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
 from mocha_link.node.peer_link import PeerLink, PeerLinks
 from mocha_link.node.publisher import Publisher, Sign
-from mocha_link.store.database import Database
-from mocha_link.store.record import Record
-from mocha_link.store.trust import config_hash_of
-from mocha_link.store.wire import Header
-from mocha_link.sync.protocol import (
+from mocha_link.store import Database, Header, Record, config_hash_of
+from mocha_link.sync import (
     Action,
     Connect,
     Disconnect,
@@ -39,7 +38,7 @@ from mocha_link.sync.protocol import (
     Route,
     random_id,
 )
-from mocha_link.team.team import Team, Topic, UnknownRobotError
+from mocha_link.team import Team, Topic, UnknownRobotError
 
 TIMEOUT_S = 5.0
 UNGUARDED = nullcontext()

@@ -10,23 +10,26 @@ from pathlib import Path
 
 from mocha_link.clock import Clock, Instant, SystemClock
 from mocha_link.errors import MochaLinkError
-from mocha_link.links.metrics import LinkEvent, LinkMetrics, StorageFailed, StorageRecovered
-from mocha_link.links.reading import Reading
+from mocha_link.lifetime import Startable
+from mocha_link.links import LinkEvent, LinkMetrics, Reading, StorageFailed, StorageRecovered
 from mocha_link.node.broadcast import Broadcast, EventStream
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
-from mocha_link.node.lifetime import Startable
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
-from mocha_link.store import wire
-from mocha_link.store.database import Database
-from mocha_link.store.message import Message, as_bytes, message_of
-from mocha_link.store.record import Record
-from mocha_link.store.storage import Storage
-from mocha_link.store.storage_file import StorageError
-from mocha_link.store.trust import TeamConfig, sign
-from mocha_link.store.wire import Header
-from mocha_link.team.keys import peer_keys, secret_key
-from mocha_link.team.team import Robot, Team
+from mocha_link.store import (
+    Database,
+    Header,
+    Message,
+    Record,
+    Storage,
+    StorageError,
+    TeamConfig,
+    as_bytes,
+    message_of,
+    sign,
+    wire,
+)
+from mocha_link.team import Robot, Team, peer_keys, secret_key
 
 CLOSE_S = 0.95  # of the second, for all parts together
 LEAST_CLOSE_S = 0.05

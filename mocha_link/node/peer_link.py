@@ -7,13 +7,10 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import partial
 
-from mocha_link.links.link_table import LinkTable
-from mocha_link.store.trust import Verifier
-from mocha_link.sync.peer import Peer
-from mocha_link.sync.protocol import NodeContext
-from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import Server
-from mocha_link.team.team import Robot, Trust
+from mocha_link.links import LinkTable
+from mocha_link.store import Verifier
+from mocha_link.sync import NodeContext, Peer, Puller, Server
+from mocha_link.team import Robot, Trust
 
 
 @dataclass(slots=True)

@@ -17,9 +17,8 @@ from mocha_link.node.curve import CurveServer
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.router import Callers, Router
 from mocha_link.node.zmtp import Part
-from mocha_link.sync.protocol import Route
-from mocha_link.team.keys import PublicKey, SecretKey
-from mocha_link.team.team import Robot
+from mocha_link.sync import Route
+from mocha_link.team import PublicKey, Robot, SecretKey
 
 MAX_REQUEST_BYTES = 65_536 + 1024
 

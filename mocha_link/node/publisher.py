@@ -10,12 +10,18 @@ from functools import partial
 from hashlib import blake2b
 from math import inf
 
-from mocha_link.store import wire
-from mocha_link.store.database import Database
-from mocha_link.store.message import LENGTH_BYTES, pack_batch
-from mocha_link.store.record import Record
-from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
-from mocha_link.team.team import Robot, Topic
+from mocha_link.store import (
+    LENGTH_BYTES,
+    UNSAFE_MS,
+    WRAP_MS,
+    Database,
+    Header,
+    Record,
+    as_ms,
+    pack_batch,
+    wire,
+)
+from mocha_link.team import Robot, Topic
 
 Sign = Callable[[Topic, bytes], bytes]
 

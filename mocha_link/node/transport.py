@@ -13,14 +13,14 @@ import zmq
 
 from mocha_link.clock import Instant
 from mocha_link.errors import Guard
-from mocha_link.links.metrics import LinkEvent
+from mocha_link.links import LinkEvent
 from mocha_link.node.connection import Connection
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.port import Port, provide_descriptors
 from mocha_link.node.router import BURST, IDLE_MS, Callers
-from mocha_link.sync.protocol import (
+from mocha_link.sync import (
     Action,
     Connect,
     Disconnect,
@@ -31,8 +31,7 @@ from mocha_link.sync.protocol import (
     Send,
     SendDatagram,
 )
-from mocha_link.team.keys import PublicKey, Seal, SecretKey
-from mocha_link.team.team import Team
+from mocha_link.team import PublicKey, Seal, SecretKey, Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
 LOOK_S = 1.0  # who was sent away

@@ -7,8 +7,7 @@ from mocha_link.radios.radio import ManualRadio, Radio, Report
 from mocha_link.radios.rajant import RajantRadio
 from mocha_link.radios.reports import MavlinkRadio, StdinRadio, TcpRadio, UdpRadio
 from mocha_link.radios.wifi import WifiRadio
-from mocha_link.team.team import Robot, Team
-from mocha_link.team.team_file import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 __all__ = ["ManualRadio", "Radio", "Report", "UdpRadio", "open_radio"]
 

@@ -11,7 +11,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from typing import Any, Protocol
 
 from mocha_link.errors import MochaLinkError, RadioError
-from mocha_link.links.reading import Reading
+from mocha_link.links import Reading
 
 LOG = logging.getLogger("mocha_link")
 

@@ -17,9 +17,9 @@ from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import AsyncIterator, Iterator, Mapping
 
 from mocha_link.errors import RadioError
-from mocha_link.links.reading import Reading, Unit
+from mocha_link.links import Reading, Unit
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team.team_file import RadioUrl
+from mocha_link.team import RadioUrl
 
 MAX_LINE_BYTES = 64 * 1024  # a published dictionary is one line
 RETRY_S = 2.0

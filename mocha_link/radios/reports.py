@@ -18,9 +18,9 @@ from collections.abc import Callable
 from typing import IO, Any
 
 from mocha_link.errors import RadioError, needs_extra
-from mocha_link.links.reading import Reading, Unit
+from mocha_link.links import Reading, Unit
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team.team_file import RadioUrl
+from mocha_link.team import RadioUrl
 
 MAX_LINE_BYTES = 2048
 MAX_PROGRAMS = 8  # connected to one port

@@ -10,9 +10,9 @@ from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Mapping
 
 from mocha_link.errors import RadioError
-from mocha_link.links.reading import Reading, Unit
+from mocha_link.links import Reading, Unit
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team.team_file import RadioUrl
+from mocha_link.team import RadioUrl
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0

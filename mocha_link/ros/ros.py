@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mocha_link.errors import needs_extra
-from mocha_link.team.team import Ros
+from mocha_link.team import Ros
 
 with needs_extra("what reads ROS messages", "ros"):
     from rosbags.interfaces import Nodetype

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.store.wire import MAX_BYTES
+from mocha_link.store import MAX_BYTES
 
 MAX_OBJECTS = 1_000_000  # nested messages in one message
 MAX_ARRAY = 1024  # fixed arrays of texts or messages: code is made for every element

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from mocha_link.errors import MissingExtraError, MochaLinkError
-from mocha_link.store.message import Message
-from mocha_link.team.team import Ros, Team
+from mocha_link.store import Message
+from mocha_link.team import Ros, Team
 
 JSON_PACKAGE = "json/"
 

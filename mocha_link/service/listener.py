@@ -24,13 +24,9 @@ from zmq.utils import z85
 
 from mocha_link.errors import ListenError, MissingExtraError, PortInUseError
 from mocha_link.loopback import is_loopback
-from mocha_link.node import kernel
-from mocha_link.node.curve import CurveServer
-from mocha_link.node.kernel import Poller
-from mocha_link.node.router import Callers, Router
-from mocha_link.node.zmtp import Mechanism, Null, Part
+from mocha_link.node import Callers, CurveServer, Mechanism, Null, Part, Poller, Router, kernel
 from mocha_link.service.endpoint import IPC, TCP, EndpointKeyError, keep_key, kept_key
-from mocha_link.team.keys import available
+from mocha_link.team import available
 
 LOOK_S = 1.0
 """So often connections are closed that have shown no key in time, or have stopped."""

@@ -17,10 +17,9 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.links.metrics import LinkMetrics, LinkState
-from mocha_link.links.reading import Unit
-from mocha_link.node.lifetime import Startable
-from mocha_link.node.node import Node
+from mocha_link.lifetime import Startable
+from mocha_link.links import LinkMetrics, LinkState, Unit
+from mocha_link.node import Node
 
 MAX_CONNECTIONS = 8
 POLL_S = 0.1

@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, Field, ValidationError
 
 from mocha_link.errors import RequestError
-from mocha_link.team.error_text import request_error_text
+from mocha_link.team import request_error_text
 
 MAX_ID = 64  # letters or digits of a request's id
 

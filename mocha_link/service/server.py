@@ -22,12 +22,11 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from mocha_link.errors import Guard
-from mocha_link.links.metrics import Contact, LinkEvent, LinkMetrics
-from mocha_link.links.reading import Reading
-from mocha_link.node.lifetime import Startable
-from mocha_link.node.node import Node
+from mocha_link.lifetime import Startable
+from mocha_link.links import Contact, LinkEvent, LinkMetrics, Reading
+from mocha_link.node import Node
 from mocha_link.service.listener import Listener
-from mocha_link.store.wire import Header
+from mocha_link.store import Header
 
 READ_BYTES = 4096
 LINKS, EVENT = b"links", b"event"

@@ -21,18 +21,16 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from mocha_link.errors import MochaLinkError, RequestError
-from mocha_link.links.metrics import LinkEvent, MessageStored
-from mocha_link.node.node import Node, NodeClosedError
-from mocha_link.node.router import IDLE_MS
-from mocha_link.ros.typed import Typed, TypedError
+from mocha_link.links import LinkEvent, MessageStored
+from mocha_link.node import IDLE_MS, Node, NodeClosedError
+from mocha_link.ros import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.listener import Listener
 from mocha_link.service.requests import Answer, Frames, Request, Verb
 from mocha_link.service.server import EndpointServer
 from mocha_link.service.service_client import TEXT
-from mocha_link.store.message import Message
-from mocha_link.store.wire import MAX_BYTES
-from mocha_link.team.team import Ros
+from mocha_link.store import MAX_BYTES, Message
+from mocha_link.team import Ros
 
 MAX_HEADER_BYTES = 8 * 1024 * 1024  # of the JSON object of a request
 MAX_FRAMES = 8

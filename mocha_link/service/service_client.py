@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import zmq
 
 from mocha_link.errors import MochaLinkError, RequestError
-from mocha_link.node.lifetime import Closeable
+from mocha_link.lifetime import Closeable
 from mocha_link.service.endpoint import EndpointError, connect, folder
 
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their topics is 8 MB

@@ -14,7 +14,7 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.store import wire
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
-from mocha_link.team.team import Priority, Team
+from mocha_link.team import Priority, Team
 
 _LENGTH = struct.Struct(">I")
 LENGTH_BYTES = _LENGTH.size  # before each message of a batch

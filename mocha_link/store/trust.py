@@ -14,8 +14,7 @@ from hashlib import blake2b
 
 from mocha_link.store import wire
 from mocha_link.store.wire import Body, Header, PayloadError, Trailer
-from mocha_link.team.keys import SecretKey, public_key
-from mocha_link.team.team import Robot, Team, Topic, Trust
+from mocha_link.team import Robot, SecretKey, Team, Topic, Trust, public_key
 
 _PURPOSE = b"mocha-link message 1\0"
 

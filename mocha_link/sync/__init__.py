@@ -1,1 +1,57 @@
 """The protocol between two nodes, pure: the original one, and the sync of new nodes."""
+
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN
+from mocha_link.sync.peer import Peer
+from mocha_link.sync.protocol import (
+    ACK,
+    CODE_BYTES,
+    DENDT,
+    GDATA,
+    GHEAD,
+    ID_BYTES,
+    SYNC1,
+    SYNCF,
+    Action,
+    Connect,
+    Disconnect,
+    Frame,
+    NodeContext,
+    Reply,
+    ReplyDatagram,
+    Route,
+    Send,
+    SendDatagram,
+    random_id,
+)
+from mocha_link.sync.puller import Puller
+from mocha_link.sync.server import Server
+from mocha_link.sync.sync_receiver import read_chunks
+
+__all__ = [
+    "ACK",
+    "ANSWER",
+    "CHUNKS",
+    "CODE_BYTES",
+    "DENDT",
+    "GDATA",
+    "GHEAD",
+    "ID_BYTES",
+    "OPEN",
+    "SYNC1",
+    "SYNCF",
+    "Action",
+    "Connect",
+    "Disconnect",
+    "Frame",
+    "NodeContext",
+    "Peer",
+    "Puller",
+    "Reply",
+    "ReplyDatagram",
+    "Route",
+    "Send",
+    "SendDatagram",
+    "Server",
+    "random_id",
+    "read_chunks",
+]

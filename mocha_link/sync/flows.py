@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from mocha_link.clock import Instant
-from mocha_link.datagram.datagram import Flow
+from mocha_link.datagram import Flow
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NEAR_S
 from mocha_link.sync.sync_sender import SyncSender

@@ -14,9 +14,7 @@ import zlib
 from typing import NamedTuple
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.store.reassembly_buffer import Fragment
-from mocha_link.store.record import Record
-from mocha_link.store.wire import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS, Header
+from mocha_link.store import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS, Fragment, Header, Record
 from mocha_link.sync.protocol import Frame
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS = range(1, 11)  # kinds

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Container
 
 from mocha_link.clock import Instant
-from mocha_link.store.wire import STAMP_MASK
+from mocha_link.store import STAMP_MASK
 from mocha_link.sync.frames import header_of, record_id
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.sync_messages import (

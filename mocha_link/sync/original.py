@@ -10,10 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import Direction
-from mocha_link.store import wire
-from mocha_link.store.record import Kept, Record
-from mocha_link.store.wire import WRAP_MS, Header, HeaderError, PayloadError
+from mocha_link.links import Direction
+from mocha_link.store import WRAP_MS, Header, HeaderError, Kept, PayloadError, Record, wire
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,

@@ -14,7 +14,7 @@ from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import (
+from mocha_link.links import (
     Direction,
     LinkEvent,
     MessageStored,
@@ -22,11 +22,9 @@ from mocha_link.links.metrics import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.store import wire
-from mocha_link.store.record import Record
-from mocha_link.store.wire import WRAP_MS, Header, PayloadError, Trailer
+from mocha_link.store import WRAP_MS, Header, PayloadError, Record, Trailer, wire
 from mocha_link.sync.protocol import NEAR_S, Frame, NodeContext, Send
-from mocha_link.team.team import Robot, Topic
+from mocha_link.team import Robot, Topic
 
 Verify = Callable[[Header, Frame, Trailer | None], None]
 """Raises PayloadError for a message that a peer may not hand us."""

@@ -10,9 +10,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.team.team import Team
+from mocha_link.store import Database, ReassemblyBuffer
+from mocha_link.team import Team
 
 ID_BYTES = 6
 CODE_BYTES = 5

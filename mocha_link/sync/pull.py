@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 from mocha_link.clock import Instant
-from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_table import throughput_bytes_s
-from mocha_link.links.metrics import Direction
+from mocha_link.datagram import Flow
+from mocha_link.links import Direction, throughput_bytes_s
 from mocha_link.sync.original import ClientSession
 from mocha_link.sync.peer import Credit, Peer
 from mocha_link.sync.protocol import (

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mocha_link.clock import Instant
-from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_table import LinkTable
+from mocha_link.datagram import Flow
+from mocha_link.links import LinkTable
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     FOLLOW_S,

@@ -5,9 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 from collections.abc import Iterable
 
-from mocha_link.store import wire
-from mocha_link.store.reassembly_buffer import Range
-from mocha_link.store.record import Record
+from mocha_link.store import Range, Record, wire
 from mocha_link.sync import frames as sync
 from mocha_link.sync.frames import header_of, record_id
 from mocha_link.sync.peer import Peer

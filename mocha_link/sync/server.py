@@ -10,9 +10,8 @@ from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import Direction
-from mocha_link.store.trust import difference
-from mocha_link.store.wire import STAMP_MASK
+from mocha_link.links import Direction
+from mocha_link.store import STAMP_MASK, difference
 from mocha_link.sync.flows import Flows, suits_connection
 from mocha_link.sync.frames import HELLO, header_of, message_frame
 from mocha_link.sync.original import ServerSession

@@ -12,9 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mocha_link.store.database import GROUPS
-from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
-from mocha_link.store.wire import STAMP_MASK, STAMPS_MS
+from mocha_link.store import GROUPS, MAX_RANGES, STAMP_MASK, STAMPS_MS, Range
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, is_body, message_id_of
 
 VERSION = 3

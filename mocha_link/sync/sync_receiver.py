@@ -9,11 +9,17 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.store import wire
-from mocha_link.store.reassembly_buffer import is_alone
-from mocha_link.store.record import Knowledge, Record
-from mocha_link.store.trust import difference
-from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, PayloadError
+from mocha_link.store import (
+    UNSAFE_MS,
+    WRAP_MS,
+    Header,
+    Knowledge,
+    PayloadError,
+    Record,
+    difference,
+    is_alone,
+    wire,
+)
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
-from mocha_link.store.database import GROUPS
-from mocha_link.store.record import Record
+from mocha_link.store import GROUPS, Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK, Peer

@@ -17,7 +17,7 @@ import pydantic
 import yaml
 from pydantic_core import ErrorDetails
 
-from mocha_link.team.error_text import UNKNOWN, Key, as_label, code_of, error_text
+from mocha_link.team.error_text import UNKNOWN, Key, as_label, code_of, text_of_error
 from mocha_link.team.problem import (
     DocumentError,
     Problem,
@@ -124,7 +124,7 @@ class Document:
         keys = detail["loc"][:-1] if missing else detail["loc"]
         at_key = unknown or keys[-1:] == ("[key]",)
         place = self.place_of_key(*keys) if at_key else self.place(*keys)
-        text = error_text(detail, model, self._words(keys))
+        text = text_of_error(detail, model, self._words(keys))
         return Problem(self.path, *place, text, code_of(detail), tuple(keys))
 
     def _words(self, keys: Sequence[Key]) -> list[str]:

@@ -80,7 +80,7 @@ def as_label(key: Any) -> str:
     return "null" if key is None else str(key)
 
 
-def error_text(detail: ErrorDetails, model: type[BaseModel], written: Sequence[str] = ()) -> str:
+def text_of_error(detail: ErrorDetails, model: type[BaseModel], written: Sequence[str] = ()) -> str:
     """One line about one pydantic error: what is wrong and what to do.
 
     Args:

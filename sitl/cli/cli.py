@@ -3,8 +3,8 @@
 import sys
 from collections.abc import Sequence
 
-from air_router.cli.cli import program_of
-from mocha_link.cli.program import Command
+from air_router.cli import program_of
+from mocha_link.cli import Command
 
 COMMANDS = (
     Command(

@@ -7,23 +7,26 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from air_router.cli.arguments import add_px4_version, speed_factor
+from air_router.cli import add_px4_version, speed_factor
 from air_router.errors import ExitCode, UsageError
-from air_router.vehicle.px4.versions import FLOWN, NEWEST, OLDEST, Version, name_of
+from air_router.vehicle.px4 import FLOWN, NEWEST, OLDEST, Version, name_of
 from sitl.cli.vehicle_command import PX4_HOME
-from sitl.conformance.conversation import (
+from sitl.conformance import (
     Conversation,
+    Line,
+    Link,
+    LocalLine,
     Outcome,
+    SilentVehicleError,
+    UdpLine,
     asked_version,
     conversations,
     converse,
+    table_of_facts,
+    table_of_steps,
 )
-from sitl.conformance.differences import table_of_facts, table_of_steps
-from sitl.conformance.session import Line, Link, LocalLine, SilentVehicleError, UdpLine
-from sitl.mavlink.codec import Frame
-from sitl.mavlink.vehicle import VehicleSettings
-from sitl.process.px4_install import Px4Install, find_px4
-from sitl.process.px4_process import Px4Process, Px4Settings
+from sitl.mavlink import Frame, VehicleSettings
+from sitl.process import Px4Install, Px4Process, Px4Settings, find_px4
 
 _EPOCH_S = 1.7e9
 _EPILOG = """\

@@ -11,21 +11,22 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from air_router.cli.arguments import print_json
+from air_router.cli import print_json
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from air_router.flight.terminal import StatusLine
+from air_router.flight import StatusLine
 from air_router.words import counted
-from sitl.experiment.campaign.campaign import Campaign, Work, make_runs
-from sitl.experiment.campaign.runs import (
+from sitl.experiment import Experiment, Record, Task, experiment_names, load_experiment
+from sitl.experiment.campaign import (
     ARCHIVE_ENDING,
+    Campaign,
     RunLog,
+    Work,
+    make_runs,
     program,
     read_archive,
     run_log,
     write_archive,
 )
-from sitl.experiment.plan import Experiment, Record, Task
-from sitl.experiment.plan_file import experiment_names, load_experiment
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.list:
         _print_list(arguments.json)
         return ExitCode.DONE
-    from sitl.experiment.campaign.running import make_run, put_together  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.campaign import make_run, put_together  # noqa: PLC0415 - only with SciPy
 
     return run_with(arguments, make_run, put_together)
 
@@ -120,7 +121,7 @@ def run_with(
     name = experiment.called(experiment.phase(first))
     folder = arguments.out or Path("experiments") / name
     if arguments.docs is not None:  # before the runs: whether there is something to fill after them
-        from sitl.experiment.analysis.report import text_of  # noqa: PLC0415 - only with SciPy
+        from sitl.experiment.analysis import text_of  # noqa: PLC0415 - only with SciPy
 
         text_of(arguments.docs, name)
     status = StatusLine()
@@ -160,7 +161,7 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
         folder.mkdir(parents=True, exist_ok=True)
         _evaluate(experiment, records, folder, arguments, archive)
         return ExitCode.DONE
-    from sitl.experiment.analysis.report import Report, differences  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis import Report, differences  # noqa: PLC0415 - only with SciPy
 
     found = differences(arguments.verify, Report(experiment, records), archive)
     for what in found:
@@ -228,7 +229,7 @@ def _evaluate(
     archive: Path | None,
 ) -> None:
     """Write and print what runs amount to, and put it into a document where that is asked for."""
-    from sitl.experiment.analysis.report import Report, fill  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis import Report, fill  # noqa: PLC0415 - only with SciPy
 
     found = Report(experiment, records)
     found.write(folder)
@@ -247,7 +248,7 @@ def _evaluate(
 
 def _figures(experiment: Experiment, records: Sequence[Record], folder: Path) -> list[Path]:
     try:
-        from sitl.experiment.analysis.figures import draw_all  # noqa: PLC0415 - only with matplotlib
+        from sitl.experiment.analysis import draw_all  # noqa: PLC0415 - only with matplotlib
     except AirRouterError as error:
         sys.stderr.write(f"no figures: {error}\n")
         return []

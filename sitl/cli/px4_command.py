@@ -13,9 +13,15 @@ from sitl.cli.vehicle_command import (
     place_of,
     ready_line,
 )
-from sitl.process.end_with_parent import stop_signal
-from sitl.process.px4_install import ENVIRONMENT, IMAGE, find_px4
-from sitl.process.px4_process import AIRFRAMES, Px4Process, Px4Settings
+from sitl.process import (
+    AIRFRAMES,
+    ENVIRONMENT,
+    IMAGE,
+    Px4Process,
+    Px4Settings,
+    find_px4,
+    stop_signal,
+)
 
 _EPILOG = f"""\
 Looks for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},

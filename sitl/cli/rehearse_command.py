@@ -16,17 +16,12 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import print_json
+from air_router.cli import print_json
 from air_router.errors import ExitCode
-from air_router.report.flight_table import went_on_without
-from sitl.rehearsal.faults import Fault, Scene, scenes
-from sitl.rehearsal.judge.acceptance import End
-from sitl.rehearsal.judge.case import Violation
-from sitl.rehearsal.judge.verdict import Verdict, judge
-from sitl.rehearsal.programs.flight import SPEED, RealFlight
-from sitl.rehearsal.programs.processes import OURS
-from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
-from sitl.rehearsal.simulated_flight import SimulatedFlight
+from air_router.report import went_on_without
+from sitl.rehearsal import Fault, Scene, SimulatedFlight, scenes
+from sitl.rehearsal.judge import End, Verdict, Violation, judge
+from sitl.rehearsal.programs import OURS, SPEED, RealFlight, WireScene, wire_scenes
 
 
 def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> str:

@@ -6,19 +6,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import add_rover, print_json
+from air_router.cli import add_rover, print_json
 from air_router.errors import ExitCode, UsageError
-from air_router.mission.loading import load_mission
-from air_router.mission.mission import Mission
-from air_router.vehicle.pace import PaceClient
+from air_router.mission import Mission, load_mission
+from air_router.vehicle import PaceClient
 from mocha_link.path_safety import new_file
-from mocha_link.team.problem import DocumentError
-from mocha_link.team.team import Team
+from mocha_link.team import DocumentError, Team
 from sitl.cli.vehicle_command import epoch, pace_source
-from sitl.process.end_with_parent import stop_signal
-from sitl.team.roles import TeamError, check_rovers, default_team, derive_team, roles_of
-from sitl.team.team import Places, TeamSimulation
-from sitl.world.world_file import load_world
+from sitl.process import stop_signal
+from sitl.team import (
+    Places,
+    TeamError,
+    TeamSimulation,
+    check_rovers,
+    default_team,
+    derive_team,
+    roles_of,
+)
+from sitl.world import load_world
 
 _DEFAULT_TRUTH: Final = "udp://127.0.0.1:19410"
 _DEFAULT_CAMERA: Final = "tcp://127.0.0.1:24600"

@@ -8,16 +8,15 @@ from typing import Any, Final
 
 import shapely
 
-from air_router.cli.arguments import print_json
+from air_router.cli import print_json
 from air_router.errors import ExitCode, UsageError
-from air_router.files.whole_file import write_whole
+from air_router.files import write_whole
 from air_router.words import counted
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.errors import needs_extra
-from mocha_link.team.document import DocumentError
-from sitl.world.towns.terrain import layers
-from sitl.world.towns.town import Town
+from mocha_link.team import DocumentError
+from sitl.world.towns import Town, layers
 
 _EPILOG = """\
 TOWN is a file, or COLUMNSxROWS: a new town of so many blocks of about 65 m. With --out a folder is
@@ -58,8 +57,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; returns the exit code."""
-    from sitl.world.towns.town_file import load_town  # noqa: PLC0415 - needs scipy
-    from sitl.world.towns.town_generator import generate, scatter  # noqa: PLC0415
+    from sitl.world.towns import (  # noqa: PLC0415
+        generate,
+        load_town,
+        scatter,
+    )
 
     new = _BLOCKS.fullmatch(arguments.town)
     if not new:
@@ -114,7 +116,7 @@ def _facts(town: Town) -> dict[str, Any]:
 
 
 def _write(town: Town, folder: Path, *, new: bool, force: bool) -> None:
-    from sitl.world.towns.town_file import mission_text, town_text  # noqa: PLC0415 - slow to load
+    from sitl.world.towns import mission_text, town_text  # noqa: PLC0415 - slow to load
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -133,7 +135,7 @@ def _draw(town: Town, path: Path) -> None:
         PictureError: the file cannot be written, or its ending is not a picture's.
     """
     with needs_extra("a picture", "plot", "air-router"):
-        from air_router.report.map_sheet import Ink, MapSheet  # noqa: PLC0415 - needs matplotlib
+        from air_router.report import Ink, MapSheet  # noqa: PLC0415 - needs matplotlib
 
     bounds = town.bounds
     corners = [Point(bounds.west_m, bounds.south_m), Point(bounds.east_m, bounds.north_m)]

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import (
+from air_router.cli import (
     ANY_FINITE,
     MORE_THAN_0,
     add_px4_version,
@@ -16,19 +16,25 @@ from air_router.cli.arguments import (
     speed_factor,
 )
 from air_router.errors import ExitCode, UsageError
-from air_router.mission.loading import load_mission
-from air_router.vehicle.pace import PaceSource
-from air_router.vehicle.px4.versions import name_of
+from air_router.mission import load_mission
+from air_router.vehicle import PaceSource
+from air_router.vehicle.px4 import name_of
 from mocha_link.loopback import is_loopback
-from sitl.mavlink.vehicle import VehicleSettings
-from sitl.process.end_with_parent import stop_signal
-from sitl.process.pace import Pace
-from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.vehicle import HERE, Address, End, Ports, VehicleProcess, px4_ports
-from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.px4sim.parameters import defaults
-from sitl.px4sim.state import Place
-from sitl.px4sim.versions import BEHAVIOURS, USUAL
+from sitl.mavlink import VehicleSettings
+from sitl.process import (
+    HERE,
+    Address,
+    End,
+    FollowedPace,
+    Pace,
+    PaceServer,
+    Ports,
+    VehicleProcess,
+    px4_ports,
+    stop_signal,
+)
+from sitl.px4sim import BEHAVIOURS, USUAL, Place, defaults
+from sitl.px4sim.motion import WindSettings
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts by default."""

@@ -26,7 +26,7 @@ from typing import Any, Final
 
 import yaml
 
-from air_router.vehicle.px4.versions import NEWEST, Version, version_of
+from air_router.vehicle.px4 import NEWEST, Version, version_of
 from sitl.conformance import expecting, sending
 from sitl.conformance.session import DepartureError, Line, Link, Session, SilentVehicleError
 

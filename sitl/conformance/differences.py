@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
-from air_router.vehicle.px4.versions import FACTS, FLOWN, Version, VersionFact, name_of
+from air_router.vehicle.px4 import FACTS, FLOWN, Version, VersionFact, name_of
 from sitl.conformance.conversation import (
     BECAUSE,
     LEFT_OUT,
@@ -12,7 +12,7 @@ from sitl.conformance.conversation import (
     conversations,
     in_version,
 )
-from sitl.px4sim.versions import RECORDED
+from sitl.px4sim import RECORDED
 
 _NOTHING: Final = "no such step"
 

@@ -13,8 +13,8 @@ from sitl.conformance.session import (
     PositionEstimate,
     Session,
 )
-from sitl.mavlink.codec import command_number
-from sitl.px4sim.state import FlightMode, Notice, Severity
+from sitl.mavlink import command_number
+from sitl.px4sim import FlightMode, Notice, Severity
 
 Fields = dict[str, Any]
 _ARMED: Final = 128

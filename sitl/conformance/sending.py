@@ -7,10 +7,8 @@ from typing import Final
 
 from sitl.conformance.expecting import Fields, same, shorten
 from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Heard, Link, Session
-from sitl.mavlink.codec import command_number
-from sitl.px4sim.commands import CommandResult
-from sitl.px4sim.plan_store import UploadResult
-from sitl.px4sim.state import FlightMode
+from sitl.mavlink import command_number
+from sitl.px4sim import CommandResult, FlightMode, UploadResult
 
 _EXTRA_S: Final = 0.3
 _MOVES_S: Final = 0.05

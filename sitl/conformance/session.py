@@ -10,11 +10,10 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any, Final, NamedTuple
 
-from air_router.vehicle.px4.versions import Version
-from sitl.mavlink.codec import Frame, Sender, addressed, frames
-from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
-from sitl.process.vehicle import PortInUseError
-from sitl.px4sim.state import MapProjection
+from air_router.vehicle.px4 import Version
+from sitl.mavlink import Frame, MavlinkVehicle, Sender, VehicleSettings, addressed, frames
+from sitl.process import PortInUseError
+from sitl.px4sim import MapProjection
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)

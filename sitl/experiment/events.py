@@ -23,8 +23,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from air_router.controller.model.actions import Action, Motion
-from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
+from air_router.controller.model import Action, CommandConfirmed, CommandFailed, Event, Motion
 from air_router.record import serialization
 
 _DIGITS = 6

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Final
 from pydantic import BaseModel, Field, ValidationError, create_model
 
 from air_router.errors import UsageError
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team import Document, DocumentError, Problem
 from sitl.experiment.plan import Experiment, Header, Row, phrase, rows_with, varied
 from sitl.experiment.settings import RunSettings, with_setting
 

@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy
-from sitl.world.explorers.settings import ExplorerSettings, PlacedBy, Positive
+from air_router.files import DEFAULT_SEEK_POLICY, SeekPolicy
+from sitl.world.explorers import ExplorerSettings, PlacedBy, Positive
 
 ChannelKind = Literal["paper", "path_loss"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.

@@ -12,12 +12,17 @@ from sitl.mavlink.mission_protocol import MissionProtocol, Reply
 from sitl.mavlink.reports import MissionReporter, TextChannel, as_said
 from sitl.mavlink.telemetry import StreamSchedule, knows
 from sitl.mavlink.telemetry import message as telemetry
-from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.commands import DO_SET_MODE, CommandResult, Commands, Params
-from sitl.px4sim.failsafe import GROUND_STATION
-from sitl.px4sim.flight_modes import Sticks
-from sitl.px4sim.state import Notice
-from sitl.px4sim.used_params import unused_param_of_command
+from sitl.px4sim import (
+    DO_SET_MODE,
+    GROUND_STATION,
+    Autopilot,
+    CommandResult,
+    Commands,
+    Notice,
+    Params,
+    Sticks,
+    unused_param_of_command,
+)
 
 _log = logging.getLogger(__name__)
 

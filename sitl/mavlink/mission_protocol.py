@@ -10,19 +10,19 @@ from enum import Enum
 from typing import Any, Final
 
 from sitl.mavlink.codec import Outgoing
-from sitl.px4sim.plan_store import (
+from sitl.px4sim import (
     CAPACITY,
     MissionItem,
     MissionType,
+    Notice,
     PlanStore,
+    Px4Behaviour,
     Refusal,
     UploadResult,
     checksum,
     stored_item,
+    unused_param_of_item,
 )
-from sitl.px4sim.state import Notice
-from sitl.px4sim.used_params import unused_param_of_item
-from sitl.px4sim.versions import Px4Behaviour
 
 _RETRY_S: Final = 0.25
 _TIMEOUT_S: Final = 5.0

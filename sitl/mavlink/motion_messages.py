@@ -7,9 +7,8 @@ None: nothing to say.
 import math
 from typing import Any, Final
 
-from sitl.px4sim.autopilot import HOME_AFTER_S, Autopilot
-from sitl.px4sim.estimation import FEWEST_SATELLITES
-from sitl.px4sim.motion.guidance import SetpointKind
+from sitl.px4sim import FEWEST_SATELLITES, HOME_AFTER_S, Autopilot
+from sitl.px4sim.motion import SetpointKind
 
 POSITION_AFTER_S: Final = 3.2
 _GPS_NOISE_M: Final = 0.2

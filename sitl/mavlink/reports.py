@@ -12,11 +12,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from sitl.mavlink.codec import Outgoing
-from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.failsafe import missing_receivers, receivers_forbid_arming
-from sitl.px4sim.plan_store import MissionType
-from sitl.px4sim.state import FlightMode, Notice, Severity
-from sitl.px4sim.versions import Px4Behaviour
+from sitl.px4sim import (
+    Autopilot,
+    FlightMode,
+    MissionType,
+    Notice,
+    Px4Behaviour,
+    Severity,
+    missing_receivers,
+    receivers_forbid_arming,
+)
 
 _WINDOW_S: Final = 2.5
 _AGE_S: Final = 5.0

@@ -13,8 +13,7 @@ from typing import Final
 from sitl.mavlink import motion_messages as motion
 from sitl.mavlink.codec import DEFINITIONS, Outgoing
 from sitl.mavlink.motion_messages import Fields
-from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.state import FlightMode
+from sitl.px4sim import Autopilot, FlightMode
 
 _VTOLS: Final = frozenset({19, 20, 21, 22, 23, 24, 25})  # MAV_TYPE
 _HOVERS: Final = 3  # MAV_VTOL_STATE_MC

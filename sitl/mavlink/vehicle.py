@@ -6,16 +6,22 @@ from collections.abc import Mapping
 from dataclasses import astuple, dataclass, field
 from typing import Final
 
-from air_router.vehicle.px4.versions import Version
+from air_router.vehicle.px4 import Version
 from sitl.mavlink.codec import Outgoing
 from sitl.mavlink.link import MavlinkLink
 from sitl.mavlink.reports import HealthReport, as_said
 from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ
-from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.px4sim.parameters import DEFAULTS, Parameters
-from sitl.px4sim.state import FlightMode, Notice, Place
-from sitl.px4sim.versions import BEHAVIOURS, USUAL
+from sitl.px4sim import (
+    BEHAVIOURS,
+    DEFAULTS,
+    USUAL,
+    Autopilot,
+    FlightMode,
+    Notice,
+    Parameters,
+    Place,
+)
+from sitl.px4sim.motion import WindSettings
 
 STEP_S: Final = 0.02
 _WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")

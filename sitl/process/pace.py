@@ -10,9 +10,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from air_router.vehicle.clock import ALLOWANCE_S
-from air_router.vehicle.pace import LEAST_S
-from mocha_link.node.lifetime import Closeable
+from air_router.vehicle import ALLOWANCE_S, LEAST_S
+from mocha_link.lifetime import Closeable
 
 PATIENCE_S: Final = 2.0
 """Wall-clock seconds that the world stands still for one process; a vehicle that is silent for

@@ -8,8 +8,7 @@ import time
 from collections.abc import Collection
 from typing import Any, Final
 
-from air_router.vehicle.clock import ALLOWANCE_S
-from air_router.vehicle.pace import PaceSource, line
+from air_router.vehicle import ALLOWANCE_S, PaceSource, line
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.vehicle import Address, PortInUseError
 

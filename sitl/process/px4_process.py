@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import AirRouterError, NoVehicleError
-from air_router.sim.ports import is_free
-from mocha_link.node.lifetime import Closeable
+from air_router.sim import is_free
+from mocha_link.lifetime import Closeable
 from mocha_link.path_safety import made_folder, new_file
-from sitl.mavlink.codec import frames
+from sitl.mavlink import frames
 from sitl.process.end_with_parent import ending_with_us
 from sitl.process.px4_install import Px4Install
-from sitl.px4sim.state import Place
+from sitl.px4sim import Place
 
 _LOCK: Final = "/tmp/px4_lock"  # noqa: S108 - PX4's own
 _STANDBY: Final = 3  # HEARTBEAT.system_status: it can arm

@@ -8,9 +8,8 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from air_router.errors import AirRouterError, ExitCode
-from mocha_link.node.lifetime import Closeable
-from sitl.mavlink.link import MavlinkLink
-from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
+from mocha_link.lifetime import Closeable
+from sitl.mavlink import MavlinkLink, MavlinkVehicle, VehicleSettings
 from sitl.process.pace import Pace
 
 _log = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from enum import Enum
 from typing import Final
 
-from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, braking_distance
+from sitl.px4sim.motion import Setpoint, SetpointKind, braking_distance
 from sitl.px4sim.state import Situation
 
 _SLOW_M_S: Final = 0.05

@@ -20,9 +20,16 @@ from sitl.px4sim.failsafe import (
 from sitl.px4sim.fence import Fence
 from sitl.px4sim.flight_modes import FlightModes, Sticks
 from sitl.px4sim.mission_flight import MissionFlight, PlanIntake
-from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
-from sitl.px4sim.motion.dynamics import GRAVITY_M_S2, Multirotor
-from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, wanted_velocity
+from sitl.px4sim.motion import (
+    GRAVITY_M_S2,
+    EstimateErrors,
+    Multirotor,
+    Setpoint,
+    SetpointKind,
+    Wind,
+    WindSettings,
+    wanted_velocity,
+)
 from sitl.px4sim.parameters import Parameters
 from sitl.px4sim.plan_store import PlanStore
 from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity, Situation

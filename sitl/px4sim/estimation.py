@@ -8,9 +8,7 @@ be flown. With a fix again it takes two seconds.
 from enum import Enum
 from typing import Final
 
-from sitl.px4sim.motion.disturbances import EstimateErrors
-from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
-from sitl.px4sim.motion.guidance import SetpointKind
+from sitl.px4sim.motion import EstimateErrors, MotionDemand, Multirotor, SetpointKind
 from sitl.px4sim.state import Situation
 
 FEWEST_SATELLITES: Final = 4

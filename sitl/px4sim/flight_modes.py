@@ -7,8 +7,7 @@ from typing import Final
 from sitl.px4sim.auto_modes import Flight, HoldFlight, LandFlight, ReturnFlight, TakeoffFlight
 from sitl.px4sim.failsafe import Action
 from sitl.px4sim.mission_flight import MissionFlight
-from sitl.px4sim.motion.dynamics import MotionDemand
-from sitl.px4sim.motion.guidance import Direct, Setpoint, SetpointKind
+from sitl.px4sim.motion import Direct, MotionDemand, Setpoint, SetpointKind
 from sitl.px4sim.state import FlightMode, Situation
 
 _DEAD_ZONE: Final = 0.1

@@ -12,7 +12,7 @@ from typing import Final
 
 from sitl.px4sim.auto_modes import Flight, ReturnFlight, go_to
 from sitl.px4sim.fence import Fence
-from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
+from sitl.px4sim.motion import Setpoint, SetpointKind
 from sitl.px4sim.plan_store import (
     FRAME_RELATIVE,
     Command,

@@ -8,7 +8,7 @@ from enum import Enum, IntEnum
 from importlib import resources
 from typing import Final, Self
 
-from sitl.px4sim.motion.guidance import Pace, Setpoint
+from sitl.px4sim.motion import Pace, Setpoint
 from sitl.px4sim.parameters import Parameters
 
 CUSTOM_MODE_ENABLED: Final = 1  # MAV_MODE_FLAG

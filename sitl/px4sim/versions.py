@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.vehicle.px4.versions import NEWEST, Version
+from air_router.vehicle.px4 import NEWEST, Version
 
 Values = Mapping[str, int | float]
 

@@ -1,1 +1,38 @@
 """Flights in which something goes wrong, and a judge that knows nothing of how they are flown."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "companion": ("SimulatedLoop",),
+        "courses": (
+            "Agenda",
+            "BATTERY",
+            "BRIEF_S",
+            "Course",
+            "Draw",
+            "ITEM",
+            "LANDED",
+            "MODE",
+            "POSITION",
+            "Row",
+            "SATELLITES",
+            "Schedule",
+            "ScheduledFault",
+            "carry_out",
+            "choice",
+            "one",
+            "placed",
+            "steps",
+            "uniform",
+        ),
+        "faults": ("Fault", "Scene", "scenes"),
+        "inspections": ("SAID", "SENDERS"),
+        "mission_file": ("ANOTHER", "MissionFile", "hurried"),
+        "scenario": ("SceneOverError",),
+        "simulated_flight": ("SimulatedFlight",),
+        "strangers": ("VehicleState", "false_words"),
+        "zone_terms": ("with_terms",),
+    },
+)

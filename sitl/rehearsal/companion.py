@@ -11,19 +11,15 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from air_router.errors import AirRouterError
-from air_router.flight.flight import Flight
-from air_router.flight.terminal import StatusLine
-from air_router.gossip.gossip import Gossip
-from air_router.gossip.mapper import Mapper
-from air_router.mission.loading import load_mission
-from air_router.mission.team import sought, team_of
-from air_router.preflight.preflight_survey import PreflightSurvey
-from air_router.record.recorder import Recorder
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.flight import Flight, StatusLine
+from air_router.gossip import Gossip, Mapper
+from air_router.mission import load_mission, sought, team_of
+from air_router.preflight import PreflightSurvey
+from air_router.record import Recorder
+from air_router.vehicle import VehicleClock
+from air_router.vehicle.px4 import Px4Vehicle
 from mocha_link import Node
-from sitl.rehearsal.stand_ins.mavsdk import Fields, Send, StandIn
-from sitl.rehearsal.stand_ins.team import NodeStandIn
+from sitl.rehearsal.stand_ins import Fields, NodeStandIn, Send, StandIn
 
 EPOCH_S: Final = 1_790_000_000.0
 """Unix time of simulated time zero."""

@@ -16,9 +16,7 @@ from typing import Any, Final
 import shapely
 import yaml
 
-from sitl.rehearsal.judge.evidence import Frame
-from sitl.rehearsal.judge.mission_reader import Area, Pair, RawMission, read_mission
-from sitl.rehearsal.judge.space import leads_home
+from sitl.rehearsal.judge import Area, Frame, Pair, RawMission, leads_home, read_mission
 from sitl.rehearsal.mission_file import ANOTHER, with_another_uav
 
 Document = dict[str, Any]

@@ -9,8 +9,8 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from air_router.vehicle.px4.versions import FLOWN, NEWEST, Version
-from sitl.px4sim.motion.disturbances import WindSettings
+from air_router.vehicle.px4 import FLOWN, NEWEST, Version
+from sitl.px4sim.motion import WindSettings
 from sitl.rehearsal import courses, documents, inspections, requests, takeovers
 from sitl.rehearsal.courses import (
     BATTERY,
@@ -33,7 +33,7 @@ from sitl.rehearsal.courses import (
     stream,
     uniform,
 )
-from sitl.rehearsal.stand_ins.link import StreamFault
+from sitl.rehearsal.stand_ins import StreamFault
 
 _AT_ONCE: Final = frozenset({"ready", "armed"})
 _DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone", "change")

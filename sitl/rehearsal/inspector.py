@@ -7,14 +7,12 @@ from typing import Final
 
 import shapely
 
-from sitl.px4sim.state import FlightMode
-from sitl.rehearsal.judge.evidence import SceneEventKind
-from sitl.rehearsal.judge.mission_reader import Pair, RawMission
-from sitl.rehearsal.judge.space import open_space
+from sitl.px4sim import FlightMode
+from sitl.rehearsal.judge import Pair, RawMission, SceneEventKind, open_space
 from sitl.rehearsal.operator import FAST_M_S, Operator
 from sitl.rehearsal.requests import goto
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins.link import StreamFault, Way
+from sitl.rehearsal.stand_ins import StreamFault, Way
 
 _BESIDE_M: Final = 0.8
 """So much farther than routes keep from an area its corners are passed."""

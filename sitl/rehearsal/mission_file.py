@@ -17,11 +17,9 @@ from typing import Any, Final, NamedTuple
 import shapely
 import yaml
 
-from air_router.mission.loading import load_mission
+from air_router.mission import load_mission
 from geo.frame import Point
-from sitl.rehearsal.judge.evidence import Frame
-from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
-from sitl.rehearsal.judge.space import open_space
+from sitl.rehearsal.judge import Frame, Pair, RawMission, open_space, read_mission
 from sitl.rehearsal.zone_terms import OVER_RALLY, WIDER_M, over_a_rally_point
 
 _HOME_CLEAR_M: Final = 8.0

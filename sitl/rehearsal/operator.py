@@ -11,15 +11,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from air_router.control.command_request import parse_command
-from air_router.controller.model.requests import GoTo
+from air_router.control import parse_command
+from air_router.controller.model import GoTo
 from geo.frame import Point
-from sitl.rehearsal.judge.evidence import SceneEventKind
-from sitl.rehearsal.judge.mission_reader import Pair
+from sitl.rehearsal.judge import Pair, SceneEventKind
 from sitl.rehearsal.mission_file import FlyableSpace
 from sitl.rehearsal.requests import goto, request_of
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins.link import StreamFault, Way
+from sitl.rehearsal.stand_ins import StreamFault, Way
 
 _RESUME_S: Final = 2.0
 """So often an operator asks for what was refused."""

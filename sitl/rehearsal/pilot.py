@@ -8,12 +8,11 @@ import random
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 
-from sitl.px4sim.plan_store import MissionType
-from sitl.px4sim.state import FlightMode
-from sitl.rehearsal.judge.evidence import SceneEventKind
+from sitl.px4sim import FlightMode, MissionType
+from sitl.rehearsal.judge import SceneEventKind
 from sitl.rehearsal.operator import FAST_M_S, Operator
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins.link import StreamFault, Way
+from sitl.rehearsal.stand_ins import StreamFault, Way
 
 STICKS_S: Final = 3.0
 _MOVE_S: Final = 0.3

@@ -14,18 +14,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from air_router.mission.mission import Mission
-from air_router.mission.team import sought, team_of
+from air_router.mission import Mission, sought, team_of
 from geo.frame import Point
-from sitl.mavlink.codec import Sender
-from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
-from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.px4sim.state import Place
+from sitl.mavlink import MavlinkVehicle, Sender, VehicleSettings
+from sitl.px4sim import Autopilot, Place
+from sitl.px4sim.motion import WindSettings
 from sitl.rehearsal.companion import EPOCH_S, START, Companion, World
 from sitl.rehearsal.courses import Agenda
 from sitl.rehearsal.faults import BY_HAND, WIDE, Fault, Scene, wind_of
-from sitl.rehearsal.judge.evidence import (
+from sitl.rehearsal.judge import (
     COMPANION,
     Evidence,
     FlightRecord,
@@ -42,9 +39,7 @@ from sitl.rehearsal.mission_file import (
     with_room,
 )
 from sitl.rehearsal.seen import LANDS, RATES_HZ, Ending, phases, true_degrees, true_state
-from sitl.rehearsal.stand_ins.link import Burst, Link, Way
-from sitl.rehearsal.stand_ins.stations import Stations
-from sitl.rehearsal.stand_ins.team import Robots, anywhere
+from sitl.rehearsal.stand_ins import Burst, Link, Robots, Stations, Way, anywhere
 from sitl.rehearsal.zone_terms import with_terms
 
 STEP_S: Final = 0.04

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
-from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.state import FlightMode
+from sitl.mavlink import ONBOARD_RATES_HZ
+from sitl.px4sim import Autopilot, FlightMode
 from sitl.rehearsal.companion import Companion
-from sitl.rehearsal.judge.evidence import Sample
+from sitl.rehearsal.judge import Sample
 
 _HEARD: Final = (
     *("HEARTBEAT", "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "GLOBAL_POSITION_INT"),

@@ -12,13 +12,11 @@ from sitl.rehearsal.courses import ScheduledFault, carry_out
 from sitl.rehearsal.faults import Scene
 from sitl.rehearsal.file_changes import FileChanges
 from sitl.rehearsal.inspector import Inspector
-from sitl.rehearsal.judge.evidence import SceneEventKind
+from sitl.rehearsal.judge import SceneEventKind
 from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.pilot import Pilot
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins.link import StreamFault, Way, wrong_of
-from sitl.rehearsal.stand_ins.stations import foreign_messages
-from sitl.rehearsal.stand_ins.team import pose, prank_of
+from sitl.rehearsal.stand_ins import StreamFault, Way, foreign_messages, pose, prank_of, wrong_of
 from sitl.rehearsal.strangers import Strangers
 from sitl.rehearsal.zone_drawing import ZoneDrawing
 

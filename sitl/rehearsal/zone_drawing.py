@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import Final
 
 from geo.frame import Point
-from sitl.px4sim.state import FlightMode
+from sitl.px4sim import FlightMode
 from sitl.rehearsal.faults import Fault
-from sitl.rehearsal.judge.evidence import SceneEventKind
+from sitl.rehearsal.judge import SceneEventKind
 from sitl.rehearsal.mission_file import SIDES
 from sitl.rehearsal.operator import FAST_M_S, Operator
 from sitl.rehearsal.scenario import Scenario

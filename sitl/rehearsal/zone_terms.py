@@ -18,8 +18,7 @@ from typing import Any, Final
 import shapely
 import yaml
 
-from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
-from sitl.rehearsal.judge.space import leads_home
+from sitl.rehearsal.judge import Pair, RawMission, leads_home, read_mission
 
 _HOME_AMSL_M: Final = 550.0
 _OVER_M, _BELOW_M = 18.0, 0.5

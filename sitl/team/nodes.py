@@ -18,9 +18,8 @@ from functools import partial
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-from air_router.controller.model.events import RobotPose
-from air_router.gossip.ros_messages import MAP_FRAME, Datum, readers_of, stamp
-from air_router.gossip.team_messages import TeamMessageDecoder
+from air_router.controller.model import RobotPose
+from air_router.gossip import MAP_FRAME, Datum, TeamMessageDecoder, readers_of, stamp
 from air_router.messages import (
     JSON_PACKAGE,
     PATH_TOPIC,
@@ -29,11 +28,12 @@ from air_router.messages import (
     PathMessage,
     PoseMessage,
 )
-from air_router.mission.team import FIX, POSE, path_topic, pose_topic
+from air_router.mission import FIX, POSE, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import GridError, SemanticGrid
 from mocha_link.clock import Clock
-from mocha_link.links.metrics import (
+from mocha_link.lifetime import Closeable
+from mocha_link.links import (
     Direction,
     LinkEvent,
     MessageStored,
@@ -41,14 +41,12 @@ from mocha_link.links.metrics import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.node.lifetime import Closeable
-from mocha_link.node.node import Node
-from mocha_link.ros.typed import Types
-from mocha_link.service.service import ServiceServer
-from mocha_link.store.message import Message
-from mocha_link.team.team import Robot, Team, Topic
-from sitl.world.ground_robots import Publication
-from sitl.world.world import Reading
+from mocha_link.node import Node
+from mocha_link.ros import Types
+from mocha_link.service import ServiceServer
+from mocha_link.store import Message
+from mocha_link.team import Robot, Team, Topic
+from sitl.world import Publication, Reading
 
 _log = logging.getLogger(__name__)
 

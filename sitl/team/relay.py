@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from air_router.errors import AirRouterError
-from mocha_link.node.lifetime import Closeable
-from mocha_link.team.team import Team
+from mocha_link.lifetime import Closeable
+from mocha_link.team import Team
 
 CLOSE_AFTER_S = 2.0
 """Wall seconds that a cut may last before the connections over it are closed."""

@@ -9,17 +9,14 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.gossip.mapper import RESOLUTION_M
-from air_router.mission.mission import Mission
-from air_router.mission.team import UAV_KIND
-from air_router.sim.ports import PORTS, is_free
+from air_router.gossip import RESOLUTION_M
+from air_router.mission import UAV_KIND, Mission
+from air_router.sim import PORTS, is_free
 from mocha_link.path_safety import new_file
-from mocha_link.team.document import Document
-from mocha_link.team.team import Robot, Team
+from mocha_link.team import Document, Robot, Team
 from sitl.team.nodes import RosMessages
-from sitl.world.towns.terrain import Raster
-from sitl.world.world import World
-from sitl.world.world_file import WorldPlan
+from sitl.world import World, WorldPlan
+from sitl.world.towns import Raster
 
 
 class TeamError(AirRouterError):

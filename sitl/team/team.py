@@ -15,18 +15,17 @@ import zmq
 
 from air_router.errors import AirRouterError
 from air_router.messages import MessageError
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 from geo.frame import FrameError
 from geo.grid import GridError, GridPatch
-from mocha_link.node.lifetime import Closeable
-from mocha_link.team.team import Team
+from mocha_link.lifetime import Closeable
+from mocha_link.team import Team
 from sitl.team.nodes import GroundNodes, RadioReadings, RosMessages, Rovers
 from sitl.team.relay import Relay, relayed_pairs
 from sitl.team.roles import check_rovers, make_world, roles_of
 from sitl.team.team_report import TeamPace, report
 from sitl.team.truth import SimClock, TruthReceiver, VehicleState
-from sitl.world.world import Step, Truth
-from sitl.world.world_file import WorldPlan
+from sitl.world import Step, Truth, WorldPlan
 
 _log = logging.getLogger(__name__)
 

@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mocha_link.store.message import Message
+from mocha_link.store import Message
 from sitl.team.nodes import GroundNodes
 from sitl.team.truth import SimClock
-from sitl.world.world import World
+from sitl.world import World
 
 
 def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from air_router.errors import AirRouterError
-from sitl.mavlink.codec import frames
+from sitl.mavlink import frames
 
 _log = logging.getLogger(__name__)
 

@@ -1,1 +1,14 @@
 """The simulated world: robots, radio, terrain, cameras."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "air_to_ground": ("AirToGround", "HIGHEST_M"),
+        "ground_robots": ("Publication",),
+        "radio": ("RadioModel", "TownRadio"),
+        "world": ("Reading", "STEP_S", "Step", "Truth", "World"),
+        "world_file": ("WorldPlan", "load_world"),
+    },
+)

@@ -17,7 +17,7 @@ from air_router.messages import (
     SightingsMessage,
 )
 from geo.frame import LocalFrame, Point
-from sitl.world.explorers.explorer import GroundRobot
+from sitl.world.explorers import GroundRobot
 from sitl.world.ugv import PatrolRobot
 
 POSE_INTERVAL_S: Final = 1.0

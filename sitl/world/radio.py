@@ -32,7 +32,7 @@ from sitl.world.air_to_ground import (
     PlaceField,
     free_space_db,
 )
-from sitl.world.towns.terrain import Raster
+from sitl.world.towns import Raster
 
 _SHORTEST_M: Final = 1.0  # the reference distance; closer than this the formula means nothing
 _GROUND_FADING_M: Final = 13.0  # without a line of sight: TR 38.901, table 7.5-6

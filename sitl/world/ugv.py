@@ -11,7 +11,7 @@ import random
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 from geo.frame import Point
 
 MAX_SPEED_M_S = 1.5

@@ -16,11 +16,10 @@ import numpy as np
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
 from sitl.world.air_to_ground import ROOF_M, AirToGround, Numbers
-from sitl.world.explorers.exploration import first_visits
-from sitl.world.explorers.explorer import GroundRobot, Visit
+from sitl.world.explorers import GroundRobot, Visit, first_visits
 from sitl.world.ground_robots import Every, ExplorerUgv, PatrolUgv, Publication, Ugv
 from sitl.world.radio import PairPowers
-from sitl.world.towns.terrain import Raster
+from sitl.world.towns import Raster
 from sitl.world.ugv import Patrol, PatrolPlan, PatrolRobot
 from sitl.world.world_file import WorldPlan
 

@@ -13,19 +13,16 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import BaseModel, Field, model_validator
 
-from air_router.files.missions.mission_mistakes import other_kind
-from air_router.files.usual_values import parse_world
-from air_router.gossip.mapper import MARGIN_M
-from air_router.mission.mission import Mission
-from geo.airspace.zone import Circle, Ring, Zone, ZoneError, checked_ring
+from air_router.files import parse_world
+from air_router.files.missions import other_kind
+from air_router.gossip import MARGIN_M
+from air_router.mission import Mission
+from geo.airspace import Circle, Ring, Zone, ZoneError, checked_ring
 from geo.frame import FrameError, Point
-from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.world.explorers.exploration import Exploration
-from sitl.world.explorers.settings import ExplorerSettings, PlacedBy
+from mocha_link.team import Document, DocumentError, Problem
+from sitl.world.explorers import Exploration, ExplorerSettings, PlacedBy
 from sitl.world.radio import RadioModel
-from sitl.world.towns.terrain import Camera, Road, Scene
-from sitl.world.towns.town_file import load_town
-from sitl.world.towns.town_generator import scatter
+from sitl.world.towns import Camera, Road, Scene, load_town, scatter
 from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan, default_patrols
 
 Keys = tuple[str | int, ...]

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.control.control import ControlClient
 from air_router.record.log import Log
-from air_router.record.replay import replay
+from air_router.record.replay import replay_record
 from mocha_link import Team
 from tests.system.conftest import program
 
@@ -90,7 +90,7 @@ def test_kill_9_in_flight_leaves_the_vehicle_on_its_checked_leg_and_a_record(
         watcher.close()
     (path,) = (tmp_path / "logs").iterdir()
     log = Log(path)
-    again = replay(log)  # up to its last second, it decided as we do
+    again = replay_record(log)  # up to its last second, it decided as we do
     assert log.ending.startswith("it was cut off")
     assert again.difference is None
     assert again.events > 10

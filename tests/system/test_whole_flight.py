@@ -19,7 +19,7 @@ from air_router.controller.model.requests import SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
 from air_router.record.log import Log
-from air_router.record.replay import replay
+from air_router.record.replay import replay_record
 from mocha_link import Team
 from mocha_link.links.metrics import Direction, SyncEnded
 from sitl.team.roles import derive_team
@@ -291,7 +291,7 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(fli
     kinds = {entry.kind for entry in entries}
     assert kinds == {"about", "setup", "note", "file", "event", "action", "link", "patch"}
     assert entries[-1].value.name == "Report"
-    again = replay(entries)
+    again = replay_record(entries)
     assert again.difference is None, "\n".join(again.difference.lines())
     assert again.events > 1000
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 
 from air_router.controller.model.states import Signal, State
-from air_router.vehicle.instructions import Severity
+from air_router.vehicle import Severity
 from geo.frame import Point
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.requests import AnyRequest
-from air_router.vehicle.vehicle import FlightMode, VehicleEvent
-from geo.airspace.zone import Shape, Zone
+from air_router.vehicle import FlightMode, VehicleEvent
+from geo.airspace import Shape, Zone
 from geo.frame import Point
-from mocha_link.links.metrics import LinkEvent
+from mocha_link.links import LinkEvent
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 
 
 @dataclass(frozen=True, slots=True)

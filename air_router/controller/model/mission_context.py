@@ -11,12 +11,9 @@ from functools import cached_property
 from air_router.controller.model.actions import Action, Announce, ControlHolder
 from air_router.controller.model.standing_alarms import StandingAlarms
 from air_router.controller.model.states import Signal, Spec, State
-from air_router.mission.mission import Mission
-from air_router.routing.return_planner import Pace
-from air_router.routing.router import Leg, NoRoute, Router
-from air_router.vehicle.input_limits import InputWatch
-from air_router.vehicle.instructions import Instruction, Severity
-from air_router.vehicle.vehicle import Telemetry
+from air_router.mission import Mission
+from air_router.routing import Leg, NoRoute, Pace, Router
+from air_router.vehicle import InputWatch, Instruction, Severity, Telemetry
 from geo.frame import Point
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.model.actions import Announce
-from air_router.vehicle.instructions import TAKE_OVER_NOW, Instruction, Severity
+from air_router.vehicle import TAKE_OVER_NOW, Instruction, Severity
 
 ESCALATES_S: Final = 10.0
 """An alarm that is not answered for so long is said again, and asks for the sticks."""

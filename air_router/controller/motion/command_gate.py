@@ -36,19 +36,29 @@ from itertools import permutations
 from types import MappingProxyType
 from typing import Final
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
-from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.controller.model.mission_context import MissionContext, Way, ZoneChange
-from air_router.controller.model.states import State
-from air_router.mission.flight_plan import FlightPlan
-from air_router.routing.departure import BRAKING_M_S2, Momentum, PendingSetpoint
-from air_router.vehicle.instructions import (
+from air_router.controller.model import (
+    CommandConfirmed,
+    CommandFailed,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    MissionContext,
+    Motion,
+    State,
+    Way,
+    ZoneChange,
+)
+from air_router.mission import FlightPlan
+from air_router.routing import BRAKING_M_S2, Momentum, PendingSetpoint
+from air_router.vehicle import (
     CHECK_LINK,
     FLY_OUT_OR_RELOAD,
     READ_PX4,
+    FlightMode,
     Instruction,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
 RETRY_S: Final = 3.0

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
-from air_router.controller.model.mission_context import MissionContext, Way
+from air_router.controller.model import FlyToNode, FlyToPoint, MissionContext, Motion, Way
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
-from air_router.mission.mission import Mission
-from air_router.vehicle.instructions import CLIMB_BY_HAND
-from air_router.vehicle.vehicle import Telemetry
+from air_router.mission import Mission
+from air_router.vehicle import CLIMB_BY_HAND, Telemetry
 
 ALTITUDE_M: Final = 2.0
 """PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""

@@ -16,14 +16,30 @@ from typing import Final
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
-from air_router.controller.model.mission_context import Goal, MissionContext, Progress, Way
+from air_router.controller.model import (
+    FlyToNode,
+    FlyToPoint,
+    Goal,
+    HoldHere,
+    LandHere,
+    MissionContext,
+    Motion,
+    Progress,
+    Way,
+)
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
-from air_router.routing.departure import STANDING_M_S, Momentum, PendingSetpoint, names_of
-from air_router.routing.router import Leg, NoRoute, Route
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import FENCE
+from air_router.routing import (
+    STANDING_M_S,
+    Leg,
+    Momentum,
+    NoRoute,
+    PendingSetpoint,
+    Route,
+    names_of,
+)
+from air_router.vehicle import Telemetry
+from geo.airspace import FENCE
 from geo.frame import Point
 
 STOP_S: Final = 4.0

@@ -11,12 +11,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from air_router.vehicle.vehicle import Telemetry
+from air_router.mission import Mission
+from air_router.routing import Router, WaypointGraph
+from air_router.vehicle import Telemetry
 from geo.frame import Point
-from geo.paths.shortest import ShortestPaths
+from geo.paths import ShortestPaths
 
 REACH_M: Final = 500.0
 """So far around the vehicle a way out is looked for off the cruise altitudes: to work out all of a
@@ -35,7 +34,7 @@ def off_cruise(mission: Mission, telemetry: Telemetry) -> bool:
     return not mission.cruise.lower_m <= telemetry.altitude_m <= mission.cruise.upper_m
 
 
-def way_out(router: Router, mission: Mission, telemetry: Telemetry) -> WayOut | None:
+def nearest_way_out(router: Router, mission: Mission, telemetry: Telemetry) -> WayOut | None:
     """The nearest place where the vehicle is out of all that it is in; None if there is none.
 
     One from which a way leads home at the cruise altitudes, if there is any.

@@ -7,18 +7,17 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.mission_context import (
+from air_router.controller.model import (
     Goal,
     MissionContext,
     Progress,
+    Signal,
     StateHandler,
 )
-from air_router.controller.model.states import Signal
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.motion import CommandGate, Navigator
 from air_router.controller.states.return_state import HomeReachability
-from air_router.mission.mission import Waypoint
-from air_router.vehicle.instructions import FLY_OUT_OR_RELOAD
+from air_router.mission import Waypoint
+from air_router.vehicle import FLY_OUT_OR_RELOAD
 from geo.frame import Point
 
 PASSING_M: Final = 15.0

@@ -7,19 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from air_router.controller.model.actions import Refusal
-from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
-from air_router.controller.model.requests import RequestRefusedError
-from air_router.controller.model.states import Signal
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.model import (
+    Goal,
+    MissionContext,
+    Refusal,
+    RequestRefusedError,
+    Signal,
+    StateHandler,
+)
+from air_router.controller.motion import CommandGate, Navigator
 from air_router.messages import FARTHEST_M
-from air_router.mission.flight_plan import HOME_NODE
-from air_router.routing.departure import STANDING_M_S, Momentum
-from air_router.routing.return_planner import LANDING_MARGIN, Way
-from air_router.routing.router import NoRoute, Route
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import FENCE
+from air_router.mission import HOME_NODE
+from air_router.routing import LANDING_MARGIN, STANDING_M_S, Momentum, NoRoute, Route, Way
+from air_router.vehicle import Telemetry
+from geo.airspace import FENCE
 from geo.frame import Point
 
 SETTLING_S: Final = 10.0

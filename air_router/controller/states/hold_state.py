@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, Refusal
-from air_router.controller.model.mission_context import MissionContext, StateHandler
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate, stopping_point
-from air_router.controller.motion.initial_climb import ALTITUDE_M
+from air_router.controller.model import (
+    FlyToNode,
+    FlyToPoint,
+    MissionContext,
+    Refusal,
+    Signal,
+    State,
+    StateHandler,
+)
+from air_router.controller.motion import ALTITUDE_M, CommandGate, stopping_point
 from air_router.controller.states.goto_state import GotoState, GotoTask
 from air_router.controller.states.search_state import SearchState
-from air_router.routing.departure import STANDING_M_S
-from air_router.vehicle.instructions import ASK_AGAIN
+from air_router.routing import STANDING_M_S
+from air_router.vehicle import ASK_AGAIN
 
 
 @dataclass(frozen=True, slots=True)

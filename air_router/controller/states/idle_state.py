@@ -6,10 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.mission_context import MissionContext, StateHandler
-from air_router.controller.model.states import Signal
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.model import MissionContext, Signal, StateHandler
+from air_router.controller.motion import CommandGate, Navigator
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import FOLLOW_M
 

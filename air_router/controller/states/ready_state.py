@@ -7,22 +7,22 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from air_router.controller.model.actions import HoldHere
-from air_router.controller.model.mission_context import (
+from air_router.controller.model import (
     Held,
+    HoldHere,
     MissionContext,
     OnBoard,
+    Signal,
     StateHandler,
 )
-from air_router.controller.model.states import Signal
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch
-from air_router.vehicle.instructions import (
+from air_router.controller.motion import ALTITUDE_M, ClimbWatch, CommandGate
+from air_router.vehicle import (
     BE_READY_AT_HOME,
     DESCEND,
     LAND_AND_START_AGAIN,
+    FlightMode,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 HOME_TOLERANCE_M: Final = 20.0
 """The vehicle must start this close to the mission's home, or it is another place's mission."""

@@ -11,23 +11,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.actions import LandHere
-from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
-from air_router.controller.model.states import Signal
-from air_router.controller.motion.command_gate import RETRY_S, CommandGate, stopping_point
-from air_router.controller.motion.navigator import Navigator
-from air_router.mission.flight_plan import HOME_NODE
-from air_router.mission.mission import Mission
-from air_router.routing.departure import names_of
-from air_router.routing.router import Route, Router
-from air_router.vehicle.instructions import (
+from air_router.controller.model import Goal, LandHere, MissionContext, Signal, StateHandler
+from air_router.controller.motion import RETRY_S, CommandGate, Navigator, stopping_point
+from air_router.mission import HOME_NODE, Mission
+from air_router.routing import Route, Router, names_of
+from air_router.vehicle import (
     BRING_HOME_BY_HEIGHT,
     FLY_OUT_OR_RELOAD,
     WATCH_HEIGHT,
+    Telemetry,
 )
-from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
-from geo.paths.separators import separators
+from geo.paths import barriers
 
 POSITION_S: Final = 1.0
 """A vehicle whose positions have been missing for longer is not known to be above home."""
@@ -113,7 +108,7 @@ class HomeReachability:
             self.walls = ()
         else:
             airspace = router.graph.mission.planning_airspace
-            walls = separators(airspace, place, home)
+            walls = barriers(airspace, place, home)
             self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
 
     def _tell(self, telemetry: Telemetry, *, due: bool) -> None:

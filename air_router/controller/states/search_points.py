@@ -8,15 +8,11 @@ from dataclasses import dataclass
 
 import shapely
 
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.mission_context import Goal, MissionContext
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.model import FlightSetup, Goal, MissionContext
+from air_router.controller.motion import Navigator
 from air_router.controller.states.explore_state import Exploration
-from air_router.controller.targets.policies import POLICIES
-from air_router.controller.targets.seeking import Policy, SeekContext
-from air_router.controller.targets.target_list import SearchPlace, TargetList
-from air_router.routing.return_planner import Way
-from air_router.routing.router import NoRoute
+from air_router.controller.targets import POLICIES, Policy, SearchPlace, SeekContext, TargetList
+from air_router.routing import NoRoute, Way
 from geo.frame import Point
 
 

@@ -8,27 +8,30 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import PublishMap
-from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
-from air_router.controller.model.mission_context import (
+from air_router.controller.model import (
     Goal,
     MissionContext,
     Progress,
+    PublishMap,
+    RobotPath,
+    RobotPose,
+    RobotSought,
+    Signal,
+    State,
     StateHandler,
 )
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.motion import CommandGate, Navigator
 from air_router.controller.states.search_points import Search, SearchPoint
-from air_router.controller.targets.pose_check import (
+from air_router.controller.targets import (
     MOVES_S,
     YIELDS_S,
     PeerRate,
     PoseVerdict,
+    Sighting,
+    TargetTrack,
 )
-from air_router.controller.targets.target_list import Sighting, TargetTrack
-from air_router.vehicle.instructions import CHECK_LOCALISATION
-from mocha_link.links.metrics import (
+from air_router.vehicle import CHECK_LOCALISATION
+from mocha_link.links import (
     ContactBegan,
     ContactEnded,
     Direction,

@@ -10,10 +10,16 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from air_router.controller.model.mission_context import MissionContext, StateHandler
-from air_router.controller.model.states import From, Requests, Signal, Spec, State
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Navigator
+from air_router.controller.model import (
+    From,
+    MissionContext,
+    Requests,
+    Signal,
+    Spec,
+    State,
+    StateHandler,
+)
+from air_router.controller.motion import CommandGate, Navigator
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState
 from air_router.controller.states.hold_state import HoldState

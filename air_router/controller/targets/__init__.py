@@ -1,1 +1,36 @@
 """Which robot to seek next, and where it is and will be."""
+
+from air_router.controller.targets.policies import POLICIES
+from air_router.controller.targets.pose_check import MOVES_S, YIELDS_S, PeerRate, PoseVerdict
+from air_router.controller.targets.predicted_path import PredictedPath
+from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, SeekContext, meet
+from air_router.controller.targets.target_list import (
+    SOUGHT_BY_OTHER_S,
+    SearchPlace,
+    Sighting,
+    TargetList,
+    TargetTrack,
+)
+from air_router.controller.targets.tour import Stop, Tour, rate
+
+__all__ = [
+    "MOVES_S",
+    "POLICIES",
+    "SOUGHT_BY_OTHER_S",
+    "YIELDS_S",
+    "Freshest",
+    "PeerRate",
+    "Policy",
+    "PoseVerdict",
+    "PredictedPath",
+    "Rendezvous",
+    "SearchPlace",
+    "SeekContext",
+    "Sighting",
+    "Stop",
+    "TargetList",
+    "TargetTrack",
+    "Tour",
+    "meet",
+    "rate",
+]

@@ -8,7 +8,7 @@ from typing import Final
 
 from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, RoundRobin
 from air_router.controller.targets.tour import Tour
-from air_router.files.settings import SeekPolicy
+from air_router.files import SeekPolicy
 
 POLICIES: Final[Mapping[SeekPolicy, Policy]] = MappingProxyType(
     {

@@ -13,7 +13,7 @@ from typing import Final
 from air_router.controller.targets.pose_check import FASTEST_M_S, PoseCheck, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath, ahead_of
 from geo.frame import Point
-from mocha_link.links.metrics import Direction
+from mocha_link.links import Direction
 
 RECENT_POSE_S = 60.0
 """A pose younger than this says where the robot is; an older one, only where it was."""

@@ -13,11 +13,9 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
+from air_router.files import NO_TERMS, Keys, PlacedSource
 from air_router.files.maps.map_area import MapCircle, MapOutline, place_of
 from air_router.files.maps.zone_reading import MAX_RADIUS_M, ZoneChoice, ZoneReading
-from air_router.files.mission_document import Keys
-from air_router.files.whole_file import PlacedSource
-from air_router.files.zone_terms import NO_TERMS
 from air_router.words import counted
 from geo.frame import Geodetic
 

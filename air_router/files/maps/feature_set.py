@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+from air_router.files import Area, MissionDocument
 from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
@@ -12,11 +13,10 @@ from air_router.files.maps.map_area import (
     unique_names,
 )
 from air_router.files.maps.zone_reading import ZoneReading
-from air_router.files.mission_document import Area, MissionDocument
-from geo.airspace.zone import Circle, Ring
+from geo.airspace import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point, step_at_m, stepped
 from mocha_link.sanitize import sanitize
-from mocha_link.team.document import Problem
+from mocha_link.team import Problem
 
 _ON_LINE_DEG = 2e-9
 _LONG = 1.1  # of that step: longer than any side that was straight on the map
@@ -63,8 +63,8 @@ def feature_set_of(draft: MissionDocument) -> FeatureSet:
     features = FeatureSet(
         sanitize(draft.name),
         draft.home_altitude_amsl_m,
-        [map_area(area, frame) for area in draft.fences],
-        [map_area(area, frame) for area in draft.zones],
+        [map_area_of(area, frame) for area in draft.fences],
+        [map_area_of(area, frame) for area in draft.zones],
     )
     if draft.home is not None:
         home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
@@ -141,7 +141,7 @@ def _between(before: Geodetic, place: Geodetic, after: Geodetic) -> bool:
     return 0 < along < length**2 and abs(across) < _ON_LINE_DEG * length
 
 
-def map_area(area: Area, frame: LocalFrame) -> MapArea:
+def map_area_of(area: Area, frame: LocalFrame) -> MapArea:
     """A fence or a zone in degrees."""
     if isinstance(area.shape, Circle):
         centre = frame.to_geodetic(area.shape.centre)

@@ -17,7 +17,15 @@ from shapely.affinity import translate
 from shapely.geometry import mapping
 from shapely.geometry.polygon import orient
 
-from air_router.files.json_document import JsonDocument, JsonValues, is_number, json_text
+from air_router.files import (
+    NO_TERMS,
+    JsonDocument,
+    JsonValues,
+    Keys,
+    is_number,
+    json_text,
+    terms_data,
+)
 from air_router.files.maps.feature_set import FeatureSet, MapPoint
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.map_area import (
@@ -29,9 +37,7 @@ from air_router.files.maps.map_area import (
     place_of,
 )
 from air_router.files.maps.zone_reading import MAX_RADIUS_M, Shapes, ZoneChoice, ZoneReading
-from air_router.files.mission_document import Keys
-from air_router.files.zone_terms import NO_TERMS, terms_data
-from geo.airspace.zone import polygons_of
+from geo.airspace import polygons_of
 from geo.frame import Geodetic
 
 _WITHOUT_AREA: Final = frozenset({"MultiPoint", "LineString", "MultiLineString"})

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from datetime import time, timedelta
 from typing import Any
 
-from air_router.files.mission_document import Keys
+from air_router.files import Keys
 from geo.validity import DAY_NUMBERS, DAYS, Hours, Period, Validity, moment_of
 
 Doubt = Callable[[Keys, ValueError], None]

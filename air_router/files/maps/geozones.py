@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from typing import Any, ClassVar, Final
 
-from air_router.files.json_document import JsonDocument
+from air_router.files import AltitudeLimit, Altitudes, JsonDocument, Keys, Reference, ZoneTerms
 from air_router.files.maps.geojson import GeometryReader
 from air_router.files.maps.geozone_hours import validity_of
 from air_router.files.maps.limits import (
@@ -21,8 +21,6 @@ from air_router.files.maps.limits import (
 )
 from air_router.files.maps.map_area import MapCircle
 from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, Shapes, ZoneChoice, ZoneReading
-from air_router.files.mission_document import Keys
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.words import counted
 from geo.validity import Validity
 

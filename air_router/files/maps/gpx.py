@@ -11,17 +11,21 @@ from typing import Final
 
 from shapely import LineString
 
+from air_router.files import (
+    DEFAULT_SPEED_M_S,
+    NO_TERMS,
+    Element,
+    Keys,
+    MissionDocument,
+    MissionPoint,
+    PlacedSource,
+    parse_xml,
+)
 from air_router.files.maps.map_area import MapOutline, place_of
 from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
-from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
-from air_router.files.settings import DEFAULT_SPEED_M_S
-from air_router.files.whole_file import PlacedSource
-from air_router.files.xml_document import Element, parse_xml
-from air_router.files.zone_terms import NO_TERMS
 from air_router.words import counted
 from geo.frame import FrameError, Geodetic, LocalFrame, polar
-from mocha_link.team.problem import DocumentError
-from mocha_link.team.value_mistakes import number_advice
+from mocha_link.team import DocumentError, number_advice
 
 _HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"
 """Types of points and lines with a meaning."""

@@ -15,7 +15,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.json_document import is_number
+from air_router.files import (
+    AltitudeLimit,
+    Altitudes,
+    Element,
+    PlacedSource,
+    Reference,
+    is_number,
+    parse_xml,
+    terms_data,
+)
 from air_router.files.maps.feature_set import FeatureSet, MapPoint, counterclockwise
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.map_area import (
@@ -33,11 +42,8 @@ from air_router.files.maps.zone_reading import (
     ZoneChoice,
     ZoneReading,
 )
-from air_router.files.whole_file import PlacedSource
-from air_router.files.xml_document import Element, parse_xml
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, terms_data
 from geo.frame import Geodetic, circle_around
-from mocha_link.team.value_mistakes import pair_in
+from mocha_link.team import pair_in
 
 _FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
 _NOT_FOLLOWED: Final = frozenset(

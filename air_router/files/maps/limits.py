@@ -15,11 +15,19 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from air_router.files.json_document import NUMBER, is_number, value_at
+from air_router.files import (
+    NUMBER,
+    AltitudeLimit,
+    Altitudes,
+    Keys,
+    Reference,
+    TermsForm,
+    ZoneTerms,
+    is_number,
+    value_at,
+)
 from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, ZoneReading
-from air_router.files.mission_document import Keys
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, TermsForm, ZoneTerms
-from mocha_link.team.error_text import code_of, error_text
+from mocha_link.team import code_of, text_of_error
 
 UNCLEAR: Final = "unclear-altitude"
 
@@ -113,7 +121,7 @@ def terms_of(
         for detail in error.errors(include_url=False):
             name, *inner = detail["loc"]
             keys = (*place((str(name),)), *inner)
-            reading.report(keys, error_text(detail, TermsForm), code_of(detail))
+            reading.report(keys, text_of_error(detail, TermsForm), code_of(detail))
         return ZoneTerms()
     if not any(name.startswith(_SIDES) for name in known):
         return replace(terms, altitudes=limits_in_properties(properties, note))

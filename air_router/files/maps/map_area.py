@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import Polygon
 
-from air_router.files.mission_document import DocumentSource, Keys, local_ring
-from air_router.files.zone_terms import NO_TERMS, ZoneTerms
-from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
-from geo.airspace.zone_repair import repaired
+from air_router.files import NO_TERMS, DocumentSource, Keys, ZoneTerms, local_ring
+from geo.airspace import Circle, Outline, Ring, Shape, ZoneError, repaired
 from geo.frame import FrameError, Geodetic, LocalFrame
-from mocha_link.team.problem import Problem
+from mocha_link.team import Problem
 
 REPAIRED: Final = "zone-repaired"
 """The code of the note about a zone whose border was no sound one."""

@@ -13,13 +13,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
+from air_router.files import AltitudeLimit, Altitudes, PlacedSource, ZoneTerms
 from air_router.files.maps.limits import UNCLEAR, limit_in_text
 from air_router.files.maps.map_area import MapCircle, MapOutline
 from air_router.files.maps.zone_reading import MAX_RADIUS_M, Shapes, ZoneChoice, ZoneReading
-from air_router.files.whole_file import PlacedSource
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, ZoneTerms
 from geo.frame import Geodetic, arc_around, polar
-from mocha_link.team.problem import line_column
+from mocha_link.team import line_column
 
 _NAUTICAL_MILE_M: Final = 1852.0
 _PART = r"(\d{1,2}(?:\.\d{0,60})?)"

@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 import shapely
 
+from air_router.files import MissionDocument
 from air_router.files.maps.map_area import Places
-from air_router.files.mission_document import MissionDocument
-from geo.airspace.zone import Shape
+from geo.airspace import Shape
 from geo.frame import LocalFrame, Point
 
 FENCED_REACH_M: Final = 2_000.0

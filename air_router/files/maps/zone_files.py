@@ -14,7 +14,16 @@ from typing import Final
 
 import numpy as np
 
-from air_router.files.json_document import json_from_text
+from air_router.files import (
+    Area,
+    Keys,
+    MissionDocument,
+    PlacedSource,
+    bytes_within,
+    is_file,
+    json_from_text,
+    kml_in,
+)
 from air_router.files.maps.ardupilot_fences import (
     is_fence_file,
     is_waypoint_file,
@@ -29,13 +38,8 @@ from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, uniqu
 from air_router.files.maps.openair import looks_like_openair, read_openair
 from air_router.files.maps.surroundings import Surroundings
 from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
-from air_router.files.mission_document import Area, Keys, MissionDocument
-from air_router.files.whole_file import PlacedSource, bytes_within, is_file
-from air_router.files.xml_document import kml_in
-from geo.airspace.airspace import FENCE
-from geo.airspace.zone import Shape
-from mocha_link.team.path_mistakes import path_advice
-from mocha_link.team.problem import DocumentError, Problem, text_in
+from geo.airspace import FENCE, Shape
+from mocha_link.team import DocumentError, Problem, path_advice, text_in
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from air_router.files import DocumentSource, Keys, ZoneTerms
 from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
@@ -17,12 +18,10 @@ from air_router.files.maps.map_area import (
     Places,
     numbered,
 )
-from air_router.files.mission_document import DocumentSource, Keys
-from air_router.files.zone_terms import ZoneTerms
 from air_router.words import counted
 from geo.frame import Geodetic
 from mocha_link.sanitize import sanitize
-from mocha_link.team.problem import Problem, ProblemList
+from mocha_link.team import Problem, ProblemList
 
 MAX_RADIUS_M: Final = 1_000_000.0
 MAX_ALTITUDE_M: Final = 100_000.0

@@ -7,18 +7,28 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, field_validator
 
-from air_router.files.maps.zone_files import add_zones
-from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint, Uav
+from air_router.files import (
+    MISSION,
+    Area,
+    AreaForm,
+    Keys,
+    MissionDocument,
+    MissionForm,
+    MissionPoint,
+    SpotForm,
+    Uav,
+    UavForm,
+    WaypointForm,
+    notes,
+)
+from air_router.files.maps import add_zones
 from air_router.files.missions.mission_mistakes import (
     empty_notes,
     explained_mission,
     other_kind,
 )
-from air_router.files.settings import AreaForm, MissionForm, SpotForm, UavForm, WaypointForm
-from air_router.files.usual_values import MISSION, notes
-from geo.airspace.airspace import FENCE
-from geo.airspace.zone import Shape
-from mocha_link.team.document import Document, DocumentError
+from geo.airspace import FENCE, Shape
+from mocha_link.team import Document, DocumentError
 
 _ORIGIN_M = 50_000.0
 """Farther from its origin a frame is turned noticeably, and its distances are wrong."""

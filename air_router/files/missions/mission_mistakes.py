@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import yaml
 
-from air_router.files.usual_values import MISSION, explained
-from mocha_link.team.document import Document, DocumentError, Problem
+from air_router.files import MISSION, explained
+from mocha_link.team import Document, DocumentError, Problem
 
 _COORDINATES: Final = frozenset(
     {

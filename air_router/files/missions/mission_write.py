@@ -6,20 +6,22 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.maps.feature_set import map_area
-from air_router.files.maps.map_area import MapCircle
-from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
-from air_router.files.settings import (
+from air_router.files import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
     DEFAULT_WHEN_EXPLORED,
+    Area,
+    MissionDocument,
+    MissionPoint,
     PlannerSettings,
     Timers,
+    Uav,
+    degrees_text,
+    terms_data,
 )
-from air_router.files.yaml_text import degrees_text
-from air_router.files.zone_terms import terms_data
+from air_router.files.maps import MapCircle, map_area_of
 from geo.frame import Geodetic, LocalFrame, Point
-from mocha_link.team.document import as_yaml
+from mocha_link.team import as_yaml
 
 _DIGITS: Final = 9
 """Of degrees: a tenth of a millimetre."""
@@ -113,7 +115,7 @@ def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:
 
 
 def _shape(area: Area, frame: LocalFrame) -> dict[str, Any]:
-    shape = map_area(area, frame).shape
+    shape = map_area_of(area, frame).shape
     if isinstance(shape, MapCircle):
         return {"circle": {"centre": _rounded(shape.centre), "radius_m": shape.radius_m}}
     ring, *holes = ([*map(_rounded, ring)] for ring in (shape.ring, *shape.holes))

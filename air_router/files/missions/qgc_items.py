@@ -8,9 +8,15 @@ import math
 from enum import IntEnum
 from typing import Any, Final
 
-from air_router.files.json_document import JsonValues, named, shown
-from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
-from air_router.files.settings import SLOWEST_M_S
+from air_router.files import (
+    SLOWEST_M_S,
+    JsonValues,
+    Keys,
+    MissionDocument,
+    MissionPoint,
+    named,
+    shown,
+)
 
 SAME_PLACE_M: Final = 0.1
 _AT_HOME_M: Final = 20.0

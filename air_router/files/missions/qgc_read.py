@@ -4,18 +4,22 @@ Everything that decides where the vehicle flies is understood, told of, or refus
 the file: nothing is dropped silently. Zones may cross the fence here, as they do on many a map.
 """
 
-from air_router.files.json_document import JsonDocument
-from air_router.files.mission_document import Area, Keys, MissionDocument
+from air_router.files import (
+    HIGHEST_HOME_M,
+    LOWEST_HOME_M,
+    Area,
+    JsonDocument,
+    Keys,
+    MissionDocument,
+    note_draft,
+)
 from air_router.files.missions.qgc_items import (
     EXPORT_AGAIN,
     NOT_FLOWN,
     ItemsReader,
     PlanValues,
 )
-from air_router.files.settings import HIGHEST_HOME_M, LOWEST_HOME_M
-from air_router.files.usual_values import note_draft
-from geo.airspace.airspace import FENCE
-from geo.airspace.zone import Shape
+from geo.airspace import FENCE, Shape
 
 PLAN_TYPE = "Plan"
 

@@ -9,18 +9,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from air_router.files.json_document import JsonDocument, json_text
-from air_router.files.maps.feature_set import map_area
-from air_router.files.maps.map_area import MapCircle, MapRing
-from air_router.files.mission_document import Area, MissionDocument
-from air_router.files.missions.qgc_items import MavCommand
-from air_router.files.settings import (
+from air_router.files import (
     DEFAULT_SEEK_POLICY,
     DEFAULT_WHEN_EXPLORED,
+    Area,
+    JsonDocument,
+    MissionDocument,
     PlannerSettings,
     Timers,
+    json_text,
 )
-from geo.airspace.zone import Circle
+from air_router.files.maps import MapCircle, MapRing, map_area_of
+from air_router.files.missions.qgc_items import MavCommand
+from geo.airspace import Circle
 from geo.frame import Geodetic, LocalFrame
 
 RELATIVE_FRAME: Final = 3
@@ -104,7 +105,7 @@ def areas_of(
     """Fences, or zones, as entries of the lists `polygons` and `circles` of a plan's fence."""
     found: dict[str, list[Any]] = {"circles": [], "polygons": []}
     for area in areas:
-        shape = map_area(area, frame).shape
+        shape = map_area_of(area, frame).shape
         if isinstance(shape, MapCircle):
             circle = {"center": _rounded(shape.centre), "radius": shape.radius_m}
             found["circles"].append({"circle": circle, "inclusion": inclusion, "version": 1})

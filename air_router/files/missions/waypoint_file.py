@@ -12,22 +12,25 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.maps.ardupilot_fences import (
+from air_router.files import (
+    DEFAULT_SPEED_M_S,
+    Area,
+    Keys,
+    MissionDocument,
+    PlacedSource,
+    note_draft,
+)
+from air_router.files.maps import (
     FENCE_COMMANDS,
     FenceCommand,
     FenceItem,
+    MapCircle,
     fence_areas,
     old_fence_items,
 )
-from air_router.files.maps.map_area import MapCircle
-from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
-from air_router.files.settings import DEFAULT_SPEED_M_S
-from air_router.files.usual_values import note_draft
-from air_router.files.whole_file import PlacedSource
-from geo.airspace.airspace import FENCE
-from geo.airspace.zone import Shape
-from mocha_link.team.problem import DocumentError, Problem, ProblemList
+from geo.airspace import FENCE, Shape
+from mocha_link.team import DocumentError, Problem, ProblemList
 
 _FENCE: Final = "fence"
 """The begin of keys that count all of the file's items, not only those that are flown."""

@@ -1,1 +1,23 @@
 """A PX4: its link and messages, what is believed of them, orders, the plan on board."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "key_provisioning": ("provide", "remove"),
+        "px4": ("Px4Vehicle",),
+        "px4_connection": ("COMPANION_COMPONENT", "FIND_S", "Plugins", "Px4Connection"),
+        "signing_key": ("SigningKey",),
+        "versions": (
+            "FACTS",
+            "FLOWN",
+            "NEWEST",
+            "OLDEST",
+            "Version",
+            "VersionFact",
+            "name_of",
+            "version_of",
+        ),
+    },
+)

@@ -18,7 +18,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkM
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw
 
 from air_router.errors import PlanRefusedError
-from air_router.mission.flight_plan import Command, Frame, PlanItem
+from air_router.mission import Command, Frame, PlanItem
 
 _log = logging.getLogger(__name__)
 

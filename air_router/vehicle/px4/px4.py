@@ -10,10 +10,20 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError, NoVehicleError
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.instructions import Severity
+from air_router.mission import FlightPlan, Mission
+from air_router.vehicle import (
+    FlightMode,
+    Inspection,
+    LinkSilent,
+    MavlinkSpoofed,
+    PlanCompared,
+    PlanReplaced,
+    Severity,
+    Vehicle,
+    VehicleClock,
+    VehicleEvent,
+    VehicleInfo,
+)
 from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_connection import Px4Connection
@@ -22,17 +32,6 @@ from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_plan import OnboardPlan
 from air_router.vehicle.px4.px4_requests import ONCE_S
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import (
-    FlightMode,
-    Inspection,
-    LinkSilent,
-    MavlinkSpoofed,
-    PlanCompared,
-    PlanReplaced,
-    Vehicle,
-    VehicleEvent,
-    VehicleInfo,
-)
 
 _log = logging.getLogger(__name__)
 

@@ -20,20 +20,20 @@ from enum import Enum, IntEnum, auto
 from typing import Any, Final, NamedTuple, Self
 
 from air_router.errors import NotConfirmedError, NotSentError
-from air_router.vehicle.clock import loop_s
-from air_router.vehicle.px4.plan_guard import PlanIds
-from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
-from air_router.vehicle.px4.px4_mode_check import ModeCheck
-from air_router.vehicle.px4.px4_order import Px4Order
-from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import (
+from air_router.vehicle import (
     FlightMode,
     Modes,
     Objection,
     TakenOverError,
     Telemetry,
+    loop_s,
     no_objection,
 )
+from air_router.vehicle.px4.plan_guard import PlanIds
+from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
+from air_router.vehicle.px4.px4_mode_check import ModeCheck
+from air_router.vehicle.px4.px4_order import Px4Order
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from geo.frame import Point
 
 _log = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirectResult,
 )
 
-from air_router.vehicle.clock import VehicleClock, loop_s
+from air_router.vehicle import VehicleClock, loop_s
 from air_router.vehicle.px4.boot_clock import BootClock
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
 from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event

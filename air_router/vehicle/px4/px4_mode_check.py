@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from air_router.vehicle.clock import loop_s
+from air_router.vehicle import loop_s
 from air_router.vehicle.px4.px4_messages import GAP_S, MODES, Px4Messages
 
 LIMIT_S: Final = 3.0

@@ -6,7 +6,14 @@ import math
 from typing import Final
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError, PlanRefusedError
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
+from air_router.vehicle import (
+    FlightMode,
+    Modes,
+    Objection,
+    TakenOverError,
+    no_objection,
+)
 from air_router.vehicle.px4.px4_commands import (
     CONFIRM_S,
     SAME_M,
@@ -27,13 +34,6 @@ from air_router.vehicle.px4.px4_order import (
 )
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.px4.versions import REPOSITION_CHANGES_MODE, version_of
-from air_router.vehicle.vehicle import (
-    FlightMode,
-    Modes,
-    Objection,
-    TakenOverError,
-    no_objection,
-)
 from geo.frame import Point
 
 _log = logging.getLogger(__name__)

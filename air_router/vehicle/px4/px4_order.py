@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from air_router.vehicle import FlightMode
 from air_router.vehicle.px4.px4_streams import MAIN_AUTO, sub_mode
-from air_router.vehicle.vehicle import FlightMode
 
 LAND, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400  # MAV_CMD
 CUSTOM_MODE: Final = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

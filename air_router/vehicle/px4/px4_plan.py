@@ -17,14 +17,13 @@ from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import NotConfirmedError, PlanRefusedError
-from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan, Frame, PlanItem
-from air_router.vehicle.clock import loop_s
+from air_router.mission import FENCE_POINTS, FlightPlan, Frame, PlanItem
+from air_router.vehicle import FlightMode, loop_s
 from air_router.vehicle.px4.mavsdk_bridge import MISSION, call, from_raw, to_raw
 from air_router.vehicle.px4.plan_guard import LISTS, PlanIds
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_requests import arming_report
 from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, MISSION_UNKNOWN, Px4Telemetry
-from air_router.vehicle.vehicle import FlightMode
 
 _log = logging.getLogger(__name__)
 

@@ -8,8 +8,8 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from air_router.vehicle import Inspection
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import Inspection
 
 _log = logging.getLogger(__name__)
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from air_router.vehicle.input_limits import IN_AIR_S
-from air_router.vehicle.vehicle import Ages, FlightMode
+from air_router.vehicle import IN_AIR_S, Ages, FlightMode
 from geo.frame import Point
 
 _Fields = Mapping[str, Any]

@@ -6,9 +6,22 @@ from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
-from air_router.vehicle.airframe import AirframeWatch
-from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
-from air_router.vehicle.height_frame import HeightFrame
+from air_router.vehicle import (
+    REBOOT_S,
+    AirframeWatch,
+    FlightMode,
+    GpsFix,
+    HeightFrame,
+    ItemReached,
+    LinkSilent,
+    PlanReplaced,
+    PlanTried,
+    Telemetry,
+    VehicleClock,
+    VehicleEvent,
+    WrongVehicle,
+    loop_s,
+)
 from air_router.vehicle.px4.boot_clock import TwinWatch
 from air_router.vehicle.px4.mavsdk_bridge import Received
 from air_router.vehicle.px4.plan_guard import FENCE, PlanGuard, PlanIds
@@ -22,17 +35,6 @@ from air_router.vehicle.px4.px4_streams import (
     ModeState,
     ReportedPosition,
     Streams,
-)
-from air_router.vehicle.vehicle import (
-    FlightMode,
-    GpsFix,
-    ItemReached,
-    LinkSilent,
-    PlanReplaced,
-    PlanTried,
-    Telemetry,
-    VehicleEvent,
-    WrongVehicle,
 )
 from geo.frame import FrameError, LocalFrame, Point
 

@@ -6,7 +6,7 @@ from benchmarks.link.offer import Offer, place
 from benchmarks.link.team import SINK, SOURCE, robot_name, team_of, topic_name
 from benchmarks.link.ways import ADDRESSES, ENDED, Deliver
 from mocha_link import ManualRadio, MessageStored, Node, SyncEnded
-from mocha_link.links.metrics import Direction, LinkEvent
+from mocha_link.links import Direction, LinkEvent
 
 HEARD_DBM = -50.0
 START_S = 50.0

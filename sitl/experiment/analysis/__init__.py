@@ -1,1 +1,11 @@
 """What the runs show: tables, intervals, tests of the claims."""
+
+from mocha_link.lazy import door
+
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "figures": ("draw_all",),
+        "report": ("Report", "differences", "fill", "text_of"),
+    },
+)

@@ -24,10 +24,9 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from air_router.errors import UsageError
+from sitl.experiment import Between, Experiment, MessageWait, Record, draw, flat, said, value_of
 from sitl.experiment.analysis.statistics import Effect, Numbers, explained
 from sitl.experiment.analysis.tables import COLUMNS, PAPER_TABLE, PaperRow, formula, paper_row
-from sitl.experiment.plan import Experiment, Record, flat, said
-from sitl.experiment.settings import Between, MessageWait, draw, value_of
 
 RUNS: Final = 3
 """The paper's percentages are those of so many runs of a row, mostly."""

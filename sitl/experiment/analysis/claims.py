@@ -16,15 +16,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from sitl.experiment.analysis.statistics import (
-    UNKNOWN,
-    Effect,
-    Interval,
-    Runs,
-    Weights,
-    share_above,
-)
-from sitl.experiment.plan import (
+from sitl.experiment import (
     ClaimRule,
     Experiment,
     PartRule,
@@ -33,9 +25,17 @@ from sitl.experiment.plan import (
     Row,
     canonical,
     rows_with,
+    value_of,
     words,
 )
-from sitl.experiment.settings import value_of
+from sitl.experiment.analysis.statistics import (
+    UNKNOWN,
+    Effect,
+    Interval,
+    Runs,
+    Weights,
+    share_above,
+)
 
 Verdict = Literal["holds", "fails", "undecided"]
 

@@ -16,14 +16,13 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from air_router.errors import PictureError
-from air_router.files.whole_file import write_whole
+from air_router.files import write_whole
 from air_router.words import counted
 from mocha_link.errors import needs_extra
+from sitl.experiment import Experiment, Record, Row, value_of, words
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
-from sitl.experiment.engine.result import BIN_S
-from sitl.experiment.plan import Experiment, Record, Row, words
-from sitl.experiment.settings import value_of
+from sitl.experiment.engine import BIN_S
 
 with needs_extra("a figure", "experiments", "air-router"):
     import matplotlib as mpl

@@ -29,16 +29,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import UsageError
-from air_router.files.whole_file import write_whole
+from air_router.files import write_whole
 from air_router.words import counted
 from mocha_link.path_safety import new_file
+from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
 from sitl.experiment.analysis.statistics import Runs
-from sitl.experiment.campaign.campaign import in_words
-from sitl.experiment.plan import Experiment, Record, flat, seeds_of
-from sitl.experiment.settings import value_of
+from sitl.experiment.campaign import in_words
 
 _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "policy", "passive")
 """Settings that have a column even where all rows agree."""

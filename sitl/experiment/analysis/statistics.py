@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from air_router.errors import UsageError
 from mocha_link.errors import needs_extra
-from sitl.experiment.plan import Experiment, Record, Row
+from sitl.experiment import Experiment, Record, Row
 
 Numbers = npt.NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from sitl.experiment import Experiment, Record, flat, said, value_of
 from sitl.experiment.analysis.statistics import (
     Interval,
     Numbers,
@@ -24,8 +25,6 @@ from sitl.experiment.analysis.statistics import (
     ratio,
     spread,
 )
-from sitl.experiment.plan import Experiment, Record, flat, said
-from sitl.experiment.settings import value_of
 
 _HEADS: Final = {"radius_m": "radius m", "uavs": "UAVs", "ugvs": "UGVs"}
 """What the paper's table varies."""

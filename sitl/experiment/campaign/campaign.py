@@ -20,11 +20,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from air_router.errors import EXPECTED, UsageError
-from air_router.flight.terminal import StatusLine
+from air_router.flight import StatusLine
 from air_router.words import counted
 from mocha_link.errors import told
-from sitl.experiment.plan import Experiment, Record, Row, Task
-from sitl.experiment.settings import value_of
+from sitl.experiment import Experiment, Record, Row, Task, value_of
 
 _BAR: Final = 24
 _MOST_FAILURES: Final = 5

@@ -10,14 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files.settings import SEEK_POLICIES, SeekPolicy
+from air_router.files import SEEK_POLICIES, SeekPolicy
+from sitl.experiment import Record, RunSettings, Task, files_of, sources
 from sitl.experiment.campaign.runs import program
-from sitl.experiment.engine.engine import Run
-from sitl.experiment.engine.flights import flown_here, flown_in_processes
-from sitl.experiment.engine.result import curves, measured
-from sitl.experiment.plan import Record, Task
-from sitl.experiment.plan_file import files_of, sources
-from sitl.experiment.settings import RunSettings
+from sitl.experiment.engine import Run, curves, flown_here, flown_in_processes, measured
 
 
 class OtherFilesError(AirRouterError):

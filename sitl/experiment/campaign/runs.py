@@ -25,9 +25,8 @@ from typing import BinaryIO, Final
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.path_safety import check_links, made_folder, new_file
-from mocha_link.team.document import Document
-from sitl.experiment.plan import Experiment, Record
-from sitl.experiment.plan_file import experiment_of
+from mocha_link.team import Document
+from sitl.experiment import Experiment, Record, experiment_of
 
 FILE_NAME: Final = "runs.jsonl"
 ARCHIVE_ENDING: Final = ".jsonl.xz"

@@ -1,1 +1,14 @@
 """One run in simulated time: its radio channel, what happens in it, and what it amounts to."""
+
+from sitl.experiment.engine.engine import Run
+from sitl.experiment.engine.flights import flown_here, flown_in_processes
+from sitl.experiment.engine.result import BIN_S, curves, measured
+
+__all__ = [
+    "BIN_S",
+    "Run",
+    "curves",
+    "flown_here",
+    "flown_in_processes",
+    "measured",
+]

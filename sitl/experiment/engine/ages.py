@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC
-from mocha_link.links.metrics import LinkEvent, MessageStored
-from mocha_link.store.wire import Header
-from sitl.experiment.events import EventQueue
-from sitl.world.explorers.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC
+from mocha_link.links import LinkEvent, MessageStored
+from mocha_link.store import Header
+from sitl.experiment import EventQueue
+from sitl.world.explorers import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC
 
 USES: Final[Mapping[str, tuple[str, str, str]]] = {
     POSE_TOPIC: ("pose", "ugv", "uav"),

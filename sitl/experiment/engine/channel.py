@@ -19,11 +19,10 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from mocha_link.node.gossip import TIMEOUT_S
-from sitl.experiment.settings import PaperModel, PathLossModel
-from sitl.world.air_to_ground import AirToGround
-from sitl.world.radio import RadioModel, TownRadio
-from sitl.world.towns.town import Town
+from mocha_link.node import TIMEOUT_S
+from sitl.experiment import PaperModel, PathLossModel
+from sitl.world import AirToGround, RadioModel, TownRadio
+from sitl.world.towns import Town
 
 FULL_RATE_DB: Final = 30.0
 """So much above the trigger a link carries all that it can."""

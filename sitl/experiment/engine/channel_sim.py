@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from functools import partial
 
-from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncTimedOut
-from mocha_link.sync.frames import CHUNKS
-from mocha_link.sync.protocol import ID_BYTES, SYNC1, Action, Connect, Disconnect, Reply, Send
+from mocha_link.links import Direction, MessageStored, SyncEnded, SyncTimedOut
+from mocha_link.sync import CHUNKS, ID_BYTES, SYNC1, Action, Connect, Disconnect, Reply, Send
+from sitl.experiment import EventQueue
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (
     AirtimeStats,
@@ -25,8 +25,7 @@ from sitl.experiment.engine.exchange import (
     stage_of,
 )
 from sitl.experiment.engine.turns import Turns
-from sitl.experiment.events import EventQueue
-from sitl.experiment.robots.node import Node
+from sitl.experiment.robots import Node
 
 
 class ChannelSim:

@@ -20,28 +20,37 @@ from typing import Final
 
 import numpy as np
 
-from air_router.controller.motion.command_gate import REACTION_S
+from air_router.controller.motion import REACTION_S
 from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from geo.grid import Terrain
-from mocha_link.links.metrics import LinkEvent, MessageStored
+from mocha_link.links import LinkEvent, MessageStored
+from sitl.experiment import EventLog, EventQueue, RunSettings
 from sitl.experiment.engine.ages import Ages, Held, Pair
 from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats, Contact
-from sitl.experiment.events import EventLog, EventQueue
-from sitl.experiment.robots.controllers import controllers_of, scenery_of
-from sitl.experiment.robots.node import Node, base_says, fleet_of
-from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav
-from sitl.experiment.settings import RunSettings
-from sitl.world.air_to_ground import HIGHEST_M
-from sitl.world.explorers.exploration import Exploration
-from sitl.world.explorers.explorer import NO_VEHICLE_M, GroundRobot, Visit
-from sitl.world.explorers.messages import CLAIMS_TOPIC
-from sitl.world.explorers.settings import ExplorerSettings
-from sitl.world.towns.town import GRAIN_M, REACHED_M, Town
-from sitl.world.towns.town_generator import scatter
-from sitl.world.towns.ways import PASSABLE, Ways
+from sitl.experiment.robots import (
+    CAMERA,
+    COMMAND_S,
+    MapPainter,
+    Node,
+    Uav,
+    base_says,
+    controllers_of,
+    fleet_of,
+    scenery_of,
+)
+from sitl.world import HIGHEST_M
+from sitl.world.explorers import (
+    CLAIMS_TOPIC,
+    NO_VEHICLE_M,
+    Exploration,
+    ExplorerSettings,
+    GroundRobot,
+    Visit,
+)
+from sitl.world.towns import GRAIN_M, PASSABLE, REACHED_M, Town, Ways, scatter
 
 GROUND_S: Final = 1.0
 """Ground robots drive and think in steps of this."""

@@ -17,21 +17,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from mocha_link.node.gossip import Gossip
-from mocha_link.store.wire import Header
-from mocha_link.sync.frames import ANSWER, OPEN
-from mocha_link.sync.protocol import (
+from mocha_link.node import Gossip
+from mocha_link.store import Header
+from mocha_link.sync import (
     ACK,
+    ANSWER,
     CODE_BYTES,
     DENDT,
     GDATA,
     GHEAD,
     ID_BYTES,
+    OPEN,
     SYNC1,
     SYNCF,
     Frame,
+    read_chunks,
 )
-from mocha_link.sync.sync_receiver import read_chunks
 from sitl.experiment.engine.channel import Link, Load, Stage
 
 _STAGES: Final = {GHEAD: Stage.HEADER, GDATA: Stage.DATA, DENDT: Stage.END}

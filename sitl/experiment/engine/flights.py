@@ -24,29 +24,24 @@ from typing import Any, Final
 
 import numpy as np
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.flight_setup import FlightSetup
+from air_router.controller import Controller
+from air_router.controller.model import FlightSetup
 from air_router.errors import AirRouterError, UsageError
-from air_router.files.settings import SeekPolicy
-from air_router.gossip.gossip import MAP_INTERVAL_S
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import load_mission
-from air_router.record.log import Log
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
-from mocha_link.links.metrics import LinkEvent, MessageStored
-from mocha_link.team.team import Team
+from air_router.files import SeekPolicy
+from air_router.gossip import MAP_INTERVAL_S
+from air_router.mission import FlightPlan, load_mission
+from air_router.record import Log
+from air_router.routing import Router, WaypointGraph
+from mocha_link.links import LinkEvent, MessageStored
+from mocha_link.team import Team
+from sitl.experiment import EventLog, EventQueue, RunSettings
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats
 from sitl.experiment.engine.meter import Goals, Measures, Meter
-from sitl.experiment.events import EventLog, EventQueue
-from sitl.experiment.robots.node import Node
-from sitl.experiment.robots.uav import MapPainter, Uav
-from sitl.experiment.settings import RunSettings
-from sitl.team.roles import make_world, roles_of
-from sitl.world.world import STEP_S, Step, Truth
-from sitl.world.world_file import load_world
+from sitl.experiment.robots import MapPainter, Node, Uav
+from sitl.team import make_world, roles_of
+from sitl.world import STEP_S, Step, Truth, load_world
 
 SPEED: Final = 10.0
 PX4_SPEED: Final = 5.0

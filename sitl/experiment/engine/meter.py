@@ -10,12 +10,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from air_router.controller.model.actions import Action, StateChanged
-from air_router.controller.model.events import Event, RobotPose
-from air_router.controller.model.states import State
-from mocha_link.links.metrics import ContactBegan, ContactEnded, Direction, SyncEnded, SyncStarted
+from air_router.controller.model import Action, Event, RobotPose, State, StateChanged
+from mocha_link.links import ContactBegan, ContactEnded, Direction, SyncEnded, SyncStarted
+from sitl.experiment import EventLog, EventQueue
 from sitl.experiment.engine.ages import mean_age_s
-from sitl.experiment.events import EventLog, EventQueue
 
 
 class Goals(NamedTuple):

@@ -1,1 +1,17 @@
 """The robots of a run: base station, UAVs, and all gossip nodes."""
+
+from sitl.experiment.robots.controllers import controllers_of, scenery_of
+from sitl.experiment.robots.node import Node, base_says, fleet_of
+from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav
+
+__all__ = [
+    "CAMERA",
+    "COMMAND_S",
+    "MapPainter",
+    "Node",
+    "Uav",
+    "base_says",
+    "controllers_of",
+    "fleet_of",
+    "scenery_of",
+]

@@ -11,10 +11,17 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.seeking import Freshest, SeekContext, meet
-from air_router.controller.targets.target_list import SearchPlace, TargetList
-from air_router.controller.targets.tour import Stop, Tour, rate
+from air_router.controller.targets import (
+    Freshest,
+    PredictedPath,
+    SearchPlace,
+    SeekContext,
+    Stop,
+    TargetList,
+    Tour,
+    meet,
+    rate,
+)
 from geo.frame import Point
 
 STOPS: Final = 3

@@ -14,20 +14,16 @@ from itertools import cycle, pairwise
 from pathlib import Path
 from typing import Final
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.targets.seeking import Policy, Rendezvous
-from air_router.files.settings import SeekPolicy, Timers
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import checked, read_draft
-from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
+from air_router.controller import Controller
+from air_router.controller.model import FlightSetup
+from air_router.controller.targets import Policy, Rendezvous
+from air_router.files import SeekPolicy, Timers
+from air_router.mission import FlightPlan, Mission, checked, read_draft
+from air_router.routing import Router, WaypointGraph
+from sitl.experiment import RunSettings
 from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
 from sitl.experiment.robots.node import Fleet
-from sitl.experiment.settings import RunSettings
-from sitl.world.towns.town import Town
-from sitl.world.towns.town_file import load_town, mission_over
+from sitl.world.towns import Town, load_town, mission_over
 
 _DAY: Final = datetime(2026, 6, 1, 12, tzinfo=UTC)
 """When missions are flown: zones that apply at certain times are the same in every run."""

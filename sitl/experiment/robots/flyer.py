@@ -11,18 +11,18 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
-from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.controller.model import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
+from air_router.mission import FlightPlan, Mission
+from air_router.vehicle import FlightMode, Telemetry
 from geo.frame import Point
-from sitl.experiment.settings import RunSettings
-from sitl.px4sim.motion.disturbances import Wind, WindSettings
-from sitl.px4sim.motion.dynamics import Multirotor
-from sitl.px4sim.motion.guidance import (
+from sitl.experiment import RunSettings
+from sitl.px4sim.motion import (
+    Multirotor,
     Pace,
     Setpoint,
     SetpointKind,
+    Wind,
+    WindSettings,
     braking_distance,
     wanted_velocity,
 )

@@ -16,16 +16,14 @@ from typing import Final
 
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import ContactBegan, ContactEnded, LinkEvent, MessageStored
-from mocha_link.links.trigger import NOT_HEARD
-from mocha_link.node.gossip import Gossip
+from mocha_link.links import NOT_HEARD, ContactBegan, ContactEnded, LinkEvent, MessageStored
+from mocha_link.node import Gossip
 from mocha_link.store import wire
-from mocha_link.sync.protocol import ID_BYTES, Action
-from mocha_link.team.document import Document, as_yaml
-from mocha_link.team.team import Robot, Team
-from sitl.experiment.events import EventQueue
-from sitl.world.explorers.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
-from sitl.world.towns.town import Town
+from mocha_link.sync import ID_BYTES, Action
+from mocha_link.team import Document, Robot, Team, as_yaml
+from sitl.experiment import EventQueue
+from sitl.world.explorers import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
+from sitl.world.towns import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""

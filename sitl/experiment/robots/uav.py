@@ -12,28 +12,30 @@ from typing import Final
 
 import numpy as np
 
-from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Action, Motion, PublishMap, Seeking, StateChanged
-from air_router.controller.model.events import (
+from air_router.controller import Controller
+from air_router.controller.model import (
+    Action,
     CommandConfirmed,
     CommandFailed,
     Event,
+    Motion,
+    PublishMap,
     RobotPath,
     RobotPose,
+    Seeking,
+    StateChanged,
 )
-from air_router.gossip.team_messages import TeamMessageDecoder
+from air_router.gossip import TeamMessageDecoder
 from air_router.messages import MAP_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage, SeekMessage
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
+from air_router.mission import FlightPlan, Mission
 from geo.frame import Geodetic, Point
 from geo.grid import SemanticGrid
-from mocha_link.links.metrics import LinkEvent, MessageStored
-from sitl.experiment.events import EventLog, EventQueue
+from mocha_link.links import LinkEvent, MessageStored
+from sitl.experiment import EventLog, EventQueue, RunSettings
 from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
 from sitl.experiment.robots.node import EPOCH_S, Node
-from sitl.experiment.settings import RunSettings
-from sitl.world.explorers.messages import degrees
-from sitl.world.towns.terrain import Camera, Raster
+from sitl.world.explorers import degrees
+from sitl.world.towns import Camera, Raster
 
 
 class MapPainter:

@@ -1,1 +1,27 @@
 """How the simulated vehicle moves, and what it believes of that."""
+
+from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
+from sitl.px4sim.motion.dynamics import GRAVITY_M_S2, MotionDemand, Multirotor
+from sitl.px4sim.motion.guidance import (
+    Direct,
+    Pace,
+    Setpoint,
+    SetpointKind,
+    braking_distance,
+    wanted_velocity,
+)
+
+__all__ = [
+    "GRAVITY_M_S2",
+    "Direct",
+    "EstimateErrors",
+    "MotionDemand",
+    "Multirotor",
+    "Pace",
+    "Setpoint",
+    "SetpointKind",
+    "Wind",
+    "WindSettings",
+    "braking_distance",
+    "wanted_velocity",
+]

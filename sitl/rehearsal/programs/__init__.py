@@ -1,1 +1,13 @@
 """Rehearsed flights of the real programs: `air-router fly` against `sitl vehicle` or a PX4."""
+
+from sitl.rehearsal.programs.flight import SPEED, RealFlight
+from sitl.rehearsal.programs.processes import OURS
+from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
+
+__all__ = [
+    "OURS",
+    "SPEED",
+    "RealFlight",
+    "WireScene",
+    "wire_scenes",
+]

@@ -15,21 +15,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.sim.ports import free_port
-from sitl.mavlink.codec import Sender
-from sitl.px4sim.plan_store import MissionType
-from sitl.px4sim.state import FlightMode
-from sitl.rehearsal.courses import Agenda, ScheduledFault, carry_out
-from sitl.rehearsal.faults import Fault
-from sitl.rehearsal.judge.evidence import Evidence, SceneEvent, SceneEventKind
-from sitl.rehearsal.mission_file import MissionFile
+from air_router.sim import free_port
+from sitl.mavlink import Sender
+from sitl.px4sim import FlightMode, MissionType
+from sitl.rehearsal import (
+    Agenda,
+    Fault,
+    MissionFile,
+    ScheduledFault,
+    VehicleState,
+    carry_out,
+    false_words,
+)
+from sitl.rehearsal.judge import Evidence, SceneEvent, SceneEventKind
 from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WireScene
-from sitl.rehearsal.stand_ins.link import StreamFault
-from sitl.rehearsal.stand_ins.stations import Station, intrusion
-from sitl.rehearsal.strangers import VehicleState, false_words
+from sitl.rehearsal.stand_ins import Station, StreamFault, intrusion
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200
@@ -177,13 +180,18 @@ class RealFlight:
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return
             if (self._companion.ended and not waits) or self._is_left_alone():
-                if gone_s is None and self._companion.ended:
+                if gone_s is None and self._companion.ended and not self._is_killed():
                     self._note(SceneEventKind.ENDED)
                 gone_s = now_s if gone_s is None else gone_s
                 down = not self._seen.armed and self._seen.above_m < 0.3
                 if (down and now_s > gone_s + 3.0) or now_s > gone_s + LET_GO_S:
                     return
             time.sleep(0.01)
+
+    def _is_killed(self) -> bool:
+        """Whether the companion was killed and has not been started since."""
+        lives = [*self._seen.told(SceneEventKind.KILLED, SceneEventKind.STARTED)]
+        return bool(lives) and lives[-1].what is SceneEventKind.KILLED
 
     def _is_left_alone(self) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""

@@ -22,17 +22,15 @@ from typing import Any, Final
 
 import yaml
 
-from air_router.sim.ports import free_port
-from air_router.sim.sim_world import Child
+from air_router.mission import load_mission
+from air_router.sim import Child, free_port
 from mocha_link import Team
-from sitl.process.end_with_parent import ending_with_us
-from sitl.rehearsal.faults import Fault
-from sitl.rehearsal.judge.evidence import Line
-from sitl.rehearsal.mission_file import ANOTHER, MissionFile, hurried
+from sitl.process import ending_with_us
+from sitl.rehearsal import ANOTHER, Fault, MissionFile, hurried, with_terms
+from sitl.rehearsal.judge import Line
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
-from sitl.rehearsal.zone_terms import with_terms
-from sitl.team.roles import derive_team
+from sitl.team import derive_team
 
 EPOCH: Final = 1_800_000_000
 """Unix seconds at the beginning of the vehicle's time."""
@@ -233,12 +231,17 @@ class Programs:
             dice = self.scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
-        if self.scene.fault is Fault.SECOND_UAV:
-            more.append(f"--uav={ANOTHER}")
         self._start_ours(
-            *(f"--seed={self.scene.seed}", f"--epoch={EPOCH}", *more),
+            *(f"--seed={self.scene.seed}", f"--epoch={EPOCH}", *self._as_another(), *more),
             f"--truth-to=127.0.0.1:{self.relay.truth_port}",
         )
+
+    def _as_another(self) -> list[str]:
+        """At the second UAV's home, returning in its layer, where the scene flies that one."""
+        if self.scene.fault is not Fault.SECOND_UAV:
+            return []
+        altitude_m = load_mission(self.mission, uav=ANOTHER).altitude_above_home_m
+        return [f"--uav={ANOTHER}", f"--param=RTL_RETURN_ALT={altitude_m:g}"]
 
     def _start_ours(self, *more: str) -> None:
         self._start(
@@ -252,7 +255,7 @@ class Programs:
         It is instance 0: relay, stations and judge know the vehicle as system 1. While another PX4
         of this machine is that, it ends with an error.
         """
-        ready = self._start_px4("--instance=0")
+        ready = self._start_px4("--instance=0", *self._as_another())
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
     def _start_px4(self, *more: str) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sitl.mavlink.codec import Frame, frames
-from sitl.rehearsal.judge.evidence import (
+from sitl.mavlink import Frame, frames
+from sitl.rehearsal.judge import (
     AUTOPILOT,
     COMPANION,
     FlightRecord,

@@ -14,12 +14,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
-from sitl.mavlink.codec import Frame, frames
-from sitl.process.pace_link import PaceServer
-from sitl.rehearsal.judge.evidence import WireMessage
+from sitl.mavlink import Frame, frames
+from sitl.process import PaceServer
+from sitl.rehearsal.judge import WireMessage
 from sitl.rehearsal.programs.recording import ITEM_FIELDS, MISSION, Recording
-from sitl.rehearsal.stand_ins.link import StreamFault
-from sitl.rehearsal.stand_ins.stations import Station
+from sitl.rehearsal.stand_ins import Station, StreamFault
 
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2

@@ -10,17 +10,21 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from sitl.rehearsal.courses import (
+from sitl.rehearsal import (
     BATTERY,
     BRIEF_S,
     ITEM,
     LANDED,
     MODE,
     POSITION,
+    SAID,
     SATELLITES,
+    SENDERS,
     Course,
     Draw,
+    Fault,
     Row,
+    Scene,
     Schedule,
     choice,
     one,
@@ -28,9 +32,7 @@ from sitl.rehearsal.courses import (
     steps,
     uniform,
 )
-from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.inspections import SAID, SENDERS
-from sitl.rehearsal.stand_ins.link import StreamFault
+from sitl.rehearsal.stand_ins import StreamFault
 
 FLIGHT_S: Final = 80.0
 """About so long after arming such a flight is over; things happen at any time of it."""

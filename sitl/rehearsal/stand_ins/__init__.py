@@ -1,1 +1,27 @@
 """What stands in for clocks, radios and libraries while the real flight program is rehearsed."""
+
+from sitl.rehearsal.stand_ins.link import Burst, Link, StreamFault, Way, wrong_of
+from sitl.rehearsal.stand_ins.mavsdk import Fields, Send, StandIn
+from sitl.rehearsal.stand_ins.stations import Station, Stations, foreign_messages, intrusion
+from sitl.rehearsal.stand_ins.team import NodeStandIn, Robots, Told, anywhere, pose, prank_of
+
+__all__ = [
+    "Burst",
+    "Fields",
+    "Link",
+    "NodeStandIn",
+    "Robots",
+    "Send",
+    "StandIn",
+    "Station",
+    "Stations",
+    "StreamFault",
+    "Told",
+    "Way",
+    "anywhere",
+    "foreign_messages",
+    "intrusion",
+    "pose",
+    "prank_of",
+    "wrong_of",
+]

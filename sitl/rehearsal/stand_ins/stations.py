@@ -9,11 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sitl.mavlink.codec import Sender, addressed
-from sitl.mavlink.link import MavlinkLink
-from sitl.mavlink.vehicle import MavlinkVehicle
-from sitl.px4sim.plan_store import Command, MissionItem, MissionType
-from sitl.px4sim.state import FlightMode
+from sitl.mavlink import MavlinkLink, MavlinkVehicle, Sender, addressed
+from sitl.px4sim import Command, FlightMode, MissionItem, MissionType
 
 _REAL32 = 9  # MAV_PARAM_TYPE
 _EXCLUSION: Final = 5002

@@ -11,24 +11,25 @@ from itertools import cycle
 from typing import Final
 
 from air_router.messages import GOALS_TOPIC, POSE_TOPIC, GoalsMessage, PoseMessage
-from air_router.mission.mission import Mission
+from air_router.mission import Mission
 from geo.frame import LocalFrame, Point
 from mocha_link import Message
-from mocha_link.links.metrics import (
+from mocha_link.links import (
     ContactBegan,
     ContactEnded,
     Direction,
     LinkEvent,
     LinkMetrics,
     MessageStored,
+    Reading,
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
+    Unit,
 )
-from mocha_link.links.reading import Reading, Unit
-from mocha_link.store.wire import Header
-from mocha_link.team.team import Priority, Robot, Team
-from sitl.rehearsal.judge.evidence import SceneEventKind
+from mocha_link.store import Header
+from mocha_link.team import Priority, Robot, Team
+from sitl.rehearsal.judge import SceneEventKind
 
 HEARD_M: Final = 60.0
 SYNC_EVERY_S: Final = 2.0

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from sitl.world.explorers.explorer import GroundRobot, Visit
 from sitl.world.explorers.settings import ExplorerSettings
-from sitl.world.towns.town import Town
-from sitl.world.towns.town_generator import drawn_starts
+from sitl.world.towns import Town, drawn_starts
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,7 @@ from sitl.world.explorers.messages import (
     read_sightings,
 )
 from sitl.world.explorers.settings import ExplorerSettings
-from sitl.world.towns.town import REACHED_M, Cell, Town
-from sitl.world.towns.ways import PASSABLE, Ways, length_m
+from sitl.world.towns import PASSABLE, REACHED_M, Cell, Town, Ways, length_m
 
 _PACE: Final = np.full(len(Terrain), 0.5)
 _PACE[[Terrain.ROAD, Terrain.GRAVEL, Terrain.GRASS]] = 1.0, 0.8, 0.8

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from geo.frame import Geodetic, Point
 from geo.grid import Cells, GridPatch, SemanticGrid, Terrain
-from sitl.world.towns.town import GRAIN_M, SAME_GOAL_M, Cell, Lattice, coarse
+from sitl.world.towns import GRAIN_M, SAME_GOAL_M, Cell, Lattice, coarse
 
 Status = Literal["in_progress", "visited"]
 

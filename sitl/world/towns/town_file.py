@@ -12,12 +12,11 @@ import shapely
 import yaml
 from pydantic import BaseModel, Field
 
-from air_router.files.missions.mission_file import read_mission
-from air_router.mission.loading import checked
-from air_router.mission.mission import Mission
-from geo.airspace.zone import ZoneError, checked_ring
+from air_router.files.missions import read_mission
+from air_router.mission import Mission, checked
+from geo.airspace import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
+from mocha_link.team import Document, DocumentError, Problem, as_yaml
 from sitl.world.towns.terrain import MAX_CELLS, Road
 from sitl.world.towns.town import (
     GRAIN_M,

@@ -25,7 +25,7 @@ from air_router.errors import (
 from air_router.mission.mission import FlightWindow
 from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import Log
-from air_router.record.replay import replay
+from air_router.record.replay import replay_record
 from air_router.report.flight_table import table
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.instructions import IN_YOUR_HANDS, Severity
@@ -124,7 +124,7 @@ def test_everything_is_recorded_and_replays_and_the_report_is_the_last_line(rig)
     assert {Telemetry, CommandConfirmed, StateChanged, FlyToNode, FlightSetup} <= kinds
     assert last.value.name == "Report"
     assert last.value.fields["outcome"] == result.outcome
-    again = replay(entries)
+    again = replay_record(entries)
     assert again.difference is None
     assert again.actions == sum(entry.kind == "action" for entry in entries) > 10
 
@@ -179,7 +179,7 @@ def test_when_the_hours_of_its_zones_are_over_it_comes_home(rig, pennovation, re
     result = flight.run()
     why = "the hours that its no-fly zones were chosen for are over"
     assert (result.outcome, result.report["came_home_because"]) == ("done", why)
-    assert replay([*Log(flight.recorder.path)]).difference is None
+    assert replay_record([*Log(flight.recorder.path)]).difference is None
 
 
 def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):

@@ -21,7 +21,7 @@ from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, c
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.record.log import Log
-from air_router.record.replay import replay
+from air_router.record.replay import replay_record
 from air_router.routing.router import Router
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
@@ -165,7 +165,7 @@ def test_ways_that_are_clear_at_two_altitudes_are_planned_beside_the_flight(
     assert "the altitude is in doubt" in flight.out.getvalue()
     assert made
     assert threading.main_thread() not in made
-    assert replay([*Log(flight.recorder.path)]).difference is None
+    assert replay_record([*Log(flight.recorder.path)]).difference is None
 
 
 class Field(WholeFlight):

@@ -16,7 +16,7 @@ from air_router.flight.resumption import flown_before
 from air_router.mission.flight_plan import FlightPlan
 from air_router.record import recorder
 from air_router.record.log import Log
-from air_router.record.replay import replay
+from air_router.record.replay import replay_record
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import (
@@ -140,7 +140,7 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
         "mission duration (200 s) reached",
     )
     *entries, _ = Log(second.recorder.path)
-    assert replay(entries).difference is None
+    assert replay_record(entries).difference is None
     legs = [e.value for e in entries if e.kind == "action" and isinstance(e.value, FlyToNode)]
     assert legs[0].node == mission.waypoints[1].number
     home_s = next(e.t for e in entries if getattr(e.value, "text", "").startswith("coming home"))

@@ -22,7 +22,7 @@ from air_router.controller.model.states import State
 from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder, record_of
-from air_router.record.replay import CONTEXT, ReplayError, replay
+from air_router.record.replay import CONTEXT, ReplayError, replay_record
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 
@@ -94,7 +94,7 @@ def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
     jumps = [i for i, entry in enumerate(entries) if isinstance(entry.value, FlyToNode)]
     changed = entries[jumps[3]].value
     entries[jumps[3]] = entries[jumps[3]]._replace(value=dataclasses.replace(changed, node=99))
-    found = replay(entries).difference
+    found = replay_record(entries).difference
     assert dataclasses.replace(changed, node=99) in found.recorded
     assert changed in found.replayed
     assert found.t == entries[jumps[3]].t
@@ -105,7 +105,7 @@ def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
     assert len(lines) < 3 * CONTEXT
 
     silent = [entry for entry in Log(flown) if not isinstance(entry.value, FlyToNode)]
-    found = replay(silent).difference
+    found = replay_record(silent).difference
     assert not any(isinstance(action, FlyToNode) for action in found.recorded)
 
 
@@ -124,7 +124,7 @@ def test_a_record_that_was_cut_off_replays_to_its_end(flown, capsys):
     start, length = [*chunks_of(data)][-1]
     flown.write_bytes(data[: start + length // 2])
     log = Log(flown)
-    result = replay(log)
+    result = replay_record(log)
     assert result.difference is None
     assert result.events > 100
     assert main(["replay", str(flown)]) == 0
@@ -192,18 +192,20 @@ def test_an_exception_in_a_decision_is_a_difference(pennovation):
     setup = RecordEntry(0.0, "setup", FlightSetup(pennovation))
     broken = RecordEntry(1.0, "event", CommandConfirmed("nothing"))
     before = RecordEntry(0.5, "note", Note("Reaction", {"reaction_s": 2.0}))
-    found = replay([setup, before, broken, RecordEntry(1.0, "action", Announce("x"))]).difference
+    found = replay_record(
+        [setup, before, broken, RecordEntry(1.0, "action", Announce("x"))]
+    ).difference
     assert found.replayed != found.recorded
 
 
 def test_without_a_setup_or_a_decision_there_is_nothing_to_replay(flown):
     for entries in ([], [RecordEntry(1.0, "event", ComeHome())]):
         with pytest.raises(ReplayError):
-            replay(entries)
+            replay_record(entries)
     entries = list(Log(flown))
     first = next(index for index, entry in enumerate(entries) if entry.kind == "action")
     with pytest.raises(ReplayError, match="no decision was recorded"):
-        replay(entries[: first - 1])
+        replay_record(entries[: first - 1])
 
 
 def test_what_is_no_record_is_an_invalid_file(tmp_path, capsys):

@@ -10,7 +10,7 @@ from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
-from geo.paths.separators import separators
+from geo.paths.separators import barriers
 from geo.paths.shortest import ShortestPaths, shortest_paths
 from geo.paths.shortest import path_length_m as length_m
 from tests.geo.optimum import least_m
@@ -32,15 +32,15 @@ def test_no_path_into_a_walled_yard_and_who_walls_it():
     inside, outside = Point(0, 0), Point(80, -80)
     assert shortest_paths(space).path(inside, outside) is None
     assert not shortest_paths(space).connected(inside, outside)
-    assert separators(space, inside, outside) == ("south", "north", "west", "east")
-    assert separators(space, inside, Point(5, 5)) == ()
+    assert barriers(space, inside, outside) == ("south", "north", "west", "east")
+    assert barriers(space, inside, Point(5, 5)) == ()
     assert shortest_paths(space.without(["east"])).connected(inside, outside)
 
 
 def test_a_zone_from_fence_to_fence_separates_with_the_fence():
     space = Airspace(FENCED, [box("river", -120, -5, 120, 5), box("shed", 50, 50, 60, 60)], 5)
     assert len(shortest_paths(space).space.lean) == 2
-    assert separators(space, Point(0, 50), Point(0, -50)) == (FENCE, "river")
+    assert barriers(space, Point(0, 50), Point(0, -50)) == (FENCE, "river")
     assert shortest_paths(space).path(Point(0, 50), Point(0, -50)) is None
 
 

@@ -16,7 +16,7 @@ from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 from geo.paths.polyanya import Source
-from geo.paths.shortest import ShortestPaths, path_length_m, shortest
+from geo.paths.shortest import ShortestPaths, path_length_m, shortest_path
 from tests.geo.optimum import BruteForce, gridded, least_m, places, ring, scattered
 
 MAPS = sorted((Path(__file__).parents[2] / "data" / "maps").glob("*.json"))
@@ -102,7 +102,7 @@ def test_searches_find_what_brute_force_finds_in_the_same_area(seed, on_grid, cl
     paths = ShortestPaths(ground.airspace.with_margin(clearance_m - 5))
     optimum = BruteForce(shapely.union_all(paths.space.lean))
     for start, goal in pairs(places(chance, 6, 5 if on_grid else None)):
-        path = shortest(paths.mesh, [Source(0.0, start)], goal)
+        path = shortest_path(paths.mesh, [Source(0.0, start)], goal)
         if path is not None:
             assert path_length_m(path) == pytest.approx(optimum.length_m(start, goal), abs=1e-4)
         elif optimum.holds(start) and optimum.holds(goal):

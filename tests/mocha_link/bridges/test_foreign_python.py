@@ -19,16 +19,20 @@ from mocha_link.cli.cli import main
 
 PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
+    "mocha_link",
+    "mocha_link.bridges",
     "mocha_link.bridges.__main__",
     "mocha_link.bridges.bridge",
     "mocha_link.bridges.progress",
     "mocha_link.bridges.ros_clients",
     "mocha_link.bridges.run",
+    "mocha_link.service",
     "mocha_link.service.endpoint",
     "mocha_link.errors",
+    "mocha_link.lazy",
     "mocha_link.loopback",
     "mocha_link.path_safety",
-    "mocha_link.node.lifetime",
+    "mocha_link.lifetime",
     "mocha_link.service.service_client",
 }
 TYPING = {"IO", "Any", "ClassVar", "Final", "Protocol", "TypeVar"}
@@ -58,7 +62,8 @@ def runs(tree):
 
 @pytest.mark.parametrize("module", sorted(FOREIGN))
 def test_it_is_python_3_8_and_needs_little(module):
-    path = PACKAGE.parent / Path(*module.split(".")).with_suffix(".py")
+    path = PACKAGE.parent / Path(*module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     tree = ast.parse(path.read_text(), feature_version=(3, 8))
     for name in imported(tree):
         package = name.split(".")[0]

@@ -1,0 +1,5 @@
+# What `mocha_link.bridges` gives, for type checkers; `__init__.py` says where it is.
+
+from mocha_link.bridges import run as run
+from mocha_link.bridges.bridge import channel as channel
+from mocha_link.bridges.dds import Dds as Dds

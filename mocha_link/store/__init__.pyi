@@ -1,0 +1,36 @@
+# What `mocha_link.store` gives, for type checkers; `__init__.py` says where it is.
+
+from mocha_link.store import wire as wire
+from mocha_link.store.database import GROUPS as GROUPS
+from mocha_link.store.database import Database as Database
+from mocha_link.store.message import LENGTH_BYTES as LENGTH_BYTES
+from mocha_link.store.message import Message as Message
+from mocha_link.store.message import as_bytes as as_bytes
+from mocha_link.store.message import message_of as message_of
+from mocha_link.store.message import pack_batch as pack_batch
+from mocha_link.store.reassembly_buffer import MAX_RANGES as MAX_RANGES
+from mocha_link.store.reassembly_buffer import Fragment as Fragment
+from mocha_link.store.reassembly_buffer import Range as Range
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer as ReassemblyBuffer
+from mocha_link.store.reassembly_buffer import is_alone as is_alone
+from mocha_link.store.record import Kept as Kept
+from mocha_link.store.record import Knowledge as Knowledge
+from mocha_link.store.record import Record as Record
+from mocha_link.store.storage import Storage as Storage
+from mocha_link.store.storage_file import StorageError as StorageError
+from mocha_link.store.trust import TeamConfig as TeamConfig
+from mocha_link.store.trust import Verifier as Verifier
+from mocha_link.store.trust import config_hash_of as config_hash_of
+from mocha_link.store.trust import difference as difference
+from mocha_link.store.trust import sign as sign
+from mocha_link.store.wire import MAX_BODY_BYTES as MAX_BODY_BYTES
+from mocha_link.store.wire import MAX_BYTES as MAX_BYTES
+from mocha_link.store.wire import STAMP_MASK as STAMP_MASK
+from mocha_link.store.wire import STAMPS_MS as STAMPS_MS
+from mocha_link.store.wire import UNSAFE_MS as UNSAFE_MS
+from mocha_link.store.wire import WRAP_MS as WRAP_MS
+from mocha_link.store.wire import Header as Header
+from mocha_link.store.wire import HeaderError as HeaderError
+from mocha_link.store.wire import PayloadError as PayloadError
+from mocha_link.store.wire import Trailer as Trailer
+from mocha_link.store.wire import as_ms as as_ms

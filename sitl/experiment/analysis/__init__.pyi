@@ -1,0 +1,7 @@
+# What `sitl.experiment.analysis` gives, for type checkers; `__init__.py` says where it is.
+
+from sitl.experiment.analysis.figures import draw_all as draw_all
+from sitl.experiment.analysis.report import Report as Report
+from sitl.experiment.analysis.report import differences as differences
+from sitl.experiment.analysis.report import fill as fill
+from sitl.experiment.analysis.report import text_of as text_of

@@ -1,0 +1,35 @@
+# What `sitl.rehearsal` gives, for type checkers; `__init__.py` says where it is.
+
+from sitl.rehearsal.companion import SimulatedLoop as SimulatedLoop
+from sitl.rehearsal.courses import BATTERY as BATTERY
+from sitl.rehearsal.courses import BRIEF_S as BRIEF_S
+from sitl.rehearsal.courses import ITEM as ITEM
+from sitl.rehearsal.courses import LANDED as LANDED
+from sitl.rehearsal.courses import MODE as MODE
+from sitl.rehearsal.courses import POSITION as POSITION
+from sitl.rehearsal.courses import SATELLITES as SATELLITES
+from sitl.rehearsal.courses import Agenda as Agenda
+from sitl.rehearsal.courses import Course as Course
+from sitl.rehearsal.courses import Draw as Draw
+from sitl.rehearsal.courses import Row as Row
+from sitl.rehearsal.courses import Schedule as Schedule
+from sitl.rehearsal.courses import ScheduledFault as ScheduledFault
+from sitl.rehearsal.courses import carry_out as carry_out
+from sitl.rehearsal.courses import choice as choice
+from sitl.rehearsal.courses import one as one
+from sitl.rehearsal.courses import placed as placed
+from sitl.rehearsal.courses import steps as steps
+from sitl.rehearsal.courses import uniform as uniform
+from sitl.rehearsal.faults import Fault as Fault
+from sitl.rehearsal.faults import Scene as Scene
+from sitl.rehearsal.faults import scenes as scenes
+from sitl.rehearsal.inspections import SAID as SAID
+from sitl.rehearsal.inspections import SENDERS as SENDERS
+from sitl.rehearsal.mission_file import ANOTHER as ANOTHER
+from sitl.rehearsal.mission_file import MissionFile as MissionFile
+from sitl.rehearsal.mission_file import hurried as hurried
+from sitl.rehearsal.scenario import SceneOverError as SceneOverError
+from sitl.rehearsal.simulated_flight import SimulatedFlight as SimulatedFlight
+from sitl.rehearsal.strangers import VehicleState as VehicleState
+from sitl.rehearsal.strangers import false_words as false_words
+from sitl.rehearsal.zone_terms import with_terms as with_terms

@@ -1,0 +1,14 @@
+# What `sitl.world` gives, for type checkers; `__init__.py` says where it is.
+
+from sitl.world.air_to_ground import HIGHEST_M as HIGHEST_M
+from sitl.world.air_to_ground import AirToGround as AirToGround
+from sitl.world.ground_robots import Publication as Publication
+from sitl.world.radio import RadioModel as RadioModel
+from sitl.world.radio import TownRadio as TownRadio
+from sitl.world.world import STEP_S as STEP_S
+from sitl.world.world import Reading as Reading
+from sitl.world.world import Step as Step
+from sitl.world.world import Truth as Truth
+from sitl.world.world import World as World
+from sitl.world.world_file import WorldPlan as WorldPlan
+from sitl.world.world_file import load_world as load_world
