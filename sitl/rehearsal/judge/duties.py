@@ -34,6 +34,10 @@ _DETOUR: Final = 2.0
 """How much longer than by the shortest clear way a flight home may take: from waypoint to waypoint,
 with a stop at each, and none of them may lie on that way."""
 
+_DETOUR_IN_LAYERS: Final = 3.0
+"""The same where other UAVs have climb corridors: these hide waypoints from each other, so that a
+way along waypoints leads around all that lies between two corridors."""
+
 _MORE_M: Final = 2.0
 """What ways home keep on top of the clearances, if there is such a way; else less."""
 
@@ -204,7 +208,8 @@ def _home_by_s(case: Case, since_s: float) -> float:
     mission, place = case.version_at(since_s).mission, case.place(case.at(since_s))
     ways_m = [way_home_m(mission, place, more_m) for more_m in (_MORE_M, 0.0)]
     way_m = next(filter(math.isfinite, ways_m), _ROUNDABOUT * math.hypot(*place))
-    way_s = _DETOUR * way_m / case.mission.speed_m_s
+    detour = _DETOUR_IN_LAYERS if mission.others else _DETOUR
+    way_s = detour * way_m / case.mission.speed_m_s
     return since_s + way_s + _WAY_TURNS_S + case.row.notice_s
 
 

@@ -191,11 +191,22 @@ def test_behind_a_wall_from_fence_to_fence_there_is_no_way_home(tmp_path):
     assert way_home_m(raw, (30.0, 0.0)) == pytest.approx(30.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("turns_s", "wrong"), [(24, False), (42, True)])
-def test_a_way_home_takes_what_the_shortest_clear_one_does_and_some_turns(turns_s, wrong):
-    """From 45 m in sight of home it may take 18 s, and 25 s for turns; straight it takes 9 s."""
+@pytest.mark.parametrize(
+    ("turns_s", "others", "wrong"),
+    [
+        (24, "", False),
+        (42, "", True),
+        (42, "uavs: {titan: {}, atlas: {altitude_m: 52, home: [150, 0]}}\n", False),
+        (54, "uavs: {titan: {}, atlas: {altitude_m: 52, home: [150, 0]}}\n", True),
+    ],
+)
+def test_a_way_home_takes_what_the_shortest_clear_one_does_and_some_turns(turns_s, others, wrong):
+    """From 45 m in sight of home it may take 18 s, and 25 s for turns; straight it takes 9 s.
+
+    Of several UAVs each has corridors of others in its way, and may take 27 s instead of 18 s.
+    """
     circles = [(45, 0), *[(45, 15), (45, 0)] * (turns_s // 6), (0, 0)]
     flown = track(((0, 0), (60, 0), (60, 60), (60, 0), *circles))
     said = [(61.0, "61.0 s  coming home: the battery, as it says")]
-    found = flight(flown, said=said)
+    found = flight(flown, said=said, text=f"{TEXT}{others}")
     assert ("home" in {v.kind for v in judge(found).violations}) == wrong
