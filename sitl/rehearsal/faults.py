@@ -42,6 +42,10 @@ _DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone"
 OLDER: Final = 0.375
 """Share of the flights with an older version of PX4 than the newest, of each as many."""
 
+ROUTED: Final = 0.5
+"""Share of the flights in which PX4's answers to other stations come over the companion's link: a
+MAVLink router has them all on one."""
+
 RESULT_FIRST: Final = 0.5
 """Share of the flights in which a transfer's result is handed over before its MISSION_ACK."""
 
@@ -140,6 +144,10 @@ class Fault(Enum):
     )
     WRONG_VEHICLE = Kind(
         "the vehicle is a fixed wing, a rover or a VTOL", 6, takeovers.wrong_vehicle, "ready"
+    )
+    OTHER_AUTOPILOT = Kind(
+        *("the autopilot of a multicopter is none with PX4", 4),
+        *(takeovers.other_autopilot, "ready"),
     )
     TYPE_CHANGES = Kind(
         "what is on the link says that it is another type of vehicle",
@@ -312,6 +320,10 @@ class Fault(Enum):
         mission={"altitudes_m": [30, 60]},
     )
     HOME_FOR_GOOD = Kind("requests on a way home for a fault", 10, requests.home_for_good, "INIT")
+    LANDING_LOST = Kind(
+        "no command arrives for 25 to 45 s on its way home, and as it is to land",
+        *(8, steps((0.0, "deaf", True), (uniform(25.0, 45.0), "deaf", False)), "HOME"),
+    )
     ENDURANCE = Kind(
         *("a way home that takes more than the reserve", 6, one("battery", 250.0), "ready"),
         mission={"endurance_s": 250, "battery_reserve": 0.1, "duration_s": 600},
@@ -369,6 +381,14 @@ class Fault(Enum):
         *("the second of two UAVs", 8, inspections.of_two, "INIT"),
         document=documents.of_second_uav,
     )
+    LOW_AMONG_LAYERS = Kind(
+        *("the second of two UAVs is handed back low", 6, takeovers.hand_back_low, "SEARCH"),
+        document=documents.of_second_uav,
+    )
+    LAYERS_REDRAWN = Kind(
+        *("zones change between the corridors of two UAVs", 6, inspections.of_two_redrawn, "INIT"),
+        document=documents.of_second_uav,
+    )
     FILE_CHANGED = Kind("more than zones is changed by reload", 8, inspections.file_changed, "INIT")
     FORGED = Kind(
         *("robots hand over poses of others", 6, inspections.forged, "INIT"),
@@ -406,6 +426,9 @@ class Fault(Enum):
 BY_HAND: Final = frozenset({Fault.BY_HAND, Fault.MISPLACED})
 """In these the pilot takes off."""
 
+OF_SECOND: Final = frozenset({Fault.SECOND_UAV, Fault.LOW_AMONG_LAYERS})
+"""In these the second of two UAVs is judged."""
+
 WIDE: Final = frozenset({Fault.NONE, Fault.GUSTS, Fault.REQUESTS})
 """In these one zone is kept from by more than the others."""
 
@@ -429,6 +452,7 @@ _ALONE: Final = frozenset(
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
         *(Fault.ASKED_IN_IDLE, Fault.RESUMED_BLIND),
         *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL, Fault.LIST_AMONG_OURS),
+        *(Fault.LOW_AMONG_LAYERS, Fault.LAYERS_REDRAWN, Fault.LANDING_LOST, Fault.OTHER_AUTOPILOT),
     }
 )
 """Two things at once already, or nothing: not combined with others."""
@@ -476,6 +500,11 @@ class Scene:
         if self.fault.value.turns:
             return self.seed % 2 == 1
         return self.chance("MAVSDK").random() < RESULT_FIRST
+
+    @property
+    def routed(self) -> bool:
+        """Whether the companion's link carries PX4's answers to other stations, too."""
+        return self.chance("router").random() < ROUTED
 
     @property
     def px4(self) -> Version:

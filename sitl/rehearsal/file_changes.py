@@ -51,6 +51,11 @@ class FileChanges:
                 case "margin":
                     planner = dict(document.get("planner") or {})
                     document["planner"] = {**planner, "tracking_margin_m": 0.5}
+                case "rally":
+                    document["rally_points"] = document["rally_points"][:-1]
+                case "acceptance":
+                    planner = dict(document.get("planner") or {})
+                    document["planner"] = {**planner, "acceptance_radius_m": 1.0}
                 case _:
                     document["battery_reserve"] = 0.1
             if zone:

@@ -91,6 +91,8 @@ def file_changed(dice: random.Random) -> Iterator[Row]:
     for turn, key in enumerate(keys[:3]):
         yield 10.0 + 22.0 * turn, "change", (key, turn != 1)
     yield 85.0, "shrink", dice.uniform(0.02, 0.05)
+    yield 110.0, "change", ("rally", True)
+    yield 132.0, "change", ("acceptance", False)
 
 
 def landed_at(dice: random.Random) -> Iterator[Row]:
@@ -115,6 +117,12 @@ def of_two(dice: random.Random) -> Iterator[Row]:
     yield 85.0, "ask", "hold"
     yield 91.0, "ask", "land"
     yield 95.0, "ask", "resume"
+
+
+def of_two_redrawn(dice: random.Random) -> Iterator[Row]:
+    """Zones are moved about while it flies among the corridors of another UAV."""
+    for turn in range(2):
+        yield 30.0 * turn + dice.uniform(2.0, 20.0), "move zone"
 
 
 def asked_everywhere(dice: random.Random) -> Iterator[Row]:

@@ -92,6 +92,14 @@ class Pilot:
         if flight.companion is not None and self._operator.flies:
             self._taken("airframe")
 
+    def do_autopilot(self, number: int) -> None:
+        """Its HEARTBEATs name another autopilot from now on (MAV_AUTOPILOT)."""
+
+        def name(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
+            return {**fields, "autopilot": number}
+
+        self._flight.link.trouble(Way.DOWN, "HEARTBEAT", StreamFault.WRONG, math.inf, wrong=name)
+
     def do_twin(self, _: bool) -> None:
         """Every second position and HEARTBEAT is of a vehicle that stands elsewhere, disarmed."""
         flight = self._flight

@@ -95,13 +95,18 @@ def landed_on(dice: random.Random) -> Iterator[Row]:
 
 
 def altitudes(dice: random.Random) -> Iterator[Row]:
-    """Held, and sent up and down: as it may be, out of that, again before it is there, and on."""
+    """Held, and sent up and down: as it may be, out of that, again before it is there, and on.
+
+    Held on its way down, too.
+    """
     at_s = dice.uniform(4.0, 60.0)
     yield at_s, "ask", "hold"
     for altitude_m in (dice.uniform(30.0, 60.0), 70.0, dice.uniform(30.0, 60.0), 25.0, 58.0):
         at_s += dice.uniform(6.0, 30.0)
         yield at_s, "ask", f"altitude {altitude_m}"
-    yield at_s + 40.0, "ask", "resume"
+    yield at_s + 25.0, "ask", "altitude 32"
+    yield at_s + 31.0, "ask", "hold"  # on its way down
+    yield at_s + 45.0, "ask", "resume"
 
 
 def home_for_good(dice: random.Random) -> Iterator[Row]:

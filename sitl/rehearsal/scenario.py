@@ -21,7 +21,7 @@ from sitl.px4sim import Autopilot, Place
 from sitl.px4sim.motion import WindSettings
 from sitl.rehearsal.companion import EPOCH_S, START, Companion, World
 from sitl.rehearsal.courses import Agenda
-from sitl.rehearsal.faults import BY_HAND, WIDE, Fault, Scene, wind_of
+from sitl.rehearsal.faults import BY_HAND, OF_SECOND, WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge import (
     COMPANION,
     Evidence,
@@ -108,7 +108,7 @@ class Scenario(World, ABC):
         self.agenda = Agenda(scene.schedule())
         self._path = path
         self._dated = scene.fault is Fault.DAILY_HOURS
-        self._uav = ANOTHER if scene.fault is Fault.SECOND_UAV else None
+        self._uav = ANOTHER if scene.fault in OF_SECOND else None
         self.companion: Companion | None = None
         self.after_order: Callable[[], object] = _nothing
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
@@ -195,7 +195,7 @@ class Scenario(World, ABC):
                 version=scene.px4,
             )
         )
-        self.stations = Stations(self.vehicle, self._record)
+        self.stations = Stations(self.vehicle, self._record, self._answered)
         waypoints = [waypoint.position for waypoint in mission.waypoints]
         places = {name: anywhere(self._dice, waypoints) for name in self.seek}
         weak = scene.chance("links") if scene.fault is Fault.WEAK_LINKS else None
@@ -352,6 +352,16 @@ class Scenario(World, ABC):
         companion = self.companion
         if companion is not None and not self._stalls:
             self.call(lambda: companion.receive(name, fields, sender))
+
+    def _answered(self, receiver: Sender, kind: int, plan_id: int) -> None:
+        """PX4 answers another station that its list is stored: a router passes that on to all."""
+        if self.scene.routed:
+            target = {
+                "target_system": receiver.system_id,
+                "target_component": receiver.component_id,
+            }
+            fields = {**target, "type": 0, "mission_type": kind, "opaque_id": plan_id}
+            self.hears_foreign((1, 1), "MISSION_ACK", fields)
 
     def _tick(self) -> None:
         companion, autopilot = self.companion, self.autopilot

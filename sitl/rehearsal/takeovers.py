@@ -17,6 +17,9 @@ SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
 NO_MULTICOPTERS: Final = (1, 4, 10, 20, 22)
 """MAV_TYPE: a fixed wing, a helicopter, a rover, and two VTOLs."""
 
+NO_PX4: Final = (0, 3)
+"""MAV_AUTOPILOT: a generic one, and ArduPilot."""
+
 hand_back: Final = steps(
     (0.0, "pilot", choice(*_HELD)), (2.5, "too early"), (uniform(3.0, 10.0), "hand back")
 )
@@ -120,6 +123,11 @@ hand_back_high: Final = steps(
 def wrong_vehicle(dice: random.Random) -> Iterator[Row]:
     """It is no multicopter from the start, or from just before it is armed."""
     yield dice.choice((0.0, 0.0, 6.0)), "airframe", dice.choice(NO_MULTICOPTERS)
+
+
+def other_autopilot(dice: random.Random) -> Iterator[Row]:
+    """Its HEARTBEATs name another autopilot, from the start or from just before it is armed."""
+    yield dice.choice((0.0, 6.0)), "autopilot", dice.choice(NO_PX4)
 
 
 def ready_taken(dice: random.Random) -> Iterator[Row]:

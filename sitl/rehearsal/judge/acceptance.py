@@ -120,6 +120,11 @@ ACCEPTED: Final = MappingProxyType(
         "RESUMED_BLIND": _row(End.LANDED, explores=True),
         "LANDED_AT": _row(End.LANDED, End.ASKED),
         "SECOND_UAV": _row(End.LANDED, End.ASKED),
+        # It may stay: the autopilot's own return would climb into the layer above.
+        "LAYERS_REDRAWN": _row(End.LANDED, End.STAYED),
+        "LOW_AMONG_LAYERS": _row(End.LANDED, End.PILOT, End.STAYED),
+        # It lands late, but it lands: what was lost is commanded again.
+        "LANDING_LOST": _row(End.LANDED, notice_s=50.0),
         "ASKED_EVERYWHERE": _row(End.LANDED, End.ASKED),
         "ASKED_IN_IDLE": _HOME,
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
@@ -157,6 +162,7 @@ ACCEPTED: Final = MappingProxyType(
         "MISPLACED": _row(
             *(End.LANDED, End.PILOT, End.FAILSAFE), says="Mission was chosen low and away"
         ),
+        "OTHER_AUTOPILOT": _row(End.STAYED, says="not PX4"),
         "WRONG_VEHICLE": _row(End.STAYED, says="multicopter"),
         "TWINS": _row(End.PILOT, End.FAILSAFE, notice_s=3.0, says="two autopilots"),
         "TYPE_CHANGES": _row(End.PILOT, End.LANDED, End.STAYED, says="multicopter"),

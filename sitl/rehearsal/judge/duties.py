@@ -299,6 +299,7 @@ def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Vio
         if verb not in _LEADS_TO or not case.answers(asked_s, asked_s + _ANSWERED_S, ours=False):
             continue
         done = case.has_said(f" -> {_LEADS_TO[verb]}$", asked_s, asked_s + _ANSWERED_S)
+        done |= verb == "hold" and case.state(asked_s - 0.01) == "HOLD"  # it stops a climb
         if answer is None:
             yield Violation(asked_s, "request", f"{verb} was not answered")
         elif answer.what == "refused" and done:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import shapely
@@ -26,11 +26,16 @@ from sitl.rehearsal.judge.duties import (
 )
 from sitl.rehearsal.judge.evidence import LAND, SceneEvent, command_of, is_motion
 from sitl.rehearsal.judge.inputs import blind, gaps
+from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.space import STOP_M, open_space, room_m
 
 _BRAKES_S, _STANDS_S = 1.0, 12.0
 """A hold is sent within the one, and looked at for so long."""
 
+_LEVELS_S, _LEVEL_M = 4.0, 2.5
+"""A climb that is stopped ends within the one, and wanders by the other."""
+
+_SAME_M: Final = 1.0
 _SETS_OUT_S: Final = 6.0
 _BOARD_S: Final = 65.0
 """What waits for a changed fence may wait for so long."""
@@ -109,6 +114,51 @@ def a_hold_that_is_accepted_is_held(case: Case) -> Iterator[Violation]:
             yield from stands(
                 case, News(duty.at_s, "hold was accepted"), (from_s, until_s), "request"
             )
+
+
+def a_hold_that_is_accepted_ends_a_climb(case: Case) -> Iterator[Violation]:
+    """It stays at the height, too, at which it was stopped, until something else is asked."""
+    for duty in _duties(case):
+        from_s = duty.at_s + _LEVELS_S + _lags_s(case)
+        until_s = min(duty.until_s - 0.1, from_s + _STANDS_S)
+        if duty.verb != "hold" or from_s >= until_s or not case.answers(duty.at_s, until_s):
+            continue
+        if case.state(from_s) != "HOLD" or case.state(until_s) != "HOLD":
+            continue
+        first, last = case.at(from_s), case.at(until_s)
+        gained_m = float(case.above_m[last] - case.above_m[first])
+        low_m = min(case.mission.altitudes_m) - _IN_M
+        if abs(gained_m) > _LEVEL_M + case.row.height_m and case.above_m[first] > low_m:
+            does = "climbs" if gained_m > 0.0 else "sinks"
+            text = f"it {does} by {abs(gained_m):.1f} m, though a hold was accepted at"
+            yield Violation(until_s, "request", f"{text} {duty.at_s:.1f} s")
+
+
+def points_that_were_flown_to_are_not_again(case: Case) -> Iterator[Violation]:
+    """What flies on to the points that are left goes to none from before the hold.
+
+    That it was at a point shows where it has been sent to the next one.
+    """
+    duties = [*_duties(case)]
+    for number, duty in enumerate(duties):
+        if duty.verb != "resume" or "points that are left" not in duty.answer.words:
+            continue
+        tours = [d for d in duties[:number] if d.verb == "goto"]
+        places = places_of(case, tours[-1].request) if tours else []
+        sent = [(message.time_s, target) for message, target in case.legs]
+        legs = [target for at_s, target in sent if tours and tours[-1].at_s <= at_s < duty.at_s]
+        done = max((n for n, p in enumerate(places) if _is_among(p, legs)), default=0)
+        for at_s, target in (leg for leg in sent if duty.at_s <= leg[0] < duty.until_s):
+            left = _is_among(target, places[done:])
+            if _is_among(target, places[:done]) and not left:
+                text = "sent to a point where it was before it was held"
+                yield Violation(at_s, "request", text)
+                break
+
+
+def _is_among(place: Pair, places: Sequence[Pair]) -> bool:
+    """Whether one of these is the same place."""
+    return any(math.dist(place, other) <= _SAME_M for other in places)
 
 
 def a_way_that_is_accepted_is_begun(case: Case) -> Iterator[Violation]:

@@ -160,6 +160,24 @@ def rally_points_are_on_board(case: Case) -> Iterator[Violation]:
                 yield Violation(time_s, "plan", text)
 
 
+def no_item_lies_in_a_zone(case: Case) -> Iterator[Violation]:
+    """A waypoint that a changed file draws a zone over, or beside, is not on board.
+
+    PX4 flies no mission with an item in its fence.
+    """
+    for time_s, version in _moments(case):
+        areas = [area for area in version.mission.cruised if not area.periods]
+        for item in _items_on_board(case, time_s, MISSION):
+            if item.fields["command"] != WAYPOINT:
+                continue
+            place = Point(case.mission.frame.item_place(item.fields))
+            near = [a.name for a in areas if a.border.distance(place) < a.clearance_m - _PLACE_M]
+            if near:
+                text = f"item {item.fields['seq']} on board lies in {near[0]}, or beside it"
+                yield Violation(time_s, "plan", text)
+                break
+
+
 def _moments(case: Case) -> list[tuple[float, MissionVersion]]:
     """When what is on board has to be a file's: when we have it armed, and once one was taken."""
     armed_s = _armed_s(case)

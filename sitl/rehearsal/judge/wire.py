@@ -50,6 +50,9 @@ _BESIDE_HOME_M: Final = 3.0
 _ASKED_S, _AGAIN_S = 2.0, 20.0
 """A landing follows a request within the one; a landing that is told again within the other."""
 
+_LEVEL_M: Final = 2.0
+"""So much lower than the layer of another UAV it is below that."""
+
 _SINKS_M: Final = 0.5
 """So much less than the clearance what is below a landing may keep: what a hover drifts."""
 
@@ -164,6 +167,26 @@ def _landing(case: Case, message: WireMessage, mission: RawMission) -> Iterator[
     if below:
         text = f"told to land {away_m:.1f} m from home, through the layer of another UAV"
         yield Violation(at_s, "landing", text)
+
+
+def it_climbs_through_no_layer_of_another(case: Case) -> Iterator[Violation]:
+    """A vehicle that is below another UAV's layer, away from home, is sent nowhere: it would climb.
+
+    Homes lie where no other flies; so what takes off, or is there, may climb.
+    """
+    for message, _ in case.legs:
+        index = case.at(message.time_s)
+        mission, row = case.version_at(message.time_s).mission, case.row
+        above_m, off_m = float(case.above_m[index]), float(case.off_m[index])
+        near_m = mission.acceptance_m + _BESIDE_HOME_M + row.home_m + off_m
+        if not case.flying[index] or case.from_home_m(index) <= near_m:
+            continue
+        layers = (mission.altitude_m + level_m for _, level_m in mission.others if level_m < 0.0)
+        between = [other_m for other_m in layers if above_m < other_m - _LEVEL_M - row.height_m]
+        if between:
+            text = f"a leg at {above_m:.1f} m: it climbs through the layer of another UAV"
+            yield Violation(message.time_s, "climb", f"{text} at {between[0]:.1f} m")
+            return
 
 
 def the_list_on_board_is_in_order(case: Case) -> Iterator[Violation]:

@@ -29,6 +29,8 @@ _LANDS, _ACTIVE, _EMERGENCY = 0x06040000, 4, 6  # of HEARTBEAT: AUTO, LAND; MAV_
 Send = Callable[[Sender, str, Mapping[str, Any]], object]
 """Takes a message: who says it, its name and its fields."""
 
+Answered = Callable[[Sender, int, int], object]
+
 
 class Station:
     """A ground station with a pilot's transmitter.
@@ -88,6 +90,7 @@ class Stations:
     Args:
         vehicle: Theirs.
         tell: Takes every message that they send, for the record.
+        answered: Takes what PX4 answers about a list that it has stored: to whom, its kind and id.
 
     Attributes:
         first: The pilot's, too.
@@ -95,8 +98,8 @@ class Stations:
         beside: That one over the companion's own link.
     """
 
-    def __init__(self, vehicle: MavlinkVehicle, tell: Send) -> None:
-        self._vehicle = vehicle
+    def __init__(self, vehicle: MavlinkVehicle, tell: Send, answered: Answered) -> None:
+        self._vehicle, self._answered = vehicle, answered
         self._plan_ids = 1 << 20  # counted up: no two plans look alike to the vehicle
 
         def send(link: MavlinkLink, sender: Sender, name: str, fields: Mapping[str, Any]) -> None:
@@ -195,6 +198,7 @@ class Stations:
         self._plan_ids += 1
         self._vehicle.autopilot.plan.store(kind, items, self._plan_ids, 0)
         self._vehicle.autopilot.take_up_plan()
+        self._answered(Sender(255, _GROUND_CONTROL), kind.value, self._plan_ids)
 
 
 def intrusion(kind: str, dice: random.Random) -> list[bytes]:

@@ -121,6 +121,18 @@ def test_an_answer_to_another_station_on_our_link_is_its_try_and_told(px4):
     assert "255" in tried.who
 
 
+@pytest.mark.parametrize(("system", "component", "changed"), [(255, 190, True), (1, 191, False)])
+def test_a_list_that_was_stored_for_another_station_is_no_list_of_ours(
+    px4, system, component, changed
+):
+    px4.telemetry.guard_plan(OURS)
+    ack = {"target_system": system, "target_component": component, "mission_type": 0, "type": 0}
+    px4.says("MISSION_ACK", **ack, opaque_id=7)
+    ids = OURS._replace(mission_id=7)._asdict()
+    px4.says("MISSION_CURRENT", seq=3, total=9, **ids)
+    assert any(isinstance(event, PlanReplaced) for event in px4.events) == changed
+
+
 def test_a_transfer_of_ours_is_no_change_and_one_in_it_is_told_at_once(px4):
     told = {"seq": 3, "total": 9, "mission_id": 1, "fence_id": 2, "rally_points_id": 3}
     px4.off.add("MISSION_CURRENT")

@@ -210,3 +210,19 @@ def test_a_way_home_takes_what_the_shortest_clear_one_does_and_some_turns(turns_
     said = [(61.0, "61.0 s  coming home: the battery, as it says")]
     found = flight(flown, said=said, text=f"{TEXT}{others}")
     assert ("home" in {v.kind for v in judge(found).violations}) == wrong
+
+
+@pytest.mark.parametrize(
+    ("zone", "again", "wrong"),
+    [
+        ("[[50, 50], [70, 50], [70, 70], [50, 70]]", None, True),
+        ("[[50, 63], [70, 63], [70, 70], [50, 70]]", None, True),  # within the clearance
+        ("[[50, 66], [70, 66], [70, 70], [50, 70]]", None, False),
+        ("[[50, 50], [70, 50], [70, 70], [50, 70]]", ((60, 0), (0, 0), (0, 60)), False),
+    ],
+)
+def test_no_waypoint_stays_on_board_that_a_zone_is_drawn_over(zone, again, wrong):
+    drawn = SceneEvent(25.0, SceneEventKind.MISSION_FILE, f"{TEXT}  - {{polygon: {zone}}}\n")
+    more = [] if again is None else [*upload(waypoints=again, at_s=40.0)]
+    flown = evidence(track(ROUND * 2), more=more, happenings=(drawn,))
+    assert ("or beside it" in str(judge(flown).violations)) == wrong

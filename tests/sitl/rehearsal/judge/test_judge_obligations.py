@@ -8,13 +8,14 @@ from tests.sitl.rehearsal.judge.test_judge import FRAME, TEXT, command, goto
 from tests.sitl.rehearsal.judge.test_judge_inputs import FLOWN, HOVERS, flight
 
 
-def texts(*answers, states=FLOWN, more=(), said=(), happenings=()):
+def texts(*answers, states=FLOWN, more=(), said=(), happenings=(), text=TEXT):
     """Of a flight in which these were asked for: when, what, and the words of the answer."""
     asked = tuple(SceneEvent(at_s, SceneEventKind.REQUEST, verb) for at_s, verb, _ in answers)
     lines = [(43.0, "43.0 s  READY -> INIT"), (44.0, "44.0 s  INIT -> EXPL")]
     lines += [(at_s + 0.1, f"{at_s} s  the operator: {words}") for at_s, _, words in answers]
     lines += said
-    flown = flight(states, said=sorted(lines), more=more, happenings=asked + tuple(happenings))
+    happenings = asked + tuple(happenings)
+    flown = flight(states, said=sorted(lines), more=more, happenings=happenings, text=text)
     return " | ".join(str(v) for v in judge(flown).violations if v.kind in {"request", "told"})
 
 
@@ -111,3 +112,41 @@ def test_what_comes_home_by_its_own_words_lands():
     said = [(65.0, "65.0 s  coming home: battery at 25%")]
     flown = flight(long, said=said)
     assert "it says that it comes home" in str(judge(flown).violations)
+
+
+@pytest.mark.parametrize(
+    ("climb_m_s", "found"), [(0.0, ""), (1.0, "it climbs by"), (-1.0, "it sinks by")]
+)
+def test_a_hold_ends_a_climb_too(climb_m_s, found):
+    """Held at 72 s, where it stands, it stays at 40 m, or goes on up or down from there."""
+    states = [
+        (east, north, height + climb_m_s * min(max(n * 0.05 - 72.0, 0.0), 9.0), *rest)
+        for n, (east, north, height, *rest) in enumerate(HOVERS[:1800])
+    ]
+    text = f"{TEXT}altitudes_m: [25, 60]\n"
+    held = [(72.2, "72.2 s  EXPL -> HOLD")]
+    asked = (72.0, "hold", "accepted: it stops and hovers")
+    words = texts(asked, states=[*states, *HOVERS[1800:]], said=held, text=text)
+    assert ("m, though a hold was accepted at" in words) == bool(found)
+    assert found in words
+
+
+def test_a_hold_where_it_holds_may_stop_a_climb():
+    held = [(58.0, "58.0 s  EXPL -> HOLD")]
+    asked = (70.0, "hold", "accepted: it stops and hovers")
+    assert "hold was accepted, not done" not in texts(asked, states=HOVERS, said=held)
+    assert "hold was accepted, not done" in texts(asked, states=HOVERS)
+
+
+@pytest.mark.parametrize(("on", "wrong"), [((0, 60), False), ((60, 60), True), ((20, 50), False)])
+def test_points_before_a_hold_are_not_flown_to_again(on, wrong):
+    """Sent to two points, held on its way to the second: the first is not left."""
+    tour = f"goto {degrees(60, 60)} {degrees(0, 60)}"
+    asked = [
+        (45.0, tour, "accepted: it flies to 2 points"),
+        (50.0, "hold", "accepted: it stops and hovers"),
+        (55.0, "resume", "accepted: it flies on to the points that are left"),
+    ]
+    sent = [goto(45.1, 60, 60), goto(48.0, 0, 60), goto(55.2, *on)]
+    assert ("where it was before it was held" in texts(*asked, more=sent)) == wrong
+    assert "where it was before it was held" not in texts(*asked, more=[sent[0], sent[2]])

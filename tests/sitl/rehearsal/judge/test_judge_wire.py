@@ -165,3 +165,16 @@ def test_every_item_is_read_back_before_it_is_armed(kind):
     assert f"item 2 of list {kind} on board was not read back" in texts(
         flight(messages=[m for m in upload() if not unread(m)])
     )
+
+
+@pytest.mark.parametrize(
+    ("altitude_m", "high_m", "wrong"), [(28, 15, True), (28, 31, False), (52, 15, False)]
+)
+def test_what_is_below_the_layer_of_another_is_sent_nowhere(altitude_m, high_m, wrong):
+    others = f"uavs: {{titan: {{}}, atlas: {{altitude_m: {altitude_m}, home: [90, 90]}}}}\n"
+    flies = True, False, 0x04040000
+    for place, away in (((60, 0), True), ((1, 0), False)):  # at home it may climb
+        states = [*track(((0, 0), place, place), land=False), *[(*place, high_m, *flies)] * 200]
+        at_s = 0.05 * (len(states) - 100)
+        flown = evidence(states, more=[goto(at_s, *place)], text=f"{TEXT}{others}")
+        assert ("through the layer of another" in texts(flown)) == (wrong and away)
