@@ -57,8 +57,9 @@ def _files(folder: str) -> dict[str, list[Path]]:
 
 
 def _only(folder: str, name: str) -> Path:
-    """The one file of a name, in whichever room of a folder it is."""
-    found = _files(folder).get(name, [])
+    """The one file of a name, in whichever room of a folder it is; `room/name.py` says which."""
+    named = _files(folder).get(name.rpartition("/")[2], [])
+    found = [path for path in named if f"/{path.as_posix()}".endswith(f"/{name}")]
     if len(found) != 1:
         raise ChangeError(f"{folder}: {len(found)} files are called {name}, not one")
     return found[0]
@@ -71,7 +72,7 @@ MUTANTS = (
          "if not self.clear(telemetry, legs[1].to):", "if False:", "navigator"),
     _row("objection of any age", "air_router.navigator", "if age_s > self._gate.reaction_s:", "if False:",
          "faults_in_flight controller navigator px4_hold flight"),
-    _row("landing 10 m off", "air_router.return_state", "LANDING_M: Final = 1.0",
+    _row("landing 10 m off", "air_router.states/limits", "LANDING_M: Final = 1.0",
          "LANDING_M: Final = 10.0", "controller control_authority return_planner"),
     _row("near one place", "air_router.return_state", "near = known and all(",
          "near = known and any(",
@@ -85,17 +86,17 @@ MUTANTS = (
          "controller"),
     _row("goto timer", "air_router.table", 'timer="hold_s", timer_from=From.ARRIVAL',
          'timer="hold_s"', "controller command_handler state_table"),
-    _row("not heard for 30 s", "air_router.command_handler", "NOT_HEARD_S: Final = 3.0",
-         "NOT_HEARD_S: Final = 30.0", "command_handler"),
+    _row("not heard for 30 s", "air_router.controller/limits", "VEHICLE_SILENT_S: Final = 3.0",
+         "VEHICLE_SILENT_S: Final = 30.0", "command_handler"),
     _row("put off when ready only", "air_router.table",
          "Spec(HoldState, puts_off=True", "Spec(HoldState", "command_handler"),
-    _row("short overshoot", "air_router.airspace_update", "_OVERSHOOT: Final = 1.5",
-         "_OVERSHOOT: Final = 0.5", "airspace_update"),
+    _row("short overshoot", "air_router.controller/limits", "BRAKING_OVERSHOOT: Final = 1.5",
+         "BRAKING_OVERSHOOT: Final = 0.5", "airspace_update"),
     _row("skipped fly on", "air_router.airspace_update", "if before.skipped != now.skipped", "if False",
          "airspace_update mission_reloader"),
     _row("fix back at once", "air_router.input_limits", "BACK_S: Final = 3.0",
          "BACK_S: Final = 0.0", "input_limits faults_in_flight"),
-    _row("late foreign order", "air_router.safety_monitor", "FOREIGN_ORDER_S: Final = 1.5", "FOREIGN_ORDER_S: Final = 15.0",
+    _row("late foreign order", "air_router.controller/limits", "FOREIGN_ORDER_S: Final = 1.5", "FOREIGN_ORDER_S: Final = 15.0",
          "safety_monitor faults_in_flight"),
     _row("oldest alike", "air_router.seeking", "age_s >= oldest_s", "age_s > oldest_s",
          "seeking"),
@@ -106,7 +107,7 @@ MUTANTS = (
     _row("tries ignored", "air_router.seeking", " / (1 + known.tries)", "", "seeking"),
     _row("left out stays", "air_router.explore_state", "del self.left_out[left_out:]", "del left_out",
          "exploration"),
-    _row("sixty holds", "air_router.control_authority", "HOLDS: Final = 6", "HOLDS: Final = 60",
+    _row("sixty holds", "air_router.controller/limits", "RELEASE_HOLDS: Final = 6\n", "RELEASE_HOLDS: Final = 60\n",
          "control_authority faults_in_flight"),
     _row("stuck in others' hands", "air_router.ready_state",
          "rises = self._context.handed_over and telemetry.in_air", "rises = telemetry.in_air",
@@ -151,7 +152,7 @@ MUTANTS = (
          "return await self.compare(plan)  # last", "return None  # last", "px4_plan"),
     _row("gap of numbers", "mocha_link.database", "_GAP = 1 << 32", "_GAP = 0",
          "database storage node_storage"),
-    _row("flight level as it stands", "air_router.limits", "metres * _COLDEST - _LOWEST_M",
+    _row("flight level as it stands", "air_router.maps/limits", "metres * _COLDEST - _LOWEST_M",
          "metres", "airspace_files"),
     _row("arcs turn one way", "air_router.openair", "clockwise=zone.clockwise)[1:-1]", "clockwise=True)[1:-1]",
          "airspace_files"),

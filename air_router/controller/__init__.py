@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "airspace_change": ("widened_router",),
-        "command_handler": ("NOT_HEARD_S",),
         "controller": ("Controller",),
+        "limits": ("VEHICLE_SILENT_S",),
     },
 )

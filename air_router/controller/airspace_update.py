@@ -22,6 +22,7 @@ from air_router.controller.airspace_change import (
     widened_router,
 )
 from air_router.controller.envelope import ReturnMonitor
+from air_router.controller.limits import ALTITUDE_DOUBT_STEP_M, BRAKING_OVERSHOOT, WAY_OUT_RETRY_S
 from air_router.controller.model import (
     AirspaceChanged,
     FlyToNode,
@@ -54,15 +55,6 @@ from geo.airspace import FENCE, Airspace
 
 NO_WAY_OUT: Final = "no way out of a new zone"
 """What is alarmed of until there is one."""
-
-STUCK_S: Final = 3.0
-"""How long after no way led out of a new zone it is looked for again."""
-
-NEWS_M: Final = 0.5
-"""An altitude in doubt that is off by so much more may be another zone's."""
-
-_OVERSHOOT: Final = 1.5
-"""A vehicle that brakes may come so much farther than is reckoned with."""
 
 
 @dataclass(slots=True, eq=False)
@@ -191,7 +183,7 @@ class AirspaceUpdate:
         """The new zones that the vehicle is in, or may come into before it stands."""
         speed_m_s = max(now.speed_m_s, math.hypot(*telemetry.velocity_m_s))
         reaction_s = self._gate.reaction_s
-        reach_m = _OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
+        reach_m = BRAKING_OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
         known = set(before.zones)
         new = [z for z in now.airspace_at(telemetry.altitude_m).zones if z not in known]
         here = telemetry.position
@@ -300,7 +292,7 @@ class AirspaceUpdate:
         )
         self._gate.stop()
         self._gate.hold("no way out")
-        self._stuck_until_s = now_s + STUCK_S
+        self._stuck_until_s = now_s + WAY_OUT_RETRY_S
         self._begin_clearing()
 
     def _begin_clearing(self) -> None:
@@ -334,7 +326,10 @@ class AirspaceUpdate:
 
     def altitude_doubted(self, off_m: float) -> None:
         """Keep clear of what applies up, or down, to an altitude so far off the autopilot's."""
-        if self._looked is not self._context.router or abs(off_m - self._off_m) >= NEWS_M:
+        if (
+            self._looked is not self._context.router
+            or abs(off_m - self._off_m) >= ALTITUDE_DOUBT_STEP_M
+        ):
             self._off_m = off_m
             self._widen()
 

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Final
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.envelope import ReturnMonitor
+from air_router.controller.limits import VEHICLE_SILENT_S
 from air_router.controller.model import (
     AnyRequest,
     ChangeAltitude,
@@ -41,9 +42,6 @@ from air_router.controller.model import (
 from air_router.controller.standstill import Standstill
 from air_router.controller.states import Accepted, GotoValidator, StateHandlers
 from air_router.vehicle import NO_FIX
-
-NOT_HEARD_S: Final = 3.0
-"""A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""
 
 _NOT_IN_THE_AIR: Final = {
     Requests.NOT_YET: Refusal.NOT_FLYING,
@@ -159,7 +157,7 @@ class CommandHandler:
         assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         # Its clock stands still while nothing is heard of it: then the link says for how long.
         silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
-        if silent_s > NOT_HEARD_S:
+        if silent_s > VEHICLE_SILENT_S:
             what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
             silent = f"{what} heard from it for {silent_s:.0f} s"
             raise RequestRefusedError(Refusal.NOT_HEARD, silent)

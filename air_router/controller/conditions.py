@@ -9,21 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
+from air_router.controller.limits import CONDITIONS_GOOD_S, CONDITIONS_HOME_S, CONDITIONS_WORSE_S
 from air_router.controller.model import MissionContext, Signal
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.mission import SLACK_M, tracking_error_m
 from air_router.vehicle import NEARER_THAN_IT_SAYS, Telemetry
-
-WORSE_S: Final = 3.0
-"""How long they are worse before it is held for: receivers and gusts flicker."""
-
-AGAIN_S: Final = 5.0
-"""They count as good again after so long."""
-
-HOME_S: Final = 30.0
-"""After so long it comes home: waiting longer costs the battery that the way takes."""
 
 
 @dataclass(slots=True, eq=False)
@@ -58,7 +49,7 @@ class ConditionsWatch:
             return None
         if self._worse_since_s is None:
             self._worse_since_s = now_s
-        if now_s - self._worse_since_s < WORSE_S:
+        if now_s - self._worse_since_s < CONDITIONS_WORSE_S:
             return None
         self._off_since_s, self._good_since_s = now_s, None
         if comes_home:  # which is what it would do
@@ -71,14 +62,14 @@ class ConditionsWatch:
         if worse is None:
             if self._good_since_s is None:
                 self._good_since_s = now_s
-            if now_s - self._good_since_s < AGAIN_S:
+            if now_s - self._good_since_s < CONDITIONS_GOOD_S:
                 return None
             held = self._context.rough
             self.forget()
             words = "satellites and wind are as planned for again"
             return Deviation(Response.BACK if held else Response.TELL, words, None)
         self._good_since_s = None
-        if now_s - off_since_s < HOME_S:
+        if now_s - off_since_s < CONDITIONS_HOME_S:
             return None
         self._off_since_s = math.inf  # once, until they are good again
         self._context.rough = False

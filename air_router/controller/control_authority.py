@@ -11,6 +11,15 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from air_router.controller.limits import (
+    FAILSAFE_LATE_S,
+    LINK_SILENCE_ALARM_S,
+    LINK_SILENCE_BY_HAND_S,
+    LINK_SILENCE_SAID_S,
+    PLAN_COMPARED_S,
+    RELEASE_HOLDS,
+    REPEATED_AFTER_S,
+)
 from air_router.controller.model import (
     ControlHolder,
     HoldHere,
@@ -50,27 +59,8 @@ from air_router.vehicle import (
     WrongVehicle,
 )
 
-HOLDS: Final = 6
-"""How often a vehicle is told to hold before hands are off though it does not."""
-
-COMPARED_S: Final = 60.0
-"""A plan that was not compared within this time counts as another: the link is too poor."""
-
-_TOLD_S: Final = 10.0
-"""How often something that goes on is told."""
-
-_LONG_SILENCE_S: Final = 10.0
-_LONGER_SILENCE_S: Final = 20.0
-"""A silence that lasts so long is an alarm; then the pilot is to fly it by hand."""
-
 NOT_TAKEN: Final = "not flown by hand"
 """What is alarmed of after hands off for a reason of ours, until a pilot chooses a mode."""
-
-_SILENCE_S: Final = 3.0
-"""A silence that was shorter is not told."""
-
-LATE_S: Final = 2.5
-"""A failsafe may show so long after the mode that it chose: HEARTBEAT comes once a second."""
 
 
 def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
@@ -99,7 +89,7 @@ class Reminder:
 
     def news(self, what: str | None, now_s: float) -> str | None:
         """What to tell at this time, where this goes on; None: no news."""
-        if what == self._what and (what is None or now_s < self._told_s + _TOLD_S):
+        if what == self._what and (what is None or now_s < self._told_s + REPEATED_AFTER_S):
             return None
         before, self._what, self._told_s = self._what, what, now_s
         return f"over: {before}" if what is None else what
@@ -168,7 +158,7 @@ class ControlAuthority:
         elif context.giving_up is not None:
             if holds:
                 self._let_go(context.giving_up)
-            elif self._holds >= HOLDS:
+            elif self._holds >= RELEASE_HOLDS:
                 self._let_go(f"{context.giving_up}; it was told to hold and did not")
             elif context.now_s >= self._hold_again_s:
                 self._hold_at_last(context.giving_up)
@@ -206,7 +196,7 @@ class ControlAuthority:
         """Another flies: tell what a pilot may not see, and who took it if that shows late."""
         context = self._context
         mode, taken_s = self._chosen or (telemetry.mode, -math.inf)
-        late = telemetry.mode is mode and context.now_s - taken_s <= LATE_S
+        late = telemetry.mode is mode and context.now_s - taken_s <= FAILSAFE_LATE_S
         if telemetry.failsafe and late and context.taken_by is ControlHolder.PILOT:
             context.taken_by = ControlHolder.FAILSAFE
             context.warn(
@@ -215,7 +205,10 @@ class ControlAuthority:
             )
         if telemetry.mode is not FlightMode.HOLD:
             context.over(NOT_TAKEN)  # a pilot or a failsafe flies it
-        if telemetry.mode is self._crossing is not mode and context.now_s - taken_s <= LATE_S:
+        if (
+            telemetry.mode is self._crossing is not mode
+            and context.now_s - taken_s <= FAILSAFE_LATE_S
+        ):
             self._crossing = None
             context.alarm(
                 f"{telemetry.mode.value} mode followed {mode.value} mode: an order of ours was on "
@@ -245,12 +238,12 @@ class ControlAuthority:
         if not 0.0 < context.silent_s <= silent_s:  # it was heard meanwhile
             self._silence_told_s = -math.inf
         context.silent_s = silent_s
-        if silent_s >= max(self._silence_told_s + _TOLD_S, _SILENCE_S):
+        if silent_s >= max(self._silence_told_s + REPEATED_AFTER_S, LINK_SILENCE_SAID_S):
             self._silence_told_s = silent_s
             text = f"nothing heard from the vehicle for {silent_s:.0f} s"
-            if silent_s < _LONG_SILENCE_S:
+            if silent_s < LINK_SILENCE_ALARM_S:
                 context.warn(text, CHECK_LINK)
-            elif silent_s < _LONGER_SILENCE_S:
+            elif silent_s < LINK_SILENCE_BY_HAND_S:
                 context.alarm(text, CHECK_LINK)
             else:
                 context.alarm(text, TAKE_OVER_NOW)
@@ -343,7 +336,7 @@ class ControlAuthority:
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         context.warn(f"{what}; comparing it with this mission's", NO_UPLOADS)
         flies_plan = context.in_charge and context.state is not State.LAND
-        self._compared_by_s = context.now_s + COMPARED_S
+        self._compared_by_s = context.now_s + PLAN_COMPARED_S
         self._hold_again_s = context.now_s + RETRY_S
         if flies_plan and context.giving_up is None:
             context.compares = what

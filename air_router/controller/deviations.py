@@ -36,10 +36,10 @@ from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
 
 from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
+from air_router.controller.limits import DEVIATION_HOLD_S, DEVIATION_TIMES, DEVIATION_WITHIN_S
 from air_router.controller.model import MissionContext, Signal, State
 from air_router.controller.motion import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
@@ -52,13 +52,6 @@ from air_router.vehicle import (
     Stop,
     Telemetry,
 )
-
-HOLD_S: Final = 2.0
-"""A vehicle that holds for a deviation stands after so long, and goes on."""
-
-TIMES: Final = 3
-WITHIN_S: Final = 180.0
-"""What has happened so often in that time will happen again."""
 
 
 @dataclass(slots=True, eq=False)
@@ -77,7 +70,9 @@ class Deviations:
     _returns: ReturnMonitor
     _lag: LagMonitor
     _unsaid: set[str] = field(default_factory=set)  # what seemed to be missing just after a lag
-    _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # holds, when
+    _times: deque[float] = field(
+        default_factory=partial(deque, maxlen=DEVIATION_TIMES)
+    )  # holds, when
 
     def follow(self, found: Collection[Deviation]) -> None:
         """Say what is off, or is over, and do what follows."""
@@ -169,12 +164,12 @@ class Deviations:
         if holds:
             self._gate.hold(words)
         if response is not Response.TELL:
-            context.retry_in(0.0 if response is Response.BACK else HOLD_S)
+            context.retry_in(0.0 if response is Response.BACK else DEVIATION_HOLD_S)
 
     def _happens_again(self, now_s: float) -> bool:
         """Whether it was held for so often lately that holding once more will not help."""
         self._times.append(now_s)
-        if len(self._times) < TIMES or now_s - self._times[0] > WITHIN_S:
+        if len(self._times) < DEVIATION_TIMES or now_s - self._times[0] > DEVIATION_WITHIN_S:
             return False
         self._times.clear()
         return True

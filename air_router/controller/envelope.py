@@ -8,9 +8,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from air_router.controller.conditions import ConditionsWatch
+from air_router.controller.limits import (
+    ALTITUDE_DOUBT_M,
+    ALTITUDE_JUMP_CLIMB_M_S,
+    ALTITUDE_JUMP_M,
+    BACK_AT_ALTITUDE_S,
+    CLEARANCE_NOISE_M,
+    CLEARANCE_REPEATED_M,
+    NEARER_ALTITUDE_M,
+    OFF_ALTITUDE_HOME_S,
+    OFF_ALTITUDE_M,
+    OFF_ALTITUDE_S,
+    OVERSPEED,
+    OVERSPEED_M_S,
+    OVERSPEED_S,
+    UNDERSPEED,
+    UNDERSPEED_LEG_M,
+    UNDERSPEED_S,
+)
 from air_router.controller.model import (
     FlyToNode,
     FlyToPoint,
@@ -20,7 +38,7 @@ from air_router.controller.model import (
     State,
 )
 from air_router.controller.motion import CommandGate, below
-from air_router.controller.safety_monitor import DOUBT_M, Deviation, HomeWatch, Response
+from air_router.controller.safety_monitor import Deviation, HomeWatch, Response
 from air_router.controller.states import HomeReachability
 from air_router.mission import Mission
 from air_router.routing import LANDING_MARGIN, WayHome, names_of
@@ -35,43 +53,6 @@ from air_router.vehicle import (
     Telemetry,
 )
 from geo.frame import Point
-
-OFF_M: Final = 5.0
-"""How far off its altitudes a vehicle may be at least, whatever margin the mission keeps: PX4
-corrects the altitude of home by more than 2 m while it flies."""
-
-OFF_S: Final = 4.0
-"""How long the vehicle is off its altitudes, and comes no nearer, before that is told."""
-
-BACK_S: Final = 2.0
-"""It counts as back after so long."""
-
-OFF_HOME_S: Final = 30.0
-"""After so long off its altitudes it comes home."""
-
-_NEARER_M: Final = 0.5
-"""A climb or descent that gains so much goes on."""
-
-JUMP_M: Final = 2.5
-CLIMB_M_S: Final = 6.0
-"""An altitude that changes by more than this, on top of what a climb at that speed makes in the
-time, has not been flown."""
-
-NOISE_M: Final = 0.25
-"""What a position wanders by is no loss of clearance."""
-
-_NEARER_STILL_M: Final = 1.0
-"""A clearance that was lost is told again when so much more of it is."""
-
-FASTER_M_S: Final = 0.5
-FASTER: Final = 1.1
-FAST_S: Final = 2.0
-"""A gust makes a vehicle no faster than this for so long."""
-
-SLOW: Final = 0.6
-SLOW_S: Final = 5.0
-SLOW_M: Final = 10.0
-"""A leg of which more than this is left is flown faster than this share, after some seconds."""
 
 
 @dataclass(slots=True, eq=False)
@@ -96,10 +77,11 @@ class HeightWatch:
         # With nothing in it of home, which the autopilot corrects by a metre or two.
         amsl_m = altitude_m if telemetry.altitude_amsl_m is None else telemetry.altitude_amsl_m
         self._before = (now_s, amsl_m)
-        slack_m = max(OFF_M - self._context.mission.planner.vertical_margin_m, 0.0)
+        slack_m = max(OFF_ALTITUDE_M - self._context.mission.planner.vertical_margin_m, 0.0)
         out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, slack_m) - slack_m
         gained_m = 0.0 if before is None else amsl_m - before[1]
-        if before is not None and abs(gained_m) > JUMP_M + CLIMB_M_S * max(now_s - before[0], 0.0):
+        passed_s = 0.0 if before is None else max(now_s - before[0], 0.0)
+        if abs(gained_m) > ALTITUDE_JUMP_M + ALTITUDE_JUMP_CLIMB_M_S * passed_s:
             words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words, WATCH_HEIGHT)
@@ -108,10 +90,10 @@ class HeightWatch:
             return Deviation(Response.WAIT, words, WATCH_HEIGHT)
         if self._off_since_s is not None:
             return self._while_off(telemetry, out_m, self._off_since_s)
-        if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - _NEARER_M:
+        if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - NEARER_ALTITUDE_M:
             self._out_m, self._out_since_s = out_m, now_s
             return None
-        if now_s - self._out_since_s < OFF_S:
+        if now_s - self._out_since_s < OFF_ALTITUDE_S:
             return None
         self._off_since_s, self._back_since_s = now_s, None
         return Deviation(Response.HOLD, f"too {self._off(altitude_m)}", WATCH_HEIGHT, counts=True)
@@ -123,13 +105,13 @@ class HeightWatch:
         if out_m == 0.0:
             if self._back_since_s is None:
                 self._back_since_s = now_s
-            if now_s - self._back_since_s < BACK_S:
+            if now_s - self._back_since_s < BACK_AT_ALTITUDE_S:
                 return None
             self._context.jumped = False
             self._off_since_s = self._out_since_s = None
             return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again", None)
         self._back_since_s = None
-        if now_s - off_since_s < OFF_HOME_S:
+        if now_s - off_since_s < OFF_ALTITUDE_HOME_S:
             return None
         self._context.jumped = False
         self._off_since_s = math.inf  # once, until it is back
@@ -175,11 +157,11 @@ class ClearanceWatch:
         spare_m, name = airspace.spare_m(here)
         self._spare = (spare_m, here, cruises, mission)
         told_m = self._told_m
-        if spare_m >= -NOISE_M:
+        if spare_m >= -CLEARANCE_NOISE_M:
             if spare_m >= 0.0:
                 self._told_m = None
             return None
-        if told_m is not None and spare_m > told_m - _NEARER_STILL_M:
+        if told_m is not None and spare_m > told_m - CLEARANCE_REPEATED_M:
             return None
         self._told_m = spare_m
         kept_m = airspace.kept_m(name)
@@ -214,20 +196,20 @@ class SpeedWatch:
         """Whether it flies faster, or much slower, than it was told."""
         commanded_m_s = self._context.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
-        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
-        if speed_m_s > SLOW * commanded_m_s:
+        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + UNDERSPEED) / 2.0
+        if speed_m_s > UNDERSPEED * commanded_m_s:
             self._slow_since_s = None
-        if speed_m_s > FASTER * commanded_m_s + FASTER_M_S:
+        if speed_m_s > OVERSPEED * commanded_m_s + OVERSPEED_M_S:
             return self._fast(telemetry, speed_m_s)
         self._fast_since_s, self._fast_told = None, False
-        if speed_m_s <= SLOW * commanded_m_s:
+        if speed_m_s <= UNDERSPEED * commanded_m_s:
             return self._slow(telemetry, speed_m_s)
         return None
 
     def _fast(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
         if self._fast_since_s is None:
             self._fast_since_s = telemetry.time_s
-        if self._fast_told or telemetry.time_s - self._fast_since_s < FAST_S:
+        if self._fast_told or telemetry.time_s - self._fast_since_s < OVERSPEED_S:
             return None
         self._fast_told = True
         words = (
@@ -243,13 +225,13 @@ class SpeedWatch:
         if self._gate.pending is None and isinstance(leg, FlyToNode | FlyToPoint):
             up_m = mission.altitude_of(leg.node) if isinstance(leg, FlyToNode) else leg.altitude_m
             climbs = below(up_m, telemetry)  # PX4 does so before it sets out for an item
-            far = math.dist(telemetry.position, leg.position) > SLOW_M and not climbs
+            far = math.dist(telemetry.position, leg.position) > UNDERSPEED_LEG_M and not climbs
         if not far:
             self._slow_since_s = None
             return None
         if self._slow_since_s is None:
             self._slow_since_s = telemetry.time_s
-        if self._slow_told or telemetry.time_s - self._slow_since_s < SLOW_S:
+        if self._slow_told or telemetry.time_s - self._slow_since_s < UNDERSPEED_S:
             return None
         self._slow_told = True
         words = f"it flies only {speed_m_s:.1f} m/s and was told {mission.speed_m_s:.1f} m/s"
@@ -289,7 +271,7 @@ class Envelope:
     def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
         """What begins, or is over, of a vehicle that flies its mission by our commands."""
         self._looks = True
-        in_doubt = abs(self._home.receiver_off_m) >= DOUBT_M
+        in_doubt = abs(self._home.receiver_off_m) >= ALTITUDE_DOUBT_M
         conditions, accuracy_m = self._conditions, telemetry.accuracy_m
         planned_m = self._context.mission.planner.position_accuracy_m
         poor = accuracy_m is not None and accuracy_m > planned_m

@@ -8,26 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
+from air_router.controller.limits import LAG_HOLD_S, LAG_RECENT_S, LAG_STEP_M, TELEMETRY_GAP_S
 from air_router.controller.model import CompanionLagged, MissionContext
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.routing import names_of
 from air_router.vehicle import BE_READY, FREE_PROCESSOR, Telemetry
 from geo.frame import Point
-
-HOLD_S: Final = 2.0
-"""A program that stood still for so long has the vehicle hold before it goes on: 10 m at 5 m/s were
-flown unwatched, more than the clearance of most missions."""
-
-GAP_S: Final = 0.5
-"""Two telemetries that are farther apart, on the vehicle's clock, have a way between them that was
-not looked at."""
-
-RECENT_S: Final = 5.0
-"""What is missing so soon after a lag may wait in this program's own sockets: no warning of it."""
-
-_STEP_M: Final = 0.5
 
 
 @dataclass(slots=True, eq=False)
@@ -47,12 +34,16 @@ class LagMonitor:
     @property
     def recent(self) -> bool:
         """Whether the program has just stood still: what seems to be missing may be its own."""
-        return self._context.now_s <= self._lagged_at_s + RECENT_S
+        return self._context.now_s <= self._lagged_at_s + LAG_RECENT_S
 
     def note(self, telemetry: Telemetry) -> None:
         """Take every telemetry in, also while a pilot has the vehicle."""
         before, self._before = self._before, telemetry
-        if before is not None and telemetry.told_s - before.told_s > GAP_S and telemetry.in_air:
+        if (
+            before is not None
+            and telemetry.told_s - before.told_s > TELEMETRY_GAP_S
+            and telemetry.in_air
+        ):
             self._gap = (before.position, telemetry.position, telemetry.told_s)
 
     def lagged(self, event: CompanionLagged) -> None:
@@ -73,7 +64,7 @@ class LagMonitor:
         if lag_s == 0.0:
             return ()
         missed = self._missed(telemetry)
-        if lag_s >= HOLD_S:
+        if lag_s >= LAG_HOLD_S:
             words = f"unwatched for {lag_s:.1f} s"
             held = Deviation(Response.HOLD, words, FREE_PROCESSOR, counts=True)
             return (held,) if missed is None else (held, missed)
@@ -82,11 +73,11 @@ class LagMonitor:
     def _missed(self, telemetry: Telemetry) -> Deviation | None:
         """The least clearance of the way that was not looked at, if it was too little."""
         gap, self._gap = self._gap, None
-        if gap is None or telemetry.told_s - gap[2] > RECENT_S:
+        if gap is None or telemetry.told_s - gap[2] > LAG_RECENT_S:
             return None
         start, end, _ = gap
         airspace = self._context.mission.airspace_at(telemetry.altitude_m)
-        steps = max(1, math.ceil(math.dist(start, end) / _STEP_M))
+        steps = max(1, math.ceil(math.dist(start, end) / LAG_STEP_M))
         shares = (step / steps for step in range(steps + 1))
         places = [
             Point(

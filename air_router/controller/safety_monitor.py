@@ -12,6 +12,27 @@ from enum import Enum
 from statistics import median
 from typing import Final, NamedTuple
 
+from air_router.controller.limits import (
+    ALTITUDE_AVERAGE_S,
+    ALTITUDE_DOUBT_HOME_M,
+    ALTITUDE_DOUBT_M,
+    ALTITUDE_SAMPLE_M,
+    ALTITUDE_SAMPLE_S,
+    BRAKED_S,
+    DISARMED_S,
+    FOREIGN_ORDER_S,
+    FOREIGN_TARGET_M,
+    HOLD_STOPS_M,
+    HOME_MOVED_AGAIN_M,
+    HOVERS_M,
+    HOVERS_M_S,
+    KILLED_M,
+    OLD_POSITION_S,
+    ORDER_STALE_S,
+    REST_M,
+    REST_S,
+    TWINS_S,
+)
 from air_router.controller.model import (
     FlyToNode,
     FlyToPoint,
@@ -32,58 +53,6 @@ from air_router.vehicle import (
     Telemetry,
 )
 from geo.frame import Point
-
-DISARMED_S: Final = 10.0
-"""A landed vehicle of which no HEARTBEAT has come for so long counts as disarmed."""
-
-KILLED_M: Final = 3.0
-"""Disarmed in the air lower than this it has landed, for all that an altitude above home tells."""
-
-REST_M: Final = 0.5
-REST_S: Final = 2.0
-"""What fell is down when its altitude has changed by less than this in that time."""
-
-TURNS_S: Final = 5.0
-"""Two vehicles under one system id have both reported within so long."""
-
-HOME_AGAIN_M: Final = 2.0
-"""A home that was told to be moved is told again when it is so much elsewhere."""
-
-DOUBT_M: Final = 3.5
-DOUBT_HOME_M: Final = 6.0
-"""The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
-
-_AVERAGE_S: Final = 4.0
-_SAMPLE_M: Final = 7.0
-_SAMPLE_S: Final = 0.5
-"""So far off the average, and for so long, one altitude counts at most. It may be a very wrong
-one: that raises the average by less than `DOUBT_M` in the 1.5 s that it is believed."""
-
-FOREIGN_ORDER_S: Final = 1.5
-"""How long an order that is not ours has to show: our own shows late on a slow link."""
-
-STALE_S: Final = 5.0
-"""What it was told to do so long ago says nothing of an order of now."""
-
-OLD_POSITION_S: Final = 2.0
-"""A position this old may be the one from before the vehicle braked: its target proves nothing."""
-
-FOREIGN_TARGET_M: Final = 4.0
-"""A target so far from ours is not ours; the autopilot's position estimate wanders less."""
-
-BRAKED_S: Final = 3.0
-"""After so long in Hold the place that it hovers at is where we stopped it."""
-
-HOVERS_M: Final = 2.0
-"""A vehicle that was stopped and is nearer than this to the target that it reports hovers there.
-
-One that is farther off reports the target of before the stop: its stream may be late."""
-
-HOVERS_M_S: Final = 1.0
-"""A vehicle that is faster than this has not stopped yet."""
-
-BRAKING_M: Final = 15.0
-"""It stops nearer than this to where it is then; a place farther off is another's order."""
 
 _ELSEWHERE: Final = "a pilot or ground station gave it another place to go to"
 
@@ -158,7 +127,7 @@ class FlightPhase:
         two vehicles on the link none may have flown for as long as both report by turns.
         """
         if self._context.wrong_vehicle is not None:
-            return self._was_armed and telemetry.told_s - self._up_s >= TURNS_S
+            return self._was_armed and telemetry.told_s - self._up_s >= TWINS_S
         if self.killed is not None:
             down = telemetry.told_s - self._rest[1] >= REST_S
             return down and not telemetry.armed
@@ -243,13 +212,15 @@ class HomeWatch:
             off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
             now_s = telemetry.time_s
             self._first_at_s = min(self._first_at_s, now_s)
-            if now_s < self._first_at_s + _AVERAGE_S:
+            if now_s < self._first_at_s + ALTITUDE_AVERAGE_S:
                 self._first.append(off_m)
             else:
-                passed_s = min(max(now_s - self._receiver_at_s, 0.0), _SAMPLE_S)
+                passed_s = min(max(now_s - self._receiver_at_s, 0.0), ALTITUDE_SAMPLE_S)
                 news_m = off_m - median(self._first) - self.receiver_off_m
-                share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
-                self.receiver_off_m += share * max(-_SAMPLE_M, min(news_m, _SAMPLE_M))
+                share = 1.0 - math.exp(-passed_s / ALTITUDE_AVERAGE_S)
+                self.receiver_off_m += share * max(
+                    -ALTITUDE_SAMPLE_M, min(news_m, ALTITUDE_SAMPLE_M)
+                )
             self._receiver_at_s = now_s
         moved, told, context = telemetry.home_moved, self._told, self._context
         if moved is None:
@@ -258,7 +229,7 @@ class HomeWatch:
                 return None
             context.say("home is back in its place")
             return Response.BACK
-        if told is not None and math.dist(moved, told) < HOME_AGAIN_M:
+        if told is not None and math.dist(moved, told) < HOME_MOVED_AGAIN_M:
             return None
         self._told = moved
         amsl_m = telemetry.altitude_amsl_m
@@ -267,7 +238,7 @@ class HomeWatch:
         if not moved.changes_heights:
             context.warn(f"{words}; the autopilot's own Return flies there", NO_OTHER_HOME)
             return Response.TELL
-        if told is not None and abs(moved.up_m - told.up_m) < HOME_AGAIN_M:
+        if told is not None and abs(moved.up_m - told.up_m) < HOME_MOVED_AGAIN_M:
             context.warn(words, NO_OTHER_HOME)  # its place is told in a message of its own
             return Response.TELL
         context.warn(f"{words}; heights count from the take-off as before", NO_OTHER_HOME)
@@ -275,9 +246,12 @@ class HomeWatch:
 
     def doubt(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the satellites' altitude has left the autopilot's, by more than was told."""
-        if abs(self.receiver_off_m) >= DOUBT_HOME_M:
+        if abs(self.receiver_off_m) >= ALTITUDE_DOUBT_HOME_M:
             self.doubted(self.receiver_off_m)
-        for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
+        for limit_m, response in (
+            (ALTITUDE_DOUBT_HOME_M, Response.HOME),
+            (ALTITUDE_DOUBT_M, Response.TELL),
+        ):
             if abs(self.receiver_off_m) >= limit_m > self._receiver_told_m:
                 self._receiver_told_m = limit_m
                 words = (
@@ -319,7 +293,7 @@ class SafetyMonitor:
         if gate.pending is None and telemetry.in_air and not as_told:
             order = self._order_of_others(telemetry, gate.last)
         told_s = ages.item_s if telemetry.mode is FlightMode.MISSION else ages.target_s
-        if order is None or told_s >= STALE_S:
+        if order is None or told_s >= ORDER_STALE_S:
             self._foreign_since_s, self._context.doubts = None, False
             if self._context.put_off:
                 self._context.put_off = False
@@ -361,7 +335,7 @@ class SafetyMonitor:
         if telemetry.told_s - since_s >= BRAKED_S:
             target, speed_m_s = telemetry.target, math.hypot(*telemetry.velocity_m_s)
             off_m = 0.0 if target is None else math.dist(target, telemetry.position)
-            if off_m > BRAKING_M:
+            if off_m > HOLD_STOPS_M:
                 return _ELSEWHERE
             if off_m <= HOVERS_M and speed_m_s <= HOVERS_M_S:
                 self._held = (hold, since_s, target, telemetry.target_altitude_m)

@@ -15,6 +15,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from air_router.controller.limits import (
+    MOVED_M,
+    STANDS_FOR_PLAN_S,
+    STANDS_IN_ZONE_S,
+    STANDS_S,
+    STANDSTILL_LOOK_S,
+)
 from air_router.controller.model import MissionContext, Progress, State, ZoneChange
 from air_router.routing import names_of
 from air_router.vehicle import (
@@ -27,27 +34,9 @@ from air_router.vehicle import (
 )
 from geo.frame import Point
 
-MOVED_M: Final = 3.0
-"""A vehicle that has come so far, in any direction, has moved: one that hovers wanders by less, and
-the slowest landing (0.3 m/s) comes so far in 10 s."""
-
-IN_ZONE_S: Final = 15.0
-"""To stop takes 4 s, a lost order is given again after 3 s, a way is planned in 2 s, and the first
-`MOVED_M` are flown in 2 s: what has not begun to leave a zone after so long will not."""
-
-ELSEWHERE_S: Final = 30.0
-"""Each wait of a flight that is well ends sooner: a leg that is not followed after 15 s, a jump of
-the altitude after 30 s."""
-
-PLAN_S: Final = 90.0
-"""A plan is put on board, and read back, within 10 s; over a poor link within a minute."""
-
 STANDSTILL: Final = "the vehicle stands where it should not"
 """What the alarm is about."""
 
-
-LOOK_S: Final = 1.0
-"""How often a vehicle that does not move is looked at."""
 
 Cause = Callable[[MissionContext], str | None]
 """What may keep the vehicle from moving, in words, where it does."""
@@ -140,12 +129,12 @@ def _elsewhere(context: MissionContext, telemetry: Telemetry) -> str | None:
 
 
 WATCHES: Final = (
-    Watch("it is in a zone", _in_zone, IN_ZONE_S, FLY_OUT),
-    Watch("the battery is at its reserve", _at_reserve, IN_ZONE_S, LAND_BY_HAND),
-    Watch("it should come home", _in(State.HOME), ELSEWHERE_S, LAND_BY_HAND),
-    Watch("it should land", _in(State.LAND), ELSEWHERE_S, LAND_BY_HAND),
-    Watch("its mission is to go on", _elsewhere, ELSEWHERE_S, HOME_OR_TAKE_OVER),
-    Watch("its mission waits", _waits_for_plan, PLAN_S, TAKE_OVER),
+    Watch("it is in a zone", _in_zone, STANDS_IN_ZONE_S, FLY_OUT),
+    Watch("the battery is at its reserve", _at_reserve, STANDS_IN_ZONE_S, LAND_BY_HAND),
+    Watch("it should come home", _in(State.HOME), STANDS_S, LAND_BY_HAND),
+    Watch("it should land", _in(State.LAND), STANDS_S, LAND_BY_HAND),
+    Watch("its mission is to go on", _elsewhere, STANDS_S, HOME_OR_TAKE_OVER),
+    Watch("its mission waits", _waits_for_plan, STANDS_FOR_PLAN_S, TAKE_OVER),
 )
 """The first that is so for long enough is the alarm."""
 
@@ -188,7 +177,11 @@ class Standstill:
             self._anchor = None
             self._over()
             return
-        if anchor is not None and not anchor.left_by(telemetry) and now_s < self._looked_s + LOOK_S:
+        if (
+            anchor is not None
+            and not anchor.left_by(telemetry)
+            and now_s < self._looked_s + STANDSTILL_LOOK_S
+        ):
             return
         self._looked_s = now_s
         here = _Anchor(now_s, telemetry.position, telemetry.altitude_m)

@@ -16,7 +16,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any, Final, Protocol
 
 from air_router.control import CommandRequest, View
-from air_router.controller import NOT_HEARD_S, Controller
+from air_router.controller import VEHICLE_SILENT_S, Controller
 from air_router.controller.model import (
     OPERATOR,
     Action,
@@ -367,7 +367,7 @@ class FlightLoop:
     def may_be_taken(self) -> bool:
         """Whether its mode has not been heard for so long that a pilot may have it."""
         context = self._controller.context
-        return context.silent_s > NOT_HEARD_S or context.inputs.silent
+        return context.silent_s > VEHICLE_SILENT_S or context.inputs.silent
 
     def flies_by_us(self, *, starts: FlightMode | None) -> bool:
         """Whether the vehicle flies, or is about to, because we told it to.

@@ -7,16 +7,10 @@ pilot is to take the vehicle by hand. The pace is bounded, so that it is heard a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
 
 from air_router.controller.model.actions import Announce
+from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.vehicle import TAKE_OVER_NOW, Instruction, Severity
-
-ESCALATES_S: Final = 10.0
-"""An alarm that is not answered for so long is said again, and asks for the sticks."""
-
-REPEATED_S: Final = 30.0
-"""And again so often, as long as it lasts: a pilot who flies by hand hears other things as well."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,6 +49,15 @@ from air_router.controller.model import (
     Way,
     ZoneChange,
 )
+from air_router.controller.motion.limits import (
+    FAR_M,
+    JUMPS,
+    REACTION_S,
+    RETRY_S,
+    TELL_AGAIN_S,
+    TURNING_S,
+    TURNING_S2_M,
+)
 from air_router.mission import FlightPlan
 from air_router.routing import BRAKING_M_S2, Momentum, PendingSetpoint
 from air_router.vehicle import (
@@ -61,19 +70,6 @@ from air_router.vehicle import (
 )
 from geo.frame import Point
 
-RETRY_S: Final = 3.0
-"""Pause before something that could not be done is tried again."""
-
-TELL_AGAIN_S: Final = 10.0
-"""Pause before another reason to hover is told."""
-
-JUMPS: Final = 4
-"""After so many jumps that the vehicle did not follow, its plan is left alone."""
-
-REACTION_S: Final = 0.6
-"""Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
-half a second to build its deceleration up, and the link its time."""
-
 MODES: Final[Mapping[type[Motion], FlightMode]] = MappingProxyType(
     {
         FlyToNode: FlightMode.MISSION,
@@ -83,15 +79,6 @@ MODES: Final[Mapping[type[Motion], FlightMode]] = MappingProxyType(
     }
 )
 """The flight mode in which a motion is flown."""
-
-_FAR_M: Final = 5.0
-"""The target that it reports counts from here on: nearer, its stopping distance covers it,
-and where it hovers it is as far off as estimates wander."""
-
-_TURNING_S: Final = 0.3
-_TURNING_S2_M: Final = 1 / 12
-"""A vehicle that is turned away just before the end of its leg swings beyond it: by its way in that
-time, and by what braking at 2 instead of 3 m/s2 takes more while it speeds up sideways."""
 
 
 @dataclass(slots=True, eq=False)
@@ -157,12 +144,12 @@ class PendingSetpoints:
     def pending(self, telemetry: Telemetry) -> tuple[PendingSetpoint, ...]:
         """Everywhere that it may be flying to now: by our commands, and by its own telemetry."""
         here, target, places = telemetry.position, telemetry.target, self.open(telemetry)
-        if target is not None and math.dist(target, here) > _FAR_M:
+        if target is not None and math.dist(target, here) > FAR_M:
             places.append(target)
         if not places:
             return ()
         speed_m_s = max(self.speed_m_s, math.hypot(*telemetry.velocity_m_s))
-        beyond_m = _TURNING_S * speed_m_s + _TURNING_S2_M * speed_m_s**2
+        beyond_m = TURNING_S * speed_m_s + TURNING_S2_M * speed_m_s**2
         places = [*dict.fromkeys(places)]
         found = [_setpoint(here, place, beyond_m) for place in places]
         # It may turn from the end of one to another, and away there.

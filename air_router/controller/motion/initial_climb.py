@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
 
 from air_router.controller.model import FlyToNode, FlyToPoint, MissionContext, Motion, Way
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
+from air_router.controller.motion.limits import ALTITUDE_M, CLIMB_S, PROGRESS_M
 from air_router.mission import Mission
 from air_router.vehicle import CLIMB_BY_HAND, Telemetry
-
-ALTITUDE_M: Final = 2.0
-"""PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""
-
-CLIMB_S: Final = 20.0
-PROGRESS_M: Final = 0.5
-"""A climb that gains less than this in that time does not go on; PX4 takes off at 1.5 m/s."""
 
 
 @dataclass(slots=True)

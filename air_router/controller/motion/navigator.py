@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Final
 
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
@@ -29,6 +28,7 @@ from air_router.controller.model import (
 )
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
+from air_router.controller.motion.limits import ASTRAY_M, SETTLE_S, SETTLES, STALL_S, STOP_S
 from air_router.routing import (
     STANDING_M_S,
     Leg,
@@ -41,19 +41,6 @@ from air_router.routing import (
 from air_router.vehicle import Telemetry
 from geo.airspace import FENCE
 from geo.frame import Point
-
-STOP_S: Final = 4.0
-"""What stopping and setting out again takes: a way that avoids it may be longer by so much."""
-
-SETTLE_S: Final = 2.0
-SETTLES: Final = 5
-"""How long apart, and how often, a vehicle that stands looks again for a clear leg on."""
-
-STALL_S: Final = 15.0
-"""A vehicle that was sent somewhere and stands for so long did not understand, or may not go."""
-
-ASTRAY_M: Final = 2.0
-"""Farther than this from what was checked for a leg, it is checked again from there."""
 
 
 @dataclass(slots=True, eq=False)

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from air_router.controller.motion.limits import REACH_M
 from air_router.mission import Mission
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import Telemetry
 from geo.frame import Point
 from geo.paths import ShortestPaths
-
-REACH_M: Final = 500.0
-"""So far around the vehicle a way out is looked for off the cruise altitudes: to work out all of a
-large airspace takes long, and the vehicle waits in a zone."""
 
 
 class WayOut(NamedTuple):

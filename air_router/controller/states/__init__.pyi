@@ -3,7 +3,7 @@
 from air_router.controller.states.explore_state import Exploration as Exploration
 from air_router.controller.states.goto_state import Accepted as Accepted
 from air_router.controller.states.goto_state import GotoValidator as GotoValidator
-from air_router.controller.states.ready_state import HOME_TOLERANCE_M as HOME_TOLERANCE_M
+from air_router.controller.states.limits import HOME_TOLERANCE_M as HOME_TOLERANCE_M
 from air_router.controller.states.return_state import HomeReachability as HomeReachability
 from air_router.controller.states.return_state import landing_radius_m as landing_radius_m
 from air_router.controller.states.search_points import Search as Search

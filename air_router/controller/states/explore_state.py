@@ -15,13 +15,11 @@ from air_router.controller.model import (
     StateHandler,
 )
 from air_router.controller.motion import CommandGate, Navigator
+from air_router.controller.states.limits import PASSING_M
 from air_router.controller.states.return_state import HomeReachability
 from air_router.mission import Waypoint
 from air_router.vehicle import FLY_OUT_OR_RELOAD
 from geo.frame import Point
-
-PASSING_M: Final = 15.0
-"""Passing a waypoint so closely counts as having been there when we look for a lost robot."""
 
 _NOWHERE: Final = Point(math.inf, math.inf)
 

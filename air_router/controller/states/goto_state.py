@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from air_router.controller.model import (
     Goal,
@@ -16,15 +16,13 @@ from air_router.controller.model import (
     StateHandler,
 )
 from air_router.controller.motion import CommandGate, Navigator
+from air_router.controller.states.limits import SETTLING_S
 from air_router.messages import FARTHEST_M
 from air_router.mission import HOME_NODE
 from air_router.routing import LANDING_MARGIN, STANDING_M_S, Momentum, NoRoute, Route, Way
 from air_router.vehicle import Telemetry
 from geo.airspace import FENCE
 from geo.frame import Point
-
-SETTLING_S: Final = 10.0
-"""So long a vehicle may take at a point until it stands; in gusts it perhaps never does."""
 
 
 @dataclass(slots=True)

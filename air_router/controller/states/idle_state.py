@@ -8,8 +8,8 @@ from typing import Final
 
 from air_router.controller.model import MissionContext, Signal, StateHandler
 from air_router.controller.motion import CommandGate, Navigator
+from air_router.controller.states.limits import FOLLOW_M
 from air_router.controller.states.search_points import Search
-from air_router.controller.states.search_state import FOLLOW_M
 
 ALL_EXPLORED: Final = "everything is explored, and the mission seeks no robot"
 ALL_MET: Final = "everything is explored and every robot has been met"

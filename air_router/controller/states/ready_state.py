@@ -16,6 +16,7 @@ from air_router.controller.model import (
     StateHandler,
 )
 from air_router.controller.motion import ALTITUDE_M, ClimbWatch, CommandGate
+from air_router.controller.states.limits import HOME_TOLERANCE_M
 from air_router.vehicle import (
     BE_READY_AT_HOME,
     DESCEND,
@@ -23,9 +24,6 @@ from air_router.vehicle import (
     FlightMode,
     Telemetry,
 )
-
-HOME_TOLERANCE_M: Final = 20.0
-"""The vehicle must start this close to the mission's home, or it is another place's mission."""
 
 
 class TakeOff(Enum):

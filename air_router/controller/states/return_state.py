@@ -9,10 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 from air_router.controller.model import Goal, LandHere, MissionContext, Signal, StateHandler
 from air_router.controller.motion import RETRY_S, CommandGate, Navigator, stopping_point
+from air_router.controller.states.limits import (
+    LANDING_M,
+    LOOK_S,
+    NAMED,
+    POSITION_S,
+    TOLD_S,
+    WIDEST_M,
+)
 from air_router.mission import HOME_NODE, Mission
 from air_router.routing import Route, Router, names_of
 from air_router.vehicle import (
@@ -24,28 +31,10 @@ from air_router.vehicle import (
 from geo.frame import Point
 from geo.paths import barriers
 
-POSITION_S: Final = 1.0
-"""A vehicle whose positions have been missing for longer is not known to be above home."""
-
-LANDING_M: Final = 1.0
-"""So much farther from home than the acceptance radius it may be when it is told to land."""
-
-_WIDEST_M: Final = 2.0
-"""A wider acceptance radius counts for no landing: what is below was looked at for home alone."""
-
-LOOK_S: Final = 5.0
-"""How often it is looked whether there is a way; at once after zones have changed."""
-
-TOLD_S: Final = 30.0
-"""How often it is told again that there is none."""
-
-_NAMED: Final = 3
-"""So many walls are named; more would not be read in the air."""
-
 
 def landing_radius_m(mission: Mission) -> float:
     """How far from home, in metres, counts as above it: a landing begins anywhere there."""
-    return min(mission.planner.acceptance_radius_m, _WIDEST_M) + LANDING_M
+    return min(mission.planner.acceptance_radius_m, WIDEST_M) + LANDING_M
 
 
 @dataclass(slots=True, eq=False)
@@ -113,8 +102,8 @@ class HomeReachability:
 
     def _tell(self, telemetry: Telemetry, *, due: bool) -> None:
         context, walls = self._context, self.walls or ()
-        named = names_of(walls[::-1][:_NAMED]) or "zones"  # the newest are last
-        more = f" and {len(walls) - _NAMED} more" if len(walls) > _NAMED else ""
+        named = names_of(walls[::-1][:NAMED]) or "zones"  # the newest are last
+        more = f" and {len(walls) - NAMED} more" if len(walls) > NAMED else ""
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
         if due and context.by_one_altitude is not None:
             context.alarm(

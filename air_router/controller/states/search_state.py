@@ -6,7 +6,6 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final
 
 from air_router.controller.model import (
     Goal,
@@ -21,6 +20,7 @@ from air_router.controller.model import (
     StateHandler,
 )
 from air_router.controller.motion import CommandGate, Navigator
+from air_router.controller.states.limits import FOLLOW_M, SEEK_AGAIN_S
 from air_router.controller.states.search_points import Search, SearchPoint
 from air_router.controller.targets import (
     MOVES_S,
@@ -41,12 +41,6 @@ from mocha_link.links import (
 
 RadioEvent = ContactBegan | ContactEnded | SyncStarted | SyncEnded
 """What tells that a robot's radio is heard where the vehicle is."""
-
-FOLLOW_M: Final = 8.0
-"""A robot that has moved so far from where we hover (or search) is followed."""
-
-SEEK_AGAIN_S: Final = 10.0
-"""Pause before the robots are gone through again when none of them could be sought."""
 
 
 @dataclass(slots=True, eq=False)

@@ -1,16 +1,11 @@
 """Which robot to seek next, and where it is and will be."""
 
+from air_router.controller.targets.limits import MOVES_S, SOUGHT_BY_OTHER_S, YIELDS_S
 from air_router.controller.targets.policies import POLICIES
-from air_router.controller.targets.pose_check import MOVES_S, YIELDS_S, PeerRate, PoseVerdict
+from air_router.controller.targets.pose_check import PeerRate, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, SeekContext, meet
-from air_router.controller.targets.target_list import (
-    SOUGHT_BY_OTHER_S,
-    SearchPlace,
-    Sighting,
-    TargetList,
-    TargetTrack,
-)
+from air_router.controller.targets.target_list import SearchPlace, Sighting, TargetList, TargetTrack
 from air_router.controller.targets.tour import Stop, Tour, rate
 
 __all__ = [

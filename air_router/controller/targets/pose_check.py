@@ -11,31 +11,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from air_router.controller.targets.limits import (
+    FASTEST_M_S,
+    LONGEST_S,
+    NOISE_M,
+    STAYS_S,
+)
 from geo.frame import Point
-
-FASTEST_M_S: Final = 5.0
-"""No ground robot of a team drives faster; neither team file nor mission file has a limit. Research
-rovers drive at 1 to 3 m/s (Clearpath Husky 1, Jackal 2, Warthog 5)."""
-
-NOISE_M: Final = 8.0
-"""So far a position may be off by itself: what is nearer than `FOLLOW_M` moves nothing anyhow."""
-
-STAYS_S: Final = 5.0
-"""A place that was jumped to is believed after so long, on the robot's clock and on ours; after
-each further jump it takes twice as long."""
-
-LONGEST_S: Final = 80.0
-"""It never takes longer: a robot whose localisation was set right by hand is found again."""
-
-MOVES_S: Final = 2.0
-"""What peers send moves the vehicle at most once in this time: the fastest robot drives 10 m in it,
-about what is flown after one (`FOLLOW_M`), and a vehicle of 5 m/s needs it to turn."""
-
-YIELDS_S: Final = 20.0
-"""A robot is left to another UAV at most once in this time: no search with its exchange of data is
-shorter."""
 
 
 class PoseVerdict(Enum):

@@ -6,22 +6,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Final, Protocol
+from typing import Protocol
 
+from air_router.controller.targets.limits import EARLY_SHARE, MEETING_M, RECENT_POSE_S
 from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.target_list import (
-    NEVER_HEARD,
-    RECENT_POSE_S,
-    SearchPlace,
-    TargetList,
-)
+from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
-
-MEETING_M: Final = 1.0
-"""How exactly a meeting point is found along a robot's path."""
-
-EARLY_SHARE: Final = 0.2
-"""A robot may come so much of its way's time sooner than its path and speed say."""
 
 
 @dataclass(frozen=True, slots=True)

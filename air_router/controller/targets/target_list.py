@@ -10,43 +10,30 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from air_router.controller.targets.pose_check import FASTEST_M_S, PoseCheck, PoseVerdict
+from air_router.controller.targets.limits import (
+    BEFORE_S,
+    FASTEST_M_S,
+    LEFT_M,
+    LEFT_S,
+    LOST_AFTER_S,
+    RECENT_POSE_S,
+    SET_BACK,
+    SOUGHT_BY_OTHER_S,
+    STRETCH_S,
+    STRETCHES,
+    USUAL_SPEED_M_S,
+)
+from air_router.controller.targets.pose_check import PoseCheck, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath, ahead_of
 from geo.frame import Point
 from mocha_link.links import Direction
 
-RECENT_POSE_S = 60.0
-"""A pose younger than this says where the robot is; an older one, only where it was."""
-
-LOST_AFTER_S = 1200.0
-"""A robot not heard of for so long counts as lost and is skipped while others are not."""
-
-SOUGHT_BY_OTHER_S = 180.0
-"""What another UAV said of whom it seeks holds for so long: a search takes less, mostly."""
-
 NEVER_HEARD: Final = "never heard, so where the UAV passed longest ago"
 """Why a robot is sought at no place in particular."""
 
-USUAL_SPEED_M_S: Final = 1.0
-"""Of a ground robot, where no robot's speed is known."""
 
 _SPEEDS_M_S: Final = (0.1, FASTEST_M_S)
 """Slower is standing; faster is a jump of its position, not a drive."""
-
-_STRETCH_S: Final = (5.0, 120.0)
-"""Speed is measured between poses so far apart: noise counts in shorter, corners in longer."""
-
-_STRETCHES: Final = 12
-
-_LEFT_M: Final = 15.0
-_LEFT_S: Final = 60.0
-"""A pose so far off a path, and so much younger, says that the robot does not follow it."""
-
-_SET_BACK: Final = 3
-"""So many stamps in a row that keep step with our clock say what a robot's clock shows now."""
-
-_BEFORE_S: Final = 30.0
-"""A pose so much older than a path does not say where on it the robot is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +58,7 @@ class _Stamps:
 
     What is stamped no later than the newest is old, carried by others. But a robot whose clock was
     set back, or that stamped one message with a time to come, would never be heard again: stamps
-    that go on at the pace at which they come, `_SET_BACK` one after the other, are its clock.
+    that go on at the pace at which they come, `SET_BACK` one after the other, are its clock.
 
     Attributes:
         newest_s: The newest.
@@ -102,7 +89,7 @@ class _Stamps:
         ticked_s = 0.0 if before is None else stamp_s - before[0]
         in_step = 0.5 * passed_s < ticked_s < 1.5 * passed_s
         self._in_step = self._in_step + 1 if in_step else 0
-        return self._in_step >= _SET_BACK
+        return self._in_step >= SET_BACK
 
 
 @dataclass(slots=True)
@@ -140,7 +127,7 @@ class TargetTrack:
     _poses: _Stamps = field(default_factory=_Stamps)  # clock of its poses
     _paths: _Stamps = field(default_factory=_Stamps)  # clock of its paths
     # poses some seconds apart, for its speed
-    _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=_STRETCHES + 1))
+    _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=STRETCHES + 1))
 
     def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
         """Take its pose in; True if it is newer than the one before, and can be true."""
@@ -156,7 +143,7 @@ class TargetTrack:
         if self.verdict is PoseVerdict.BACK:
             self._marks.clear()  # that was no drive
         self.pose = Sighting(position, stamp_s)
-        if not self._marks or stamp_s - self._marks[-1].stamp_s >= _STRETCH_S[0]:
+        if not self._marks or stamp_s - self._marks[-1].stamp_s >= STRETCH_S[0]:
             self._marks.append(self.pose)
         self.news_s, self.tries = now_s, 0
         return True
@@ -193,7 +180,7 @@ class TargetTrack:
         stretches = [
             math.dist(a.position, b.position) / (b.stamp_s - a.stamp_s)
             for a, b in pairwise(self._marks)
-            if b.stamp_s - a.stamp_s <= _STRETCH_S[1]
+            if b.stamp_s - a.stamp_s <= STRETCH_S[1]
         ]
         slowest, fastest = _SPEEDS_M_S
         driven = [speed for speed in stretches if speed >= slowest]
@@ -228,10 +215,10 @@ class TargetTrack:
             if pose is None:
                 return None
             return PredictedPath((pose.position,), self.ours_s(pose.stamp_s), speed_m_s)
-        if pose is None or path.stamp_s - pose.stamp_s > _BEFORE_S:
+        if pose is None or path.stamp_s - pose.stamp_s > BEFORE_S:
             return PredictedPath(path.points, self.ours_s(path.stamp_s), speed_m_s)
         ahead, off_m = ahead_of(path.points, pose.position)
-        if off_m > _LEFT_M and pose.stamp_s - path.stamp_s > _LEFT_S:
+        if off_m > LEFT_M and pose.stamp_s - path.stamp_s > LEFT_S:
             ahead = ()
         return PredictedPath((pose.position, *ahead), self.ours_s(pose.stamp_s), speed_m_s)
 

@@ -6,26 +6,14 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
 
 from shapely import LineString
 
+from air_router.controller.targets.limits import MOST_STOPS, OFF_WAY_M, SPREAD, VAIN_SHARE
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import Rendezvous, SeekContext, told
 from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
-
-MOST_STOPS: Final = 3
-"""A search goes over so many robots at most: what it believes of later ones is too old by then."""
-
-VAIN_SHARE: Final = 0.25
-"""What remains of the chance to find a robot after a search in vain, until there is news of it."""
-
-SPREAD: Final = (0.7, 1.2)
-"""A robot has driven between so much and so much of what its speed says."""
-
-OFF_WAY_M: Final = 3.0
-"""Over a stretch of a robot's path the vehicle leaves out bends smaller than this."""
 
 
 @dataclass(frozen=True, slots=True)

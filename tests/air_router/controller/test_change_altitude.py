@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from air_router.controller.envelope import SLOW_M
+from air_router.controller.limits import UNDERSPEED_LEG_M
 from air_router.controller.model.actions import (
     FlyToNode,
     FlyToPoint,
@@ -67,7 +67,7 @@ def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
     while holding.altitude_m < 38.0:
         holding.altitude_m += 1.0 * holding.step_s
         holding.step()
-    assert math.dist(holding.position, holding.target) > SLOW_M
+    assert math.dist(holding.position, holding.target) > UNDERSPEED_LEG_M
     holding._wanted = moves
     holding.fly_for(5.0)
     assert not [said for said in holding.said if "it flies only" in said]

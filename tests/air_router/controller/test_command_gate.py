@@ -4,7 +4,8 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere,
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext, ZoneChange
 from air_router.controller.model.states import State
-from air_router.controller.motion.command_gate import JUMPS, CommandGate, PendingSetpoints
+from air_router.controller.motion.command_gate import CommandGate, PendingSetpoints
+from air_router.controller.motion.limits import JUMPS
 from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.input_limits import InputWatch, Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry

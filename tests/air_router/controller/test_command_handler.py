@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from air_router.controller.limits import FOREIGN_TARGET_M
 from air_router.controller.model.actions import (
     CommandAck,
     FlyToNode,
@@ -32,7 +33,6 @@ from air_router.controller.model.requests import (
     SeekNow,
 )
 from air_router.controller.model.states import State
-from air_router.controller.safety_monitor import FOREIGN_TARGET_M
 from air_router.vehicle.vehicle import (
     Ages,
     FlightMode,

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from air_router.controller.conditions import AGAIN_S, HOME_S, WORSE_S
+from air_router.controller.limits import CONDITIONS_GOOD_S, CONDITIONS_HOME_S, CONDITIONS_WORSE_S
 from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, HoldHere, Refusal
 from air_router.controller.model.requests import ChangeAltitude, ComeHome, HoldNow
 from air_router.controller.model.states import State
@@ -36,7 +36,7 @@ def warned(flight):
 def test_what_is_worse_than_planned_for_is_held_for_and_then_flown_on(cruising, shown, words):
     before = len(cruising.motions)
     cruising.shown = shown
-    cruising.fly_for(WORSE_S + 1.0)
+    cruising.fly_for(CONDITIONS_WORSE_S + 1.0)
     assert isinstance(cruising.motions[-1], HoldHere)
     ((text, instruction),) = warned(cruising)
     assert words in text
@@ -47,7 +47,7 @@ def test_what_is_worse_than_planned_for_is_held_for_and_then_flown_on(cruising, 
     assert len(warned(cruising)) == 1
     cruising.shown = {}
     held = len(cruising.motions)
-    cruising.fly_for(AGAIN_S - 1.0)
+    cruising.fly_for(CONDITIONS_GOOD_S - 1.0)
     assert len(cruising.motions) == held
     cruising.fly_for(3.0)
     assert legs(cruising.motions[held:])
@@ -69,7 +69,7 @@ def test_what_is_planned_for_is_flown_on(cruising, shown):
 def test_a_moment_of_it_is_not_held_for(cruising):
     for _ in range(4):
         cruising.shown = POOR[0]
-        cruising.fly_for(WORSE_S - 0.5)
+        cruising.fly_for(CONDITIONS_WORSE_S - 0.5)
         cruising.shown = {}
         cruising.fly_for(1.0)
     assert warned(cruising) == []
@@ -86,7 +86,7 @@ def test_a_mission_may_be_planned_for_it(away, pennovation, planned):
 
 def test_what_does_not_get_better_ends_the_mission(cruising):
     cruising.shown = POOR[0]
-    cruising.fly_for(WORSE_S + HOME_S + 1.0)
+    cruising.fly_for(CONDITIONS_WORSE_S + CONDITIONS_HOME_S + 1.0)
     assert cruising.controller.state is State.HOME
     assert "coming home: the satellites' position is good to 2.5 m only" in "".join(cruising.said)
     cruising.lands()
@@ -106,7 +106,7 @@ def test_on_the_way_home_it_is_told_and_flown_on(cruising):
 @pytest.mark.parametrize("why", ["battery", "operator"])
 def test_what_has_it_come_home_is_not_held_up(cruising, why):
     cruising.shown = POOR[0]
-    cruising.fly_for(WORSE_S + 1.0)
+    cruising.fly_for(CONDITIONS_WORSE_S + 1.0)
     if why == "battery":
         cruising.battery = 0.2
         cruising.step()
@@ -122,7 +122,7 @@ def test_while_it_lasts_another_altitude_is_refused_and_a_pilot_is_left_alone(cr
     cruising.operator_asks(HoldNow())
     cruising.fly_for(6.0)
     cruising.shown = POOR[0]
-    cruising.fly_for(WORSE_S + 1.0)
+    cruising.fly_for(CONDITIONS_WORSE_S + 1.0)
     altitude_m = cruising.mission.altitude_above_home_m
     answer = cruising.operator_asks(ChangeAltitude(altitude_m))
     assert (answer.accepted, answer.code) == (False, Refusal.BUSY)

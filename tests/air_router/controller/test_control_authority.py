@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from air_router.controller.control_authority import COMPARED_S, LATE_S
+from air_router.controller.limits import FAILSAFE_LATE_S, PLAN_COMPARED_S
 from air_router.controller.model.actions import (
     Announce,
     ControlHolder,
@@ -16,8 +16,8 @@ from air_router.controller.model.actions import (
     LandHere,
 )
 from air_router.controller.model.events import CommandFailed, RobotPose
+from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, LandNow, SeekNow
-from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
@@ -376,7 +376,7 @@ def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(away
 def test_a_plan_that_is_never_compared_counts_as_another(away):
     flight = away()
     flight.give(PlanReplaced(flight.now_s))
-    flight.fly_to_state(State.PASSIVE, COMPARED_S + 5.0)
+    flight.fly_to_state(State.PASSIVE, PLAN_COMPARED_S + 5.0)
 
 
 def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(away):
@@ -755,7 +755,7 @@ def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend)
     flight.fly_to_state(State.COMM)
     before = len(flight.motions)
     flight.give(PlanReplaced(flight.now_s))
-    flight.fly_until(lambda: flight.controller.state is State.EXPL, COMPARED_S - 1.0)
+    flight.fly_until(lambda: flight.controller.state is State.EXPL, PLAN_COMPARED_S - 1.0)
     assert {type(motion) for motion in flight.motions[before:]} <= {HoldHere}
     flight.give(PlanCompared(flight.now_s, None))
     assert isinstance(flight.motions[-1], FlyToNode | FlyToPoint)
@@ -863,7 +863,7 @@ def test_an_order_that_crossed_the_pilots_choice_is_an_alarm_that_says_what_to_d
 @pytest.mark.parametrize("seen_s", [0.5, 10.0])
 def test_a_hold_that_the_pilot_chooses_after_another_mode_is_no_alarm(away, seen_s):
     flight = away()
-    if seen_s > LATE_S:
+    if seen_s > FAILSAFE_LATE_S:
         holds(flight)
     flight.pilot_chooses(FlightMode.RETURN)
     flight.fly_for(seen_s)

@@ -5,13 +5,8 @@ import math
 
 import pytest
 
-from air_router.controller.envelope import (
-    FAST_S,
-    OFF_HOME_S,
-    OFF_S,
-    ClearanceWatch,
-    ReturnMonitor,
-)
+from air_router.controller.envelope import ClearanceWatch, ReturnMonitor
+from air_router.controller.limits import OFF_ALTITUDE_HOME_S, OFF_ALTITUDE_S, OVERSPEED_S
 from air_router.controller.model.actions import (
     Announce,
     CommandAck,
@@ -129,10 +124,10 @@ def test_sinking_or_climbing_off_its_altitudes_is_told_and_held_for(cruising, of
         cruising.altitude_m += off_m / 20
         cruising.step()
     before = len(cruising.motions)
-    fly(cruising, OFF_S + 0.5)
+    fly(cruising, OFF_ALTITUDE_S + 0.5)
     assert isinstance(cruising.motions[before], HoldHere)
     assert len(told(cruising, "too low" if off_m < 0 else "too high")) == 1
-    fly(cruising, OFF_HOME_S)
+    fly(cruising, OFF_ALTITUDE_HOME_S)
     assert cruising.controller.state is State.HOME
 
 
@@ -203,7 +198,7 @@ def test_faster_than_commanded_is_told_and_held_for(cruising):
         return dataclasses.replace(telemetry, velocity_m_s=velocity)
 
     cruising.telemetry = rushes
-    cruising.fly_until(lambda: told(cruising, "it flies 12.0 m/s"), FAST_S + 0.5)
+    cruising.fly_until(lambda: told(cruising, "it flies 12.0 m/s"), OVERSPEED_S + 0.5)
     assert isinstance(cruising.motions[before], HoldHere)
 
 

@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from air_router.controller.lag_monitor import RECENT_S, LagMonitor
+from air_router.controller.lag_monitor import LagMonitor
+from air_router.controller.limits import LAG_RECENT_S
 from air_router.controller.model.actions import HoldHere
 from air_router.controller.model.events import CompanionLagged
 from air_router.controller.model.mission_context import MissionContext
@@ -98,7 +99,7 @@ def test_what_waits_in_its_own_sockets_is_not_told_as_missing(away):
     flight.telemetry = true
     flight.fly_for(1.0)
     assert not any("battery" in text for text in flight.said)
-    flight.fly_for(RECENT_S)
+    flight.fly_for(LAG_RECENT_S)
     flight.telemetry = lambda: dataclasses.replace(true(), ages=Ages(battery_s=6.0))
     flight.fly_for(1.0)
     assert any(text.startswith(unheard) for text in flight.said)

@@ -8,16 +8,15 @@ import pytest
 from air_router.controller.model.actions import Announce, FlyToPoint, Severity
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
 from air_router.controller.model.states import State
-from air_router.controller.targets.pose_check import (
+from air_router.controller.targets.limits import (
     FASTEST_M_S,
     LONGEST_S,
     MOVES_S,
     NOISE_M,
     STAYS_S,
     YIELDS_S,
-    PoseCheck,
-    PoseVerdict,
 )
+from air_router.controller.targets.pose_check import PoseCheck, PoseVerdict
 from air_router.vehicle.instructions import CHECK_LOCALISATION
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS

@@ -2,15 +2,11 @@ import dataclasses
 
 import pytest
 
+from air_router.controller.limits import FOREIGN_ORDER_S, ORDER_STALE_S
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.safety_monitor import (
-    FOREIGN_ORDER_S,
-    STALE_S,
-    FlightPhase,
-    SafetyMonitor,
-)
+from air_router.controller.safety_monitor import FlightPhase, SafetyMonitor
 from air_router.controller.states.ready_state import TakeOff, take_off
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import Ages, FlightMode, Telemetry
@@ -60,7 +56,7 @@ def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
 
 
 def test_a_target_that_is_told_no_more_is_no_order(watched):
-    stale = {"target": THERE, "ages": Ages(target_s=STALE_S)}
+    stale = {"target": THERE, "ages": Ages(target_s=ORDER_STALE_S)}
     assert watched(FlyToPoint(HERE, 40.0), (1.0, 9.0, 99.0), **stale) is None
     assert not watched.context.doubts
 

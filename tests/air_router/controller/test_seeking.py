@@ -9,21 +9,16 @@ from hypothesis import strategies as st
 
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.model.states import State
+from air_router.controller.targets.limits import (
+    EARLY_SHARE,
+    LOST_AFTER_S,
+    MEETING_M,
+    USUAL_SPEED_M_S,
+)
 from air_router.controller.targets.policies import POLICIES
 from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.seeking import (
-    EARLY_SHARE,
-    MEETING_M,
-    SeekContext,
-    meet,
-)
-from air_router.controller.targets.target_list import (
-    LOST_AFTER_S,
-    USUAL_SPEED_M_S,
-    Sighting,
-    TargetList,
-    TargetTrack,
-)
+from air_router.controller.targets.seeking import SeekContext, meet
+from air_router.controller.targets.target_list import Sighting, TargetList, TargetTrack
 from air_router.files.settings import SEEK_POLICIES
 from geo.frame import Point
 from mocha_link.links.metrics import ContactBegan, Direction

@@ -4,20 +4,13 @@ import math
 
 import pytest
 
+from air_router.controller.limits import STANDS_FOR_PLAN_S, STANDS_IN_ZONE_S, STANDS_S
 from air_router.controller.model.actions import Announce, FlyToPoint
+from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.controller.model.mission_context import ZoneChange
 from air_router.controller.model.requests import ComeHome, HoldNow, LandNow
-from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
 from air_router.controller.model.states import State
-from air_router.controller.standstill import (
-    CAUSES,
-    ELSEWHERE_S,
-    IN_ZONE_S,
-    PLAN_S,
-    UNKNOWN,
-    WATCHES,
-    cause_of,
-)
+from air_router.controller.standstill import CAUSES, UNKNOWN, WATCHES, cause_of
 from air_router.vehicle.instructions import (
     FLY_OUT,
     HOME_OR_TAKE_OVER,
@@ -109,7 +102,7 @@ def test_what_ends_below_the_vehicle_keeps_it_from_no_climb(pretend):
 
 def test_a_vehicle_that_is_wanted_elsewhere_and_does_not_move_is_an_alarm_again_and_again(pretend):
     flight = stuck(pretend)
-    flight.fly_for(ELSEWHERE_S - 6.0)
+    flight.fly_for(STANDS_S - 6.0)
     assert alarms(flight) == []
     flight.fly_for(8.0 + ESCALATES_S + 2 * REPEATED_S)
     found = alarms(flight)
@@ -121,7 +114,7 @@ def test_a_vehicle_that_is_wanted_elsewhere_and_does_not_move_is_an_alarm_again_
 def test_on_the_way_home_it_is_to_be_landed_and_home_says_why_it_does_not_come(pretend):
     flight = stuck(pretend)
     assert flight.operator_asks(ComeHome()).why == "it comes home"
-    flight.fly_for(ELSEWHERE_S + 3.0)
+    flight.fly_for(STANDS_S + 3.0)
     assert alarms(flight)[0].instruction == LAND_BY_HAND
     assert "it should come home" in alarms(flight)[0].text
     answer = flight.operator_asks(ComeHome())
@@ -133,7 +126,7 @@ def test_on_the_way_home_it_is_to_be_landed_and_home_says_why_it_does_not_come(p
 def test_the_reserve_of_the_battery_is_an_alarm_of_its_own_where_nothing_moves(pretend):
     flight = stuck(pretend)
     flight.shown["battery"] = flight.mission.battery_reserve
-    flight.fly_for(IN_ZONE_S + 3.0)
+    flight.fly_for(STANDS_IN_ZONE_S + 3.0)
     assert flight.controller.state is State.HOME
     assert "the battery is at its reserve (25%)" in alarms(flight)[0].text
     assert alarms(flight)[0].instruction == LAND_BY_HAND
@@ -141,7 +134,7 @@ def test_the_reserve_of_the_battery_is_an_alarm_of_its_own_where_nothing_moves(p
 
 def test_it_says_that_it_moves_again(pretend):
     flight = stuck(pretend)
-    flight.fly_for(ELSEWHERE_S + 3.0)
+    flight.fly_for(STANDS_S + 3.0)
     del flight.move
     flight.fly_for(20.0)
     assert "it moves again" in flight.said
@@ -154,13 +147,13 @@ def test_in_a_zone_that_no_way_leads_out_of_the_pilot_is_told_within_seconds(pre
     flight = cruising(pretend, duration_s=None)
     here = flight.position
     change(flight, box(here, 300.0, "everywhere"))
-    flight.fly_for(IN_ZONE_S + 10.0)
+    flight.fly_for(STANDS_IN_ZONE_S + 10.0)
     told = alarms(flight, "no way out") + alarms(flight)
     assert told != []
     assert told[0].instruction == FLY_OUT
     assert {each.instruction for each in told[1:]} == {TAKE_OVER_NOW}
     assert flight.operator_asks(ComeHome()).accepted
-    flight.fly_for(IN_ZONE_S + 5.0)
+    flight.fly_for(STANDS_IN_ZONE_S + 5.0)
     assert "does not move" in flight.operator_asks(ComeHome()).why
     assert "not left" not in flight.operator_asks(LandNow()).why
 
@@ -181,7 +174,7 @@ def test_a_plan_that_does_not_get_on_board_is_an_alarm_after_longer(pretend):
     flight = cruising(pretend, duration_s=None)
     change(flight, box(flight.position, half_m=8.0))
     flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 60.0)
-    flight.fly_for(PLAN_S - 10.0)
+    flight.fly_for(STANDS_FOR_PLAN_S - 10.0)
     assert alarms(flight) == []
     flight.fly_for(20.0)
     assert "its mission waits" in alarms(flight)[0].text

@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from air_router.controller.targets.target_list import LOST_AFTER_S, RECENT_POSE_S, TargetList
+from air_router.controller.targets.limits import LOST_AFTER_S, RECENT_POSE_S
+from air_router.controller.targets.target_list import TargetList
 from geo.frame import Point
 
 

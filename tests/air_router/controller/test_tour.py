@@ -8,11 +8,12 @@ import pytest
 from air_router.controller.model.mission_context import Goal
 from air_router.controller.model.states import State
 from air_router.controller.states.search_points import Search, SearchPoint
+from air_router.controller.targets.limits import MOST_STOPS
 from air_router.controller.targets.policies import POLICIES
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import SeekContext
 from air_router.controller.targets.target_list import TargetList
-from air_router.controller.targets.tour import MOST_STOPS, Stop, best_tour, rate, stretch
+from air_router.controller.targets.tour import Stop, best_tour, rate, stretch
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded
 

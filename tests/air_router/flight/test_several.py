@@ -9,7 +9,8 @@ from air_router.controller.model.actions import FlyToNode, Seeking
 from air_router.controller.model.events import RobotPose, RobotSought
 from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
-from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, TargetList
+from air_router.controller.targets.limits import SOUGHT_BY_OTHER_S
+from air_router.controller.targets.target_list import TargetList
 from air_router.gossip.gossip import SEEK_INTERVAL_S, Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.gossip.team_messages import TeamMessageDecoder

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import HoldHere
+from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.controller.model.requests import ComeHome
-from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
 from air_router.controller.model.states import State
 from air_router.vehicle.input_limits import FIX_ALARM_S, LIMITS
 from air_router.vehicle.instructions import TAKE_OVER_BLIND, TAKE_OVER_NOW, Severity
