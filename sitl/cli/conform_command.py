@@ -6,11 +6,12 @@ import json
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict
+from typing import NamedTuple
 
 from air_router.cli import add_px4_version, speed_factor
 from air_router.errors import ExitCode, UsageError
 from air_router.vehicle.px4 import FLOWN, NEWEST, OLDEST, Version, name_of
-from sitl.cli.vehicle_command import PX4_HOME
+from sitl.cli.vehicle_command import PX4_HOME, instance
 from sitl.conformance import (
     Conversation,
     Line,
@@ -63,6 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="of PX4, times real time (default 5)",
     )
+    parser.add_argument(
+        "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"
+    )
     add_px4_version(parser, "that our own vehicle behaves as")
     parser.add_argument("--json", action="store_true", help="the outcomes as JSON")
     parser.add_argument("--list", action="store_true", help="only list the conversations")
@@ -83,16 +87,17 @@ def run(arguments: argparse.Namespace) -> int:
         for conversation in chosen:
             print(f"{conversation.name}: {conversation.fact} [{conversation.recorded}]")
         return ExitCode.DONE
-    install = None if arguments.px4 is None else find_px4(arguments.px4 or None)
+    px4 = None
     version = arguments.px4_version or NEWEST
-    if install is not None:
-        version = _version_of(install, arguments.speed)
+    if arguments.px4 is not None:
+        px4 = _Px4(find_px4(arguments.px4 or None), arguments.speed, arguments.instance)
+        version = _version_of(px4)
     print(f"PX4 {name_of(version)}", file=sys.stderr, flush=True)
     outcomes: list[Outcome] = []
     for conversation in chosen:
         if not conversation.is_held_with(version):
             continue
-        with contextlib.closing(_line_for(conversation, version, install, arguments.speed)) as line:
+        with contextlib.closing(_line_for(conversation, version, px4)) as line:
             outcome = converse(conversation, line, version)
         word = "held    " if outcome.held else "DEPARTED"
         print(f"{word} {outcome.name} {outcome.departure}".rstrip(), file=sys.stderr, flush=True)
@@ -113,12 +118,24 @@ def _chosen(names: list[str]) -> list[Conversation]:
     return chosen
 
 
-def _line_for(
-    conversation: Conversation, version: Version, install: Px4Install | None, speed_factor: float
-) -> Line:
+class _Px4(NamedTuple):
+    """A real PX4, and how it is started for every conversation.
+
+    Attributes:
+        install: Which.
+        speed: Times real time.
+        instance: PX4's; None: the first that is free.
+    """
+
+    install: Px4Install
+    speed: float
+    instance: int | None
+
+
+def _line_for(conversation: Conversation, version: Version, px4: _Px4 | None) -> Line:
     """To a vehicle that is started for it."""
-    if install is not None:
-        return _Px4Line(install, speed_factor, conversation.started_with)
+    if px4 is not None:
+        return _Px4Line(px4, conversation.started_with)
     ground_link = Link.GROUND in conversation.links
     return LocalLine(
         VehicleSettings(
@@ -132,27 +149,25 @@ def _line_for(
     )
 
 
-def _version_of(install: Px4Install, speed_factor: float) -> Version:
+def _version_of(px4: _Px4) -> Version:
     """What a PX4 says that it is; it is started for that."""
-    with contextlib.closing(_Px4Line(install, speed_factor, {})) as line:
+    with contextlib.closing(_Px4Line(px4, {})) as line:
         found = asked_version(line)
     if found not in FLOWN:
         known = f"{name_of(OLDEST)} to {name_of(NEWEST)}"
-        raise UsageError(f"{install.words} is PX4 {name_of(found)}; what is known is {known}")
+        raise UsageError(f"{px4.install.words} is PX4 {name_of(found)}; what is known is {known}")
     return found
 
 
 class _Px4Line(UdpLine):
     """A PX4 of its own for one conversation."""
 
-    def __init__(
-        self, install: Px4Install, speed_factor: float, parameters: Mapping[str, float]
-    ) -> None:
-        settings = Px4Settings(PX4_HOME, speed=speed_factor, parameters=parameters)
-        self._process = Px4Process(install, settings)
+    def __init__(self, px4: _Px4, parameters: Mapping[str, float]) -> None:
+        settings = Px4Settings(PX4_HOME, px4.speed, parameters, px4.instance)
+        self._process = Px4Process(px4.install, settings)
         number = self._process.instance
         ports = {Link.API: 14540 + number, Link.GROUND: 14550}
-        super().__init__(ports, system_id=number + 1, time_scale=speed_factor)
+        super().__init__(ports, system_id=number + 1, time_scale=px4.speed)
 
     def listen(self) -> list[tuple[Link, Frame]]:
         """See `Line`: a PX4 that has ended says why."""

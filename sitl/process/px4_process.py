@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from air_router.errors import AirRouterError, NoVehicleError
+from air_router.errors import NoVehicleError
 from air_router.sim import is_free
 from mocha_link.lifetime import Closeable
 from mocha_link.path_safety import made_folder, new_file
@@ -47,7 +47,7 @@ class Px4Error(NoVehicleError):
     """PX4 did not start, or stopped; the message says what it said last."""
 
 
-class PortsInUseError(AirRouterError):
+class PortsInUseError(NoVehicleError):
     """The ports of PX4's instances are taken."""
 
 

@@ -255,6 +255,13 @@ class TestProcess:
             with pytest.raises(PortsInUseError, match="another --instance"):
                 Px4Process(find_px4(str(build()), {}), Px4Settings(HOME, instance=free_instance))
 
+    def test_a_taken_instance_that_conversations_were_to_have(self, build, free_instance, capsys):
+        words = "conform", "--px4", str(build()), "--instance", str(free_instance)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(("127.0.0.1", 18570 + free_instance))
+            assert cli.main([*words, "same-plan-again"]) == 4
+        assert f"instance {free_instance} runs already" in capsys.readouterr().err
+
     def test_a_parameter_that_would_be_shell(self):
         with pytest.raises(Px4Error, match="not the name of a PX4 parameter"):
             environment(Px4Settings(HOME, parameters={"A;rm": 1}))
