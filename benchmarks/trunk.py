@@ -1,0 +1,201 @@
+"""`python -m benchmarks.trunk [--json] [ROOT]`: what a reader of the trunk has to keep in mind.
+
+Read from the source of controller, flight, vehicle and routing, with their rooms:
+
+* attributes of a class that are assigned after its construction, and the files that assign them. An
+  assignment to `self` counts for its class, any other for the one class that declares an attribute
+  of this name; where several do, for `MissionContext` if what is assigned to is called a context.
+  A list that grows is not seen.
+* assignments to an attribute of anything but `self`: state that is written from outside.
+* imports of a room's inside from another room.
+* numbers at the top of a file that is not called `limits.py`.
+
+ROOT is another checkout, to compare with. The exit code is always 0: this measures, tests judge.
+"""
+
+import argparse
+import ast
+import json
+import sys
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeGuard
+
+ROOT = Path(__file__).parents[1]
+ROOMS: Final = ("controller", "flight", "vehicle", "routing")
+MANY: Final = 15
+"""A class with more attributes that change is hard to know (docs/architecture.md)."""
+
+_BUILDERS: Final = frozenset({"__init__", "__post_init__", "__new__"})
+
+
+class Assignment(NamedTuple):
+    """One attribute that is assigned after construction.
+
+    Attributes:
+        file: Path from the root.
+        holder: The class in which it is done; empty outside of any.
+        target: What the attribute is of, as it is written: `self`, `self._context`.
+        name: The attribute.
+    """
+
+    file: str
+    holder: str
+    target: str
+    name: str
+
+
+def files_of(root: Path) -> dict[str, ast.Module]:
+    """The trunk's files, parsed, by their paths from the root."""
+    return {
+        str(path.relative_to(root)): ast.parse(path.read_text(encoding="utf-8"))
+        for room in ROOMS
+        for path in sorted((root / "air_router" / room).rglob("*.py"))
+    }
+
+
+def declared(trees: Mapping[str, ast.Module]) -> dict[str, set[str]]:
+    """The attributes of each class that can be assigned; none of a frozen dataclass."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for tree in trees.values():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and not _is_frozen(node):
+                found[node.name] |= {*_declared_in(node)}
+    return found
+
+
+def _is_frozen(node: ast.ClassDef) -> bool:
+    words = " ".join(map(ast.unparse, (*node.decorator_list, *node.bases)))
+    return "frozen=True" in words or "NamedTuple" in words or "Enum" in words
+
+
+def _declared_in(node: ast.ClassDef) -> Iterator[str]:
+    for each in ast.walk(node):
+        if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name):
+            yield each.target.id
+        elif _is_set(each) and ast.unparse(each.value) == "self":
+            yield each.attr
+
+
+def _is_set(node: ast.AST) -> TypeGuard[ast.Attribute]:
+    return isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)
+
+
+def assignments(trees: Mapping[str, ast.Module]) -> list[Assignment]:
+    """Each assignment to an attribute, but those that build an object."""
+    return [found for path, tree in trees.items() for found in _assigned(path, "", tree)]
+
+
+def _assigned(path: str, holder: str, node: ast.AST) -> Iterator[Assignment]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.ClassDef):
+            yield from _assigned(path, child.name, child)
+        elif isinstance(child, ast.FunctionDef) and child.name in _BUILDERS:
+            continue
+        else:
+            if _is_set(child):
+                yield Assignment(path, holder, ast.unparse(child.value), child.attr)
+            yield from _assigned(path, holder, child)
+
+
+def owner_of(found: Assignment, classes: Mapping[str, set[str]]) -> str:
+    """The class whose attribute it is; empty where its name does not say so."""
+    if found.target == "self":
+        return found.holder
+    owners = [name for name, names in classes.items() if found.name in names]
+    if len(owners) > 1 and found.target.rpartition(".")[2].lstrip("_") == "context":
+        owners = [name for name in owners if name == "MissionContext"]
+    return owners[0] if len(owners) == 1 else ""
+
+
+def numbers(trees: Mapping[str, ast.Module]) -> dict[str, int]:
+    """How many numbers stand at the top of each file that is not called `limits.py`."""
+    counts = {}
+    for path, tree in trees.items():
+        values = [n.value for n in tree.body if isinstance(n, ast.Assign | ast.AnnAssign)]
+        count = sum(value is not None and _is_number(value) for value in values)
+        if count and not path.endswith("/limits.py"):
+            counts[path] = count
+    return counts
+
+
+def _is_number(node: ast.expr) -> bool:
+    match node:
+        case ast.Constant(value=value):
+            return isinstance(value, int | float) and not isinstance(value, bool)
+        case ast.UnaryOp(operand=operand):
+            return _is_number(operand)
+        case ast.BinOp(left=left, right=right):
+            return _is_number(left) or _is_number(right)
+        case ast.Tuple(elts=items):
+            return bool(items) and all(map(_is_number, items))
+    return False
+
+
+def past_doors(root: Path) -> int:
+    """How many names are imported from within another room."""
+    rooms = {
+        ".".join(path.parent.relative_to(root).parts)
+        for package in ("air_router", "geo", "mocha_link", "sitl")
+        for path in (root / package).rglob("__init__.py")
+    }
+    count = 0
+    for room in rooms:
+        for path in root.joinpath(*room.split(".")).glob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom) and node.module:
+                    there = node.module.rpartition(".")[0]
+                    inside = node.module not in rooms and there in rooms and "." in there
+                    count += len(node.names) * (inside and there != room)
+    return count
+
+
+def measured(root: Path) -> dict[str, Any]:
+    """All of it, of one checkout."""
+    trees = files_of(root)
+    classes, found = declared(trees), assignments(trees)
+    written: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for each in found:
+        written[owner_of(each, classes)][each.name].add(each.file)
+    written.pop("", None)
+    return {
+        "classes": {
+            name: {
+                "attributes": len(names),
+                "several_writers": sum(len(files) > 1 for files in names.values()),
+                "files": len(set().union(*names.values())),
+            }
+            for name, names in written.items()
+        },
+        "assigned_from_outside": sum(each.target != "self" for each in found),
+        "names_past_doors": past_doors(root),
+        "numbers": numbers(trees),
+    }
+
+
+def main() -> int:
+    """Print it; see the module's docstring."""
+    parser = argparse.ArgumentParser(description="What a reader of the trunk has to keep in mind.")
+    parser.add_argument("root", nargs="?", type=Path, default=ROOT, metavar="ROOT")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead")
+    arguments = parser.parse_args()
+    result = measured(arguments.root.resolve())
+    if arguments.json:
+        print(json.dumps(result))
+        return 0
+    classes, counts = result["classes"], result["numbers"]
+    print(f"{'class':24} {'attributes that change':>22} {'of several files':>16} {'files':>5}")
+    for name, row in sorted(classes.items(), key=lambda item: -item[1]["attributes"]):
+        if row["attributes"] > MANY or row["several_writers"]:
+            print(f"{name:24} {row['attributes']:22} {row['several_writers']:16} {row['files']:5}")
+    over = sum(row["attributes"] > MANY for row in classes.values())
+    print(f"classes: {len(classes)}, of them with more than {MANY}: {over}")
+    print(f"assignments to an attribute of anything but self: {result['assigned_from_outside']}")
+    print(f"names imported past a door: {result['names_past_doors']}")
+    print(f"numbers outside limits.py: {sum(counts.values())} in {len(counts)} files")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
