@@ -356,6 +356,7 @@ class Controller:
         self._left = left
         spec, handler = STATES[target], self.states.of[target]
         context.state, context.spec, context.handler = target, spec, handler
+        self.gate.blocked = None
         own_s = None if spec.timer is None else getattr(context.mission.timers, spec.timer)
         limit_s = context.limit_s = own_s if context.carried_s is None else context.carried_s
         context.ends_s = None

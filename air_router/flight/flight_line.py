@@ -16,6 +16,10 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     parts = [controller.state.name.ljust(6)]
     if controller.states.reachability.no_way_home:
         parts.append("NO WAY HOME")
+    blocked = controller.gate.waits_for()
+    if blocked is not None:
+        for_s = max(controller.context.now_s - blocked.since_s, 0.0)
+        parts.append(f"waiting: {blocked.why(controller.context)} ({for_s:.0f} s)")
     signals = {
         peer: link.signal.words for peer, link in sorted(links.items()) if link.signal is not None
     }

@@ -135,7 +135,7 @@ def situation(
     """
     telemetry = controller.context.telemetry
     goal, goto_task = controller.context.way.goal, controller.states.goto.goto_task
-    left_s = controller.context.left_s
+    left_s, blocked = controller.context.left_s, controller.gate.waits_for()
     about: dict[str, Any] = {
         "state": controller.state.name,
         "robot": controller.context.robot,
@@ -145,6 +145,13 @@ def situation(
         "points_left": 0,
         "waypoints_left": controller.exploration.remaining,
         "walled_in": controller.states.reachability.no_way_home,
+        "waiting": None
+        if blocked is None
+        else {
+            "interlock": blocked.by.name,
+            "why": blocked.why(controller.context),
+            "for_s": round(max(controller.context.now_s - blocked.since_s, 0.0), 1),
+        },
         "reload": None if reading is None else dataclasses.asdict(reading),
     }
     if controller.state.name == "GOTO" and goto_task is not None:

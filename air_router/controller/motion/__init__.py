@@ -5,8 +5,10 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "command_gate": ("CommandGate", "MODES", "REACTION_S", "RETRY_S", "stopping_point"),
-        "initial_climb": ("ALTITUDE_M", "ClimbWatch", "InitialClimb", "below"),
+        "command_gate": ("CommandGate", "MODES", "stopping_point"),
+        "initial_climb": ("ClimbWatch", "InitialClimb", "below"),
+        "interlocks": ("INTERLOCKS", "Blocked", "Interlock"),
+        "limits": ("ALTITUDE_M", "REACTION_S", "RETRY_S"),
         "navigator": ("Navigator",),
         "way_out": ("nearest_way_out",),
     },

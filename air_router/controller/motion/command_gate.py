@@ -2,21 +2,9 @@
 
 A hold always leaves (while the flight mode is not heard: only one that the operator asks for). None
 is asked for while an order shows that is not ours, unless inputs or zones demand it. What keeps a
-leg, or a landing, from leaving, in the order in which it is looked at:
-
-| what stands against it | what lifts that, and what follows |
-|---|---|
-| no fix, or another input is missing | all have come for 3 s: on; some too long missing: home |
-| the altitude has jumped | it is back for 2 s: on; it is not within 30 s: home |
-| satellites or wind are worse than planned for | as planned for 5 s: on; not within 30 s: home |
-| nothing is heard, or not yet its flight mode | they are: what was put off goes on |
-| an order shows that is not ours | ours shows: what was put off goes on; after 1.5 s: hands off |
-| hands will be off | it holds, or was told to six times: hands off |
-| what was replaced on board is compared | it flies the same: planned anew; or not: hands off |
-| zones are changed; only the way out of one leaves | they are on board: planned anew |
-| ways are planned that are clear at two altitudes | they are there: planned anew |
-| a jump would not show which order is followed | the hold that leaves instead: planned anew |
-| it was taken over, or stopped, below its altitude | the climb that leaves instead: planned anew |
+leg, or a landing, from leaving stands in `interlocks`. Past those two things leave instead of it: a
+hold, where a jump would not show which order is followed; the climb, where the vehicle was taken
+over, or stopped, below its altitude. Both are followed by a plan made anew.
 
 The mode that the autopilot reports is the only truth about who has the vehicle. While a command is
 under way (or has failed) the vehicle may be in the mode before it or in the one that it asks for;
@@ -49,6 +37,7 @@ from air_router.controller.model import (
     Way,
     ZoneChange,
 )
+from air_router.controller.motion.interlocks import Blocked, Interlock, raised
 from air_router.controller.motion.limits import (
     FAR_M,
     JUMPS,
@@ -194,6 +183,7 @@ class CommandGate:
             a pilot since that was decided, the motion's own mode among them.
         refused_jumps: How many jumps within the plan it did not follow, one after the other.
         by_points: Nodes are flown to as any other point, because it does not fly its plan.
+        blocked: The motion that was kept back last, until one leaves or the state changes.
         waits_why: The reason to hover where no way is clear, as announced last.
         climb_first: Takes the leg of a vehicle that is low; the climb before it, or None to wait.
     """
@@ -209,6 +199,7 @@ class CommandGate:
     refused_jumps: int = 0
     by_points: bool = False
     climb_first: Callable[[Motion], Motion | None] = lambda motion: motion
+    blocked: Blocked | None = None
     waits_why: str | None = None
     _wait_told_s: float = -math.inf  # when, vehicle's clock
     _explained: frozenset[FlightMode] = frozenset()  # `modes` without the newest motion's
@@ -232,24 +223,10 @@ class CommandGate:
         if isinstance(motion, HoldHere):
             self.send(motion)
             return
-        unsure = context.doubts or context.silent_s > 0.0
-        context.put_off |= unsure
-        lost_fix = context.telemetry is not None and not context.telemetry.fix
-        off = context.jumped or context.rough
-        if lost_fix or context.inputs.stopped or off or unsure:
-            if isinstance(motion, LandHere):
-                context.retry_in(RETRY_S)  # in LAND nothing else has it land
+        if up := raised(context):
+            self._block(motion, up)
             return
-        if context.giving_up is not None or context.compares is not None:
-            return
-        if context.zones is not None:
-            if context.zones is not ZoneChange.LEAVING:
-                # It is wanted elsewhere than its leg leads; there, it would not be watched.
-                self.stop()
-                if context.zones is ZoneChange.UPLOADING or self.last is not None:
-                    context.has_to_stop = True
-                    self.hold("zones are being changed")
-            return
+        self.blocked = None
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
             context.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
@@ -257,6 +234,27 @@ class CommandGate:
         allowed = self.climb_first(motion) if context.climbs_first else motion
         if allowed is not None:
             self.send(allowed)
+
+    def _block(self, motion: Motion, up: Sequence[Interlock]) -> None:
+        """The motion stays. The first row decides what follows; any may have it come back."""
+        context, first = self._context, up[0]
+        if self.blocked is None or self.blocked.by is not first:
+            self.blocked = Blocked(first, context.now_s)
+        context.put_off |= any(row.defers for row in up)
+        if first.repeats_landing and isinstance(motion, LandHere):
+            context.retry_in(RETRY_S)
+        if context.zones in {None, ZoneChange.LEAVING} or first.name != "ZONE_UPDATE":
+            return
+        # It is wanted elsewhere than its leg leads; there, it would not be watched.
+        self.stop()
+        if context.zones is ZoneChange.UPLOADING or self.last is not None:
+            context.has_to_stop = True
+            self.hold("zones are being changed")
+
+    def waits_for(self) -> Blocked | None:
+        """What keeps the motion back that was wanted last; None if nothing does now."""
+        found = self.blocked
+        return found if found is not None and found.by.raised(self._context) else None
 
     def send(self, motion: Motion) -> None:
         """The same, whatever stands against it.
@@ -363,6 +361,7 @@ class CommandGate:
     def let_go(self) -> None:
         """The pilot flies."""
         self.stop()
+        self.blocked = None
         self.setpoints.forget()
         self.pending = self.last = None
         self.modes = self._assumed = frozenset()

@@ -1,0 +1,177 @@
+"""What may keep a leg, or a landing, from leaving: one table; the first raised row decides.
+
+The mission's states say what it wants; these rows say what keeps it from getting that now. A hold
+leaves in any case: see `CommandGate.send`. The order is the safety argument, and each row says why
+it stands where it stands. `CommandGate.command` reads the table, `air-router`'s status line and its
+answers to `status` show the row that decides, and docs/state-machine.md prints it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from air_router.controller.model import MissionContext
+from air_router.vehicle import NO_FIX
+
+
+@dataclass(frozen=True, slots=True)
+class Interlock:
+    """One row.
+
+    Attributes:
+        name: By which status, records and this page know it.
+        words: What stands against the motion.
+        raised: Whether it does now.
+        while_up: What the vehicle does meanwhile.
+        clears: What lifts it.
+        then: What follows then.
+        otherwise: What follows where it is not lifted.
+        why: Why it comes after the rows above it and before those below.
+        scene: A kind of scene of `sitl rehearse` in which it decides.
+        defers: The motion that it keeps back is planned anew as soon as the row clears.
+        repeats_landing: A landing that it keeps back is commanded again in a moment: in LAND
+            nothing else would have the vehicle land.
+    """
+
+    name: str
+    words: str
+    raised: Callable[[MissionContext], bool]
+    while_up: str
+    clears: str
+    then: str
+    otherwise: str
+    why: str
+    scene: str
+    defers: bool = False
+    repeats_landing: bool = True
+
+
+def _input_missing(context: MissionContext) -> bool:
+    no_fix = context.telemetry is not None and not context.telemetry.fix
+    return no_fix or bool(context.inputs.stopped)
+
+
+INTERLOCKS: Final = (
+    Interlock(
+        "INPUT_MISSING",
+        "an input is missing",
+        _input_missing,
+        while_up="holds; sends nothing while the flight mode is not received",
+        clears="all inputs have come for 3 s",
+        then="planned anew",
+        otherwise="comes home after the input's own limit",
+        why="without its inputs the program cannot judge any row below",
+        scene="LOST_FIX",
+    ),
+    Interlock(
+        "ALTITUDE_JUMP",
+        "the altitude has jumped",
+        lambda context: context.jumped,
+        while_up="holds",
+        clears="the altitude is back for 2 s",
+        then="planned anew",
+        otherwise="comes home after 30 s",
+        why="which zones apply follows from the altitude, and so does every check of a leg",
+        scene="ALTITUDE_JUMPS",
+    ),
+    Interlock(
+        "CONDITIONS",
+        "satellites or wind are worse than planned for",
+        lambda context: context.rough,
+        while_up="holds",
+        clears="they are as planned for during 5 s",
+        then="planned anew",
+        otherwise="comes home after 30 s",
+        why="a leg would be flown with less clearance than promised, whoever ordered it",
+        scene="POOR_FIX",
+    ),
+    Interlock(
+        "LINK_SILENT",
+        "nothing is received from the vehicle",
+        lambda context: context.silent_s > 0.0,
+        while_up="sends nothing, unless the operator asks for a hold",
+        clears="telemetry and the flight mode are received",
+        then="planned anew",
+        otherwise="an alarm after 10 s; after 20 s it asks the pilot to fly by hand",
+        why="a pilot may have taken the vehicle unseen; the rows above hold by what was received",
+        scene="SILENCE",
+        defers=True,
+    ),
+    Interlock(
+        "FOREIGN_ORDER",
+        "an order shows that is not ours",
+        lambda context: context.doubts,
+        while_up="sends nothing",
+        clears="our own order shows",
+        then="planned anew",
+        otherwise="releases the vehicle after 1.5 s",
+        why="it is a guess from telemetry, which the row above says is there",
+        scene="DIVERTED",
+        defers=True,
+    ),
+    Interlock(
+        "RELEASING",
+        "the vehicle is being released",
+        lambda context: context.giving_up is not None,
+        while_up="holds",
+        clears="the vehicle holds",
+        then="released to the pilot",
+        otherwise="released after six commands to hold",
+        why="it ends the mission, but never before the rows above know whose the vehicle is",
+        scene="PLAN_REPLACED",
+        repeats_landing=False,
+    ),
+    Interlock(
+        "PLAN_CHECK",
+        "the plan on board is being compared",
+        lambda context: context.compares is not None,
+        while_up="holds",
+        clears="it flies the same",
+        then="planned anew",
+        otherwise="releases the vehicle, at once if it differs, else after 60 s",
+        why="nothing may be built upon a plan that is perhaps another station's",
+        scene="SAME_PLAN",
+        repeats_landing=False,
+    ),
+    Interlock(
+        "ZONE_UPDATE",
+        "zones are being changed",
+        lambda context: context.zones is not None,
+        while_up="holds, or leaves a new zone by the nearest way out",
+        clears="the changed zones are on board",
+        then="planned anew",
+        otherwise="where PX4 refuses them it flies to points, checked here, and warns",
+        why="it is ours to end, so all that others or the sensors decide comes first",
+        scene="RELOAD",
+        repeats_landing=False,
+    ),
+)
+"""In order of precedence. What leaves instead of a motion that no row keeps back (a hold where it
+would not show which order is followed, the climb of a vehicle that is low) `CommandGate` decides.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Blocked:
+    """A motion that did not leave.
+
+    Attributes:
+        by: The row that kept it back.
+        since_s: Since when, without a break, on the vehicle's clock.
+    """
+
+    by: Interlock
+    since_s: float
+
+    def why(self, context: MissionContext) -> str:
+        """What keeps it back, as precisely as is known."""
+        if self.by.name == "INPUT_MISSING":
+            return ", ".join(context.inputs.stopped) or NO_FIX
+        return self.by.words
+
+
+def raised(context: MissionContext) -> tuple[Interlock, ...]:
+    """The rows that stand against a motion now; the first decides."""
+    return tuple(row for row in INTERLOCKS if row.raised(context))

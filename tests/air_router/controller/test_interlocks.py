@@ -1,0 +1,125 @@
+"""What keeps a motion back: each row of the table alone, two at once, and what is shown of it."""
+
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from air_router.controller.model.actions import FlyToPoint, HoldHere, LandHere
+from air_router.controller.model.mission_context import MissionContext, ZoneChange
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.interlocks import INTERLOCKS, raised
+from air_router.vehicle.input_limits import InputWatch, Stop
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+from sitl.rehearsal.faults import Fault
+
+HERE = Point(0.0, 0.0)
+LEG = FlyToPoint(Point(50.0, 0.0), 40.0)
+RAISED = {  # how the context says it
+    "INPUT_MISSING": ("inputs", InputWatch(stopped={"position not heard": Stop.HOLD})),
+    "ALTITUDE_JUMP": ("jumped", True),
+    "CONDITIONS": ("rough", True),
+    "LINK_SILENT": ("silent_s", 1.0),
+    "FOREIGN_ORDER": ("doubts", True),
+    "RELEASING": ("giving_up", "a breach"),
+    "PLAN_CHECK": ("compares", "the plan on board was replaced"),
+    "ZONE_UPDATE": ("zones", ZoneChange.CLEARING),
+}
+NAMES = [row.name for row in INTERLOCKS]
+
+
+@pytest.fixture
+def gate(pennovation):
+    gate = CommandGate(MissionContext(pennovation, None), None)
+    gate.assume(FlightMode.HOLD)
+    return gate
+
+
+def raise_(gate, *names):
+    before = {}
+    for name in names:
+        field, value = RAISED[name]
+        before[field] = getattr(gate._context, field)
+        setattr(gate._context, field, value)
+    return before
+
+
+def test_every_row_is_raised_by_something_and_flown_in_a_scene():
+    assert [*RAISED] == NAMES
+    assert [row.name for row in INTERLOCKS if row.scene not in Fault.__members__] == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_row_keeps_legs_and_landings_back_and_is_shown_until_it_clears(gate, name):
+    before = raise_(gate, name)
+    gate._context.now_s = 7.0
+    gate.command(LEG)
+    gate.command(LandHere())
+    assert not [a for a in gate._context.actions if not isinstance(a, HoldHere)]
+    assert (gate.waits_for().by.name, gate.waits_for().since_s) == (name, 7.0)
+    for field, value in before.items():
+        setattr(gate._context, field, value)
+    assert gate.waits_for() is None
+    gate.command(LEG)
+    assert gate._context.actions[-1] is LEG
+    assert gate.blocked is None
+
+
+@pytest.mark.parametrize("names", list(combinations(NAMES, 2)))
+def test_of_two_rows_the_first_decides(gate, names):
+    raise_(gate, *names)
+    gate.command(LEG)
+    assert [row.name for row in raised(gate._context)] == [*names]
+    assert gate.waits_for().by.name == names[0]
+    assert not [a for a in gate._context.actions if not isinstance(a, HoldHere)]
+
+
+@pytest.mark.parametrize("names", [["FOREIGN_ORDER"], ["INPUT_MISSING", "LINK_SILENT"]])
+def test_what_is_in_doubt_is_planned_anew_whichever_row_decides(gate, names):
+    raise_(gate, *names)
+    gate.command(LEG)
+    assert gate._context.put_off
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_landing_that_is_kept_back_is_commanded_again_where_nothing_else_does_it(gate, name):
+    raise_(gate, name)
+    gate.command(LandHere())
+    (row,) = (row for row in INTERLOCKS if row.name == name)
+    assert (gate._context.retry_at_s is not None) == row.repeats_landing
+
+
+def test_what_is_missing_is_named(gate):
+    raise_(gate, "INPUT_MISSING")
+    gate.command(LEG)
+    assert gate.waits_for().why(gate._context) == "position not heard"
+    gate._context.inputs = InputWatch()
+    gate._context.telemetry = Telemetry(1.0, HERE, 40.0, fix=False)
+    assert gate.waits_for().why(gate._context) == "GPS has no fix"
+
+
+def test_how_long_it_waits_counts_from_the_row_that_decides_now(gate):
+    raise_(gate, "ZONE_UPDATE")
+    gate.command(LEG)
+    gate._context.now_s = 5.0
+    raise_(gate, "ALTITUDE_JUMP")
+    gate.command(LEG)
+    gate._context.now_s = 8.0
+    gate.command(LEG)
+    assert (gate.waits_for().by.name, gate.waits_for().since_s) == ("ALTITUDE_JUMP", 5.0)
+
+
+def table():
+    lines = ["| interlock | while it is up | cleared when; then | if not | why here | scene |"]
+    lines.append("|---|---|---|---|---|---|")
+    for row in INTERLOCKS:
+        cleared = f"{row.clears}; {row.then}"
+        cells = (f"`{row.name}`: {row.words}", row.while_up, cleared, row.otherwise, row.why)
+        lines.append(f"| {' | '.join(cells)} | `{row.scene}` |")
+    return lines
+
+
+def test_the_table_in_the_docs_is_the_one_that_decides():
+    page = Path(__file__).parents[3] / "docs" / "state-machine.md"
+    assert "\n".join(table()) in page.read_text(encoding="utf-8")
