@@ -272,6 +272,7 @@ class Controller:
         context, exploration = self.context, self.exploration
         status = context.inputs.look(telemetry)
         if status is not CALM and self._deviations.inputs_missing(status, telemetry):
+            self.gate.mission_waits()
             return
         cruises = context.spec.cruises and context.zones is None and self._climb.climb is None
         if moved is not None:
@@ -287,6 +288,7 @@ class Controller:
         held_up = context.zones is not None or self._climb.climb is not None
         held_up |= context.jumped or context.rough
         if (held_up or context.doubts) and self._waits(telemetry):
+            self.gate.mission_waits()
             return
         ends_s = math.inf if context.ends_s is None else context.ends_s
         if context.now_s >= ends_s or self._commands.later is not None:

@@ -183,7 +183,7 @@ class CommandGate:
             a pilot since that was decided, the motion's own mode among them.
         refused_jumps: How many jumps within the plan it did not follow, one after the other.
         by_points: Nodes are flown to as any other point, because it does not fly its plan.
-        blocked: The motion that was kept back last, until one leaves or the state changes.
+        blocked: What kept the mission back last, until a motion leaves or the state changes.
         waits_why: The reason to hover where no way is clear, as announced last.
         climb_first: Takes the leg of a vehicle that is low; the climb before it, or None to wait.
     """
@@ -238,8 +238,7 @@ class CommandGate:
     def _block(self, motion: Motion, up: Sequence[Interlock]) -> None:
         """The motion stays. The first row decides what follows; any may have it come back."""
         context, first = self._context, up[0]
-        if self.blocked is None or self.blocked.by is not first:
-            self.blocked = Blocked(first, context.now_s)
+        self._waits_for(first)
         context.put_off |= any(row.defers for row in up)
         if first.repeats_landing and isinstance(motion, LandHere):
             context.retry_in(RETRY_S)
@@ -251,8 +250,17 @@ class CommandGate:
             context.has_to_stop = True
             self.hold("zones are being changed")
 
+    def mission_waits(self) -> None:
+        """No motion is wanted while a row is raised that holds the vehicle."""
+        if up := raised(self._context):
+            self._waits_for(up[0])
+
+    def _waits_for(self, row: Interlock) -> None:
+        if self.blocked is None or self.blocked.by is not row:
+            self.blocked = Blocked(row, self._context.now_s)
+
     def waits_for(self) -> Blocked | None:
-        """What keeps the motion back that was wanted last; None if nothing does now."""
+        """What keeps the mission from what it wants; None if nothing does now."""
         found = self.blocked
         return found if found is not None and found.by.raised(self._context) else None
 

@@ -155,10 +155,10 @@ would not show which order is followed, the climb of a vehicle that is low) `Com
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """A motion that did not leave.
+    """What keeps the mission from what it wants.
 
     Attributes:
-        by: The row that kept it back.
+        by: The row that decides.
         since_s: Since when, without a break, on the vehicle's clock.
     """
 
@@ -166,7 +166,7 @@ class Blocked:
     since_s: float
 
     def why(self, context: MissionContext) -> str:
-        """What keeps it back, as precisely as is known."""
+        """As precisely as is known."""
         if self.by.name == "INPUT_MISSING":
             return ", ".join(context.inputs.stopped) or NO_FIX
         return self.by.words
@@ -174,4 +174,4 @@ class Blocked:
 
 def raised(context: MissionContext) -> tuple[Interlock, ...]:
     """The rows that stand against a motion now; the first decides."""
-    return tuple(row for row in INTERLOCKS if row.raised(context))
+    return tuple([row for row in INTERLOCKS if row.raised(context)])

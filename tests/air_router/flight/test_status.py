@@ -5,6 +5,7 @@ import pytest
 
 from air_router.controller.model.states import State
 from air_router.flight.flight_line import flight_line
+from air_router.flight.flight_view import situation
 from air_router.flight.terminal import PLAIN_REFRESH_S, StatusLine
 from air_router.live.scene import LiveScene
 from air_router.vehicle.height_frame import HomeMove
@@ -92,3 +93,17 @@ def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(airborne)
     assert "HOME MOVED" in line
     vehicle = LiveScene(flight.mission, flight.controller, "titan").vehicle()
     assert (vehicle["wind"], vehicle["home_moved"]) == ("6 m/s from west", True)
+
+
+def test_the_line_and_the_status_say_what_the_mission_waits_for(airborne):
+    flight = airborne()
+    assert situation(flight.mission.frame, flight.controller, None)["waiting"] is None
+    flight.fix = False
+    flight.fly_for(3.0)
+    assert "| waiting: GPS has no fix (" in flight_line(flight.controller, {})
+    waiting = situation(flight.mission.frame, flight.controller, None)["waiting"]
+    assert (waiting["interlock"], waiting["why"]) == ("INPUT_MISSING", "GPS has no fix")
+    assert 2.0 <= waiting["for_s"] <= 3.0
+    flight.fix = True
+    flight.fly_for(5.0)
+    assert "waiting" not in flight_line(flight.controller, {})
