@@ -290,6 +290,7 @@ class Controller:
         if (held_up or context.doubts) and self._waits(telemetry):
             self.gate.mission_waits()
             return
+        self.gate.blocked = None  # what keeps it waiting next counts from its own begin
         ends_s = math.inf if context.ends_s is None else context.ends_s
         if context.now_s >= ends_s or self._commands.later is not None:
             self._time_has_come()

@@ -3,6 +3,7 @@ import io
 
 import pytest
 
+from air_router.controller.model.requests import HoldNow
 from air_router.controller.model.states import State
 from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_view import situation
@@ -107,3 +108,10 @@ def test_the_line_and_the_status_say_what_the_mission_waits_for(airborne):
     flight.fix = True
     flight.fly_for(5.0)
     assert "waiting" not in flight_line(flight.controller, {})
+    flight.operator_asks(HoldNow())  # no motion is wanted between one loss and the next
+    flight.fly_for(10.0)
+    for lost in (False, True, False):
+        flight.fix = lost
+        flight.fly_for(6.0)
+    waiting = situation(flight.mission.frame, flight.controller, None)["waiting"]
+    assert waiting["for_s"] <= 6.0
