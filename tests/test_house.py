@@ -157,6 +157,12 @@ def test_rooms_are_entered_by_their_doors():
     assert past_doors() == []
 
 
+def test_every_room_has_a_door():
+    """The root of a package has modules that are doors themselves."""
+    rooms = [room for room in doors() if "." in room]
+    assert [room for room in rooms if not hasattr(import_module(room), "__all__")] == []
+
+
 def test_a_door_has_few_names():
     wide = {room for room, names in doors().items() if len(names) > NAMES}
     assert wide == {*MORE_NAMES}

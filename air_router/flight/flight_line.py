@@ -18,8 +18,8 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
         parts.append("NO WAY HOME")
     blocked = controller.gate.waits_for()
     if blocked is not None:
-        for_s = max(controller.context.now_s - blocked.since_s, 0.0)
-        parts.append(f"waiting: {blocked.why(controller.context)} ({for_s:.0f} s)")
+        context = controller.context
+        parts.append(f"waiting: {blocked.why(context)} ({blocked.for_s(context):.0f} s)")
     signals = {
         peer: link.signal.words for peer, link in sorted(links.items()) if link.signal is not None
     }

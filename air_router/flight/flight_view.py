@@ -150,7 +150,7 @@ def situation(
         else {
             "interlock": blocked.by.name,
             "why": blocked.why(controller.context),
-            "for_s": round(max(controller.context.now_s - blocked.since_s, 0.0), 1),
+            "for_s": round(blocked.for_s(controller.context), 1),
         },
         "reload": None if reading is None else dataclasses.asdict(reading),
     }

@@ -242,13 +242,11 @@ class CommandGate:
         context.put_off |= any(row.defers for row in up)
         if first.repeats_landing and isinstance(motion, LandHere):
             context.retry_in(RETRY_S)
-        if context.zones in {None, ZoneChange.LEAVING} or first.name != "ZONE_UPDATE":
-            return
-        # It is wanted elsewhere than its leg leads; there, it would not be watched.
-        self.stop()
-        if context.zones is ZoneChange.UPLOADING or self.last is not None:
-            context.has_to_stop = True
-            self.hold("zones are being changed")
+        if first.calls_off(context):
+            self.stop()  # else it would be at the end of its leg unwatched
+            if context.zones is ZoneChange.UPLOADING or self.last is not None:
+                context.has_to_stop = True
+                self.hold("zones are being changed")
 
     def mission_waits(self) -> None:
         """No motion is wanted while a row is raised that holds the vehicle."""

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model import MissionContext
+from air_router.controller.model import MissionContext, ZoneChange
 from air_router.vehicle import NO_FIX
 
 
@@ -21,7 +21,7 @@ class Interlock:
     """One row.
 
     Attributes:
-        name: By which status, records and this page know it.
+        name: By which `status` and docs/state-machine.md know it.
         words: What stands against the motion.
         raised: Whether it does now.
         while_up: What the vehicle does meanwhile.
@@ -33,6 +33,8 @@ class Interlock:
         defers: The motion that it keeps back is planned anew as soon as the row clears.
         repeats_landing: A landing that it keeps back is commanded again in a moment: in LAND
             nothing else would have the vehicle land.
+        calls_off: The leg under way is called off, too: it leads elsewhere than what is wanted now.
+        detail: What stands against the motion, more precisely than `words`.
     """
 
     name: str
@@ -46,11 +48,17 @@ class Interlock:
     scene: str
     defers: bool = False
     repeats_landing: bool = True
+    calls_off: Callable[[MissionContext], bool] = lambda _context: False
+    detail: Callable[[MissionContext], str] | None = None
 
 
 def _input_missing(context: MissionContext) -> bool:
     no_fix = context.telemetry is not None and not context.telemetry.fix
     return no_fix or bool(context.inputs.stopped)
+
+
+def _missing(context: MissionContext) -> str:
+    return ", ".join(context.inputs.stopped) or NO_FIX
 
 
 INTERLOCKS: Final = (
@@ -64,6 +72,7 @@ INTERLOCKS: Final = (
         otherwise="comes home after the input's own limit",
         why="without its inputs the program cannot judge any row below",
         scene="LOST_FIX",
+        detail=_missing,
     ),
     Interlock(
         "ALTITUDE_JUMP",
@@ -84,7 +93,7 @@ INTERLOCKS: Final = (
         clears="they are as planned for during 5 s",
         then="planned anew",
         otherwise="comes home after 30 s",
-        why="a leg would be flown with less clearance than promised, whoever ordered it",
+        why="a leg would be flown with less clearance than promised, whatever it is for",
         scene="POOR_FIX",
     ),
     Interlock(
@@ -146,6 +155,7 @@ INTERLOCKS: Final = (
         why="it is ours to end, so all that others or the sensors decide comes first",
         scene="RELOAD",
         repeats_landing=False,
+        calls_off=lambda context: context.zones is not ZoneChange.LEAVING,
     ),
 )
 """In order of precedence. What leaves instead of a motion that no row keeps back (a hold where it
@@ -167,9 +177,11 @@ class Blocked:
 
     def why(self, context: MissionContext) -> str:
         """As precisely as is known."""
-        if self.by.name == "INPUT_MISSING":
-            return ", ".join(context.inputs.stopped) or NO_FIX
-        return self.by.words
+        return self.by.words if self.by.detail is None else self.by.detail(context)
+
+    def for_s(self, context: MissionContext) -> float:
+        """For how long it has kept the mission back."""
+        return max(context.now_s - self.since_s, 0.0)
 
 
 def raised(context: MissionContext) -> tuple[Interlock, ...]:
