@@ -1,7 +1,7 @@
-"""What may keep a leg, or a landing, from leaving: one table; the first raised row decides.
+"""What may keep a leg, or a landing, from being sent: one table; the first raised row decides.
 
 The mission's states say what it wants; these rows say what keeps it from getting that now. A hold
-leaves in any case: see `CommandGate.send`. The order is the safety argument, and each row says why
+is sent in any case: see `CommandGate.send`. The order is the safety argument, and each row says why
 it stands where it stands. `CommandGate.command` reads the table, `air-router`'s status line and its
 answers to `status` show the row that decides, and docs/state-machine.md prints it.
 """
@@ -68,7 +68,7 @@ INTERLOCKS: Final = (
         _input_missing,
         while_up="holds; sends nothing while the flight mode is not received",
         clears="all inputs have come for 3 s",
-        then="planned anew",
+        then="it plans again",
         otherwise="comes home after the input's own limit",
         why="without its inputs the program cannot judge any row below",
         scene="LOST_FIX",
@@ -80,7 +80,7 @@ INTERLOCKS: Final = (
         lambda context: context.jumped,
         while_up="holds",
         clears="the altitude is back for 2 s",
-        then="planned anew",
+        then="it plans again",
         otherwise="comes home after 30 s",
         why="which zones apply follows from the altitude, and so does every check of a leg",
         scene="ALTITUDE_JUMPS",
@@ -91,7 +91,7 @@ INTERLOCKS: Final = (
         lambda context: context.rough,
         while_up="holds",
         clears="they are as planned for during 5 s",
-        then="planned anew",
+        then="it plans again",
         otherwise="comes home after 30 s",
         why="a leg would be flown with less clearance than promised, whatever it is for",
         scene="POOR_FIX",
@@ -102,7 +102,7 @@ INTERLOCKS: Final = (
         lambda context: context.silent_s > 0.0,
         while_up="sends nothing, unless the operator asks for a hold",
         clears="telemetry and the flight mode are received",
-        then="planned anew",
+        then="it plans again",
         otherwise="an alarm after 10 s; after 20 s it asks the pilot to fly by hand",
         why="a pilot may have taken the vehicle unseen; the rows above hold by what was received",
         scene="SILENCE",
@@ -114,7 +114,7 @@ INTERLOCKS: Final = (
         lambda context: context.doubts,
         while_up="sends nothing",
         clears="our own order shows",
-        then="planned anew",
+        then="it plans again",
         otherwise="releases the vehicle after 1.5 s",
         why="it is a guess from telemetry, which the row above says is there",
         scene="DIVERTED",
@@ -138,7 +138,7 @@ INTERLOCKS: Final = (
         lambda context: context.compares is not None,
         while_up="holds",
         clears="it flies the same",
-        then="planned anew",
+        then="it plans again",
         otherwise="releases the vehicle, at once if it differs, else after 60 s",
         why="nothing may be built upon a plan that is perhaps another station's",
         scene="SAME_PLAN",
@@ -150,7 +150,7 @@ INTERLOCKS: Final = (
         lambda context: context.zones is not None,
         while_up="holds, or leaves a new zone by the nearest way out",
         clears="the changed zones are on board",
-        then="planned anew",
+        then="it plans again",
         otherwise="where PX4 refuses them it flies to points, checked here, and warns",
         why="it is ours to end, so all that others or the sensors decide comes first",
         scene="RELOAD",
