@@ -157,6 +157,25 @@ def test_rooms_are_entered_by_their_doors():
     assert past_doors() == []
 
 
+PARTS = {
+    *("context", "gate", "navigator", "exploration"),
+    *("search", "states", "returns", "airspace_update"),
+}
+
+
+def test_no_attribute_chain_reaches_into_the_controller():
+    """What is `controller.gate.modes` inside is `controller.our_modes` for others."""
+    reached = [
+        f"{module}:{node.lineno}: {ast.unparse(node)}"
+        for module, path in modules().items()
+        if not module.startswith("air_router.controller")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in PARTS
+        if ast.unparse(node.value).endswith("controller")
+    ]
+    assert reached == []
+
+
 def test_every_room_has_a_door():
     """The root of a package has modules that are doors themselves."""
     rooms = [room for room in doors() if "." in room]

@@ -21,7 +21,9 @@ from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import Envelope, ReturnMonitor
+from air_router.controller.flight_status import FlightStatus, Waiting
 from air_router.controller.lag_monitor import LagMonitor
+from air_router.controller.limits import VEHICLE_SILENT_S
 from air_router.controller.model import (
     Action,
     AirspaceChanged,
@@ -37,6 +39,9 @@ from air_router.controller.model import (
     FlyToNode,
     From,
     MissionContext,
+    MissionWaits,
+    Motion,
+    OnBoard,
     PeerFault,
     PlanRenewed,
     Progress,
@@ -50,7 +55,7 @@ from air_router.controller.model import (
     State,
     StateChanged,
 )
-from air_router.controller.motion import CommandGate, InitialClimb, Navigator
+from air_router.controller.motion import CommandGate, InitialClimb, Interlock, Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
 from air_router.controller.standstill import Standstill
 from air_router.controller.states import (
@@ -61,7 +66,8 @@ from air_router.controller.states import (
     StateHandlers,
     transitions,
 )
-from air_router.mission import FlightPlan
+from air_router.controller.targets import Policy
+from air_router.mission import FlightPlan, Mission, Waypoint
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import (
     BE_READY_AT_HOME,
@@ -73,6 +79,7 @@ from air_router.vehicle import (
     IN_YOUR_HANDS,
     WATCH_BATTERY,
     BatteryWatch,
+    FlightMode,
     ItemReached,
     LinkSilent,
     MavlinkSpoofed,
@@ -92,10 +99,14 @@ class Controller:
         setup: What to fly, and how.
         router: Routes over the mission's graph; None: made here.
         plan: The plan on board, for the autopilot's item numbers; None: made here.
+        policy: How the next robot is chosen; None: as the mission says.
+        waypoints: What is explored, in this order; None: the mission's waypoints, once.
+
+    Other rooms use its methods; the parts below are for the tests of this room.
 
     Attributes:
-        context: What is known now; others read it.
-        gate: What the vehicle was told.
+        context: What is known now.
+        gate: What was commanded to the vehicle.
         navigator: Takes the vehicle to one goal at a time.
         exploration: Which waypoint is next.
         search: Whom to seek, and where.
@@ -105,7 +116,13 @@ class Controller:
     """
 
     def __init__(
-        self, setup: FlightSetup, router: Router | None = None, plan: FlightPlan | None = None
+        self,
+        setup: FlightSetup,
+        router: Router | None = None,
+        plan: FlightPlan | None = None,
+        *,
+        policy: Policy | None = None,
+        waypoints: tuple[Waypoint, ...] | None = None,
     ) -> None:
         mission, explore = setup.mission, setup.explore
         router = router if router is not None else Router(WaypointGraph(mission))
@@ -114,6 +131,7 @@ class Controller:
         self._transitions = transitions(explores=explore)
         self._left = State.READY  # the state before this one
         self._told_sought: str | None = None  # the robot in the last `Seeking`
+        self._told_waits: Interlock | None = None  # the row in the last `MissionWaits`
         # What is known and kept.
         context = self.context = MissionContext(
             mission, router, self._signal, spec=STATES[State.READY]
@@ -123,8 +141,9 @@ class Controller:
         climb = self._climb = InitialClimb(context, gate)
         gate.climb_first = climb.first
         # Of a flight that is gone on with some waypoints may be skipped already.
-        exploration = self.exploration = Exploration(mission.waypoints, mission.skipped)
-        self.search = Search(context, navigator, setup, exploration)
+        explored = mission.waypoints if waypoints is None else waypoints
+        exploration = self.exploration = Exploration(explored, mission.skipped)
+        self.search = Search(context, navigator, setup, exploration, policy)
         states = self.states = StateHandlers(context, gate, navigator, self.search, self._let_go)
         # What is watched, in this order.
         self._phase = FlightPhase(context, gate)
@@ -194,7 +213,21 @@ class Controller:
         if sought != self._told_sought:
             self._told_sought = sought
             context.actions.append(Seeking(sought))
+        self._tell_waiting()
         return context.actions
+
+    def _tell_waiting(self) -> None:
+        """Record which row of `INTERLOCKS` keeps the mission waiting, once it is another."""
+        blocked = self.gate.waits_for()
+        row = None if blocked is None else blocked.by
+        if row is self._told_waits:
+            return
+        self._told_waits = row
+        self.context.actions.append(
+            MissionWaits(None)
+            if blocked is None
+            else MissionWaits(blocked.by.name, blocked.why(self.context), blocked.since_s)
+        )
 
     # The vehicle, the gravest matter first.
 
@@ -415,3 +448,108 @@ class Controller:
     def state(self) -> State:
         """What the mission is doing."""
         return self.context.state
+
+    @property
+    def mission(self) -> Mission:
+        """With the zones and fences of now."""
+        return self.context.mission
+
+    @property
+    def router(self) -> Router:
+        """Plans among these."""
+        return self.context.router
+
+    @property
+    def telemetry(self) -> Telemetry | None:
+        """What the vehicle reported last; None: nothing was received yet."""
+        return self.context.telemetry
+
+    @property
+    def in_charge(self) -> bool:
+        """Whether the vehicle in the air flies by our commands."""
+        return self.context.in_charge
+
+    @property
+    def may_be_taken(self) -> bool:
+        """Whether its mode was not received for so long that a pilot may have the vehicle."""
+        return self.context.silent_s > VEHICLE_SILENT_S or self.context.inputs.silent
+
+    @property
+    def ending_why(self) -> str | None:
+        """Why the vehicle comes home or lands, once it does."""
+        return self.context.ending_why
+
+    def status(self) -> FlightStatus:
+        """The flight as of now."""
+        context, goto, blocked = self.context, self.states.goto.goto_task, self.gate.waits_for()
+        targets = self.search.targets
+        goes_to = context.state is State.GOTO and goto is not None
+        return FlightStatus(
+            state=context.state,
+            robot=context.robot,
+            robots={robot: targets.position_of(robot) for robot in targets.names},
+            left_s=context.left_s,
+            goal=context.way.goal,
+            legs=context.way.ahead,
+            points_left=len(goto.stops) - goto.done if goes_to and goto is not None else 0,
+            waypoints_left=self.exploration.remaining,
+            no_way_home=self.states.reachability.no_way_home,
+            waiting=None
+            if blocked is None
+            else Waiting(blocked.by.name, blocked.why(context), blocked.for_s(context)),
+            alarms=context.alarms.shown,
+            need_home=self.returns.need_home,
+            in_charge=context.in_charge,
+            telemetry=context.telemetry,
+        )
+
+    # What carries its decisions out asks, and tells, in between.
+
+    @property
+    def pending(self) -> Motion | None:
+        """What was commanded and is not confirmed yet."""
+        return self.gate.pending
+
+    @property
+    def our_modes(self) -> frozenset[FlightMode]:
+        """In which flight modes the vehicle is by our commands."""
+        return self.gate.modes
+
+    @property
+    def ended_modes(self) -> frozenset[FlightMode]:
+        """The flight modes that the pending motion may end: no others, a pilot has chosen them."""
+        return self.gate.ends
+
+    def objection(self, motion: Motion, now_s: float) -> str | None:
+        """Why a motion decided a moment ago must not be commanded any more; None: it may."""
+        return self.navigator.objection(motion, now_s)
+
+    def why_not_started(self, before: Telemetry, *, armed: bool) -> str | None:
+        """What a pilot or ground station has done with a vehicle that we were to start."""
+        return self.states.ready.why_not_started(before, armed=armed)
+
+    @property
+    def reaction_s(self) -> float:
+        """How long a command takes to the vehicle at most, on its clock."""
+        return self.gate.reaction_s
+
+    def reacts_within(self, reaction_s: float) -> None:
+        """A command takes at most so long to the vehicle, on its clock, from now on."""
+        self.gate.reaction_s = reaction_s
+
+    def home_by(self, now_s: float) -> None:
+        """Come home at this time on the vehicle's clock: the zones may be others later."""
+        self.context.home_by_s = now_s
+
+    @property
+    def plan_is_ours(self) -> bool:
+        """Whether the plan on board is this mission's, as far as is known."""
+        return self.context.on_board is OnBoard.OURS
+
+    def why_no_upload(self) -> str | None:
+        """Why nothing may be put on board any more; None: it may."""
+        return self.airspace_update.objection()
+
+    def prepare(self, router: Router) -> None:
+        """Use this router, made elsewhere, for the zones that come next, if it is among them."""
+        self.airspace_update.prepared = router

@@ -267,7 +267,7 @@ class Flight:
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""
-        why = self.controller.states.ready.why_not_started(self._first.result(), armed=armed)
+        why = self.controller.why_not_started(self._first.result(), armed=armed)
         if why is not None:
             raise RefusedError(f"{why}; it is left to the pilot")
 
@@ -308,7 +308,7 @@ class Flight:
     def _too_late(self, telemetry: Telemetry) -> bool:
         """Whether it did not take off while its zones were the right ones; ends then."""
         waits = self.controller.state is State.READY and not telemetry.armed
-        latest = self.controller.context.mission.latest_start if waits else None
+        latest = self.controller.mission.latest_start if waits else None
         if latest is None or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
@@ -352,7 +352,7 @@ class Flight:
                     TAKE_OVER,
                 )
             elif ours:
-                await self._vehicle.hold(out_of=self.controller.gate.modes)
+                await self._vehicle.hold(out_of=self.controller.our_modes)
                 await self._last_words("the companion stops; the vehicle holds", TAKE_FROM_HERE)
         except AirRouterError as error:
             await self._last_words(
@@ -371,7 +371,7 @@ class Flight:
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         report = self.stats.report(outcome, self._clock.now_s(), self._gossip.newest_stamps())
-        report["came_home_because"] = self.controller.context.ending_why
+        report["came_home_because"] = self.controller.ending_why
         self._recorder.note("Report", self._clock.boot_s(), report)
         track, meetings = self.stats.flown.points, self.stats.meetings
         return FlightResult(outcome, exit_code, report, tuple(track), tuple(meetings))

@@ -16,7 +16,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any, Final, Protocol
 
 from air_router.control import CommandRequest, View
-from air_router.controller import VEHICLE_SILENT_S, Controller
+from air_router.controller import Controller
 from air_router.controller.model import (
     OPERATOR,
     Action,
@@ -151,7 +151,7 @@ class CommandService:
             "accepted": answer.accepted,
             "why": answer.why,
             "code": answer.code,
-            "state": self._controller.context.state.name,
+            "state": self._controller.state.name,
         }
         if answer.points:
             reply["points"] = [
@@ -207,8 +207,8 @@ class FlightLoop:
         self.motions = MotionSender(
             vehicle,
             plan,
-            lambda motion: controller.navigator.objection(motion, clock.boot_s()),
-            lambda: controller.gate.ends,
+            lambda motion: controller.objection(motion, clock.boot_s()),
+            lambda: controller.ended_modes,
             self.on_event,
         )
         self.reloader = MissionReloader(controller, vehicle, self.on_event, status.say)
@@ -273,7 +273,7 @@ class FlightLoop:
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
-                aborted_why = None if self._stats.flew else self._controller.context.ending_why
+                aborted_why = None if self._stats.flew else self._controller.ending_why
                 self.end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
@@ -291,13 +291,13 @@ class FlightLoop:
         And until when zones with hours are the right ones is told by the clock on the wall.
         """
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
-        self._controller.gate.reaction_s = reaction_s
+        self._controller.reacts_within(reaction_s)
         self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
-        mission = self._controller.context.mission
+        mission = self._controller.mission
         latest = mission.window.latest_start
         if latest is not None and mission.duration_s is not None:
             left_s = latest.timestamp() + mission.duration_s - self._clock.now_s()
-            self._controller.context.home_by_s = now_s + left_s
+            self._controller.home_by(now_s + left_s)
             self._recorder.note("HomeBy", now_s, {"home_by_s": now_s + left_s})
 
     async def tell(self, said: Announce) -> None:
@@ -366,8 +366,7 @@ class FlightLoop:
 
     def may_be_taken(self) -> bool:
         """Whether its mode has not been heard for so long that a pilot may have it."""
-        context = self._controller.context
-        return context.silent_s > VEHICLE_SILENT_S or context.inputs.silent
+        return self._controller.may_be_taken
 
     def flies_by_us(self, *, starts: FlightMode | None) -> bool:
         """Whether the vehicle flies, or is about to, because we told it to.
@@ -375,9 +374,9 @@ class FlightLoop:
         Args:
             starts: The mode from before it was told to take off, which may not show yet.
         """
-        controller, telemetry = self._controller, self._controller.context.telemetry
+        controller, telemetry = self._controller, self._controller.telemetry
         if telemetry is None or telemetry.in_air:
-            return telemetry is not None and controller.context.in_charge
+            return telemetry is not None and controller.in_charge
         # Armed in Mission mode on the ground it is about to take off, with no companion.
         modes = {FlightMode.MISSION} if starts is None else {*_STARTING, starts}
         about_to = telemetry.armed and telemetry.mode in modes

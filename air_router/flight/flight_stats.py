@@ -16,6 +16,7 @@ from air_router.controller.model import (
     ControlHolder,
     Event,
     Finish,
+    MissionWaits,
     PlanRenewed,
     RenewPlan,
     State,
@@ -37,6 +38,9 @@ WAY_STEP_M: Final = 2.0
 """What is flown counts in steps of this: a position estimate wanders by less while hovering."""
 
 
+_GOES_ON: Final = MissionWaits(None)
+
+
 @dataclass(slots=True)
 class FlightStats:
     """Adds a flight up; `report` makes the object that `--json` prints.
@@ -56,6 +60,8 @@ class FlightStats:
     meetings: list[tuple[str, Point]] = field(default_factory=list)
     changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=16))
     changed: int = 0
+    waited_s: dict[str, list[float]] = field(default_factory=dict)  # by the row that decided
+    _waits: MissionWaits = _GOES_ON
     _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
 
@@ -80,6 +86,8 @@ class FlightStats:
             self.flown.action(action)
             if isinstance(action, StateChanged):
                 self._state_changed(action)
+            elif isinstance(action, MissionWaits):
+                self._waits_for(action)
 
     def report(
         self, outcome: str, unix_s: float, stamps_s: Mapping[str, float] = MappingProxyType({})
@@ -105,12 +113,23 @@ class FlightStats:
                 for name, found in self.found.items()
             },
             "interactions": self.interactions.counts(),
+            "waits": {
+                row: {"times": len(spans), "total_s": round(sum(spans), 1)}
+                for row, spans in self.waited_s.items()
+            },
         }
 
     @property
     def flew(self) -> bool:
         """Whether the vehicle was off the ground by more than the estimate wanders."""
         return self._highest_m > OFF_GROUND_M
+
+    def _waits_for(self, change: MissionWaits) -> None:
+        """The mission waits for another row of `INTERLOCKS` now, or goes on."""
+        if self._waits.interlock is not None:
+            spans = self.waited_s.setdefault(self._waits.interlock, [])
+            spans.append(self._now_s - self._waits.since_s)
+        self._waits = change
 
     def _state_changed(self, change: StateChanged) -> None:
         self.changes.append(change)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from air_router.control import View
-from air_router.controller import Controller
+from air_router.controller import Controller, FlightStatus
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.mission_reloader import ReloadReport
 from air_router.live import scenery
@@ -51,7 +51,7 @@ class FlightView:
 
     def tell(self, command: View) -> dict[str, Any]:
         """What is asked for, in JSON's values."""
-        router = self._controller.context.router
+        router = self._controller.router
         if router is not self._router:  # zones have changed: with them comes another router
             self._router = router
             self._revision += 1
@@ -62,7 +62,7 @@ class FlightView:
             "changes": self._changes(),
             "alarms": [
                 {"about": about, "text": alarm.lasting, "instruction": alarm.instruction}
-                for about, alarm in self._controller.context.alarms.shown.items()
+                for about, alarm in self._controller.status().alarms.items()
             ],
             "heard": self._heard(),
             "links": [self._link(link) for _, link in sorted(self._links().items())],
@@ -92,11 +92,9 @@ class FlightView:
 
     def _heard(self) -> dict[str, list[float]]:
         """Where robots that can be sought were last."""
-        targets = self._controller.search.targets
-        places = {robot: targets.position_of(robot) for robot in targets.names}
         return {
             robot: degrees(self._frame, place)
-            for robot, place in places.items()
+            for robot, place in self._controller.status().robots.items()
             if place is not None
         }
 
@@ -126,6 +124,16 @@ class FlightView:
         return self._map
 
 
+def waiting_of(status: FlightStatus) -> dict[str, Any] | None:
+    """What keeps the mission from what it wants, as plain data; None: nothing does."""
+    waiting = status.waiting
+    return (
+        None
+        if waiting is None
+        else {**dataclasses.asdict(waiting), "for_s": round(waiting.for_s, 1)}
+    )
+
+
 def situation(
     frame: LocalFrame, controller: Controller, reading: ReloadReport | None
 ) -> dict[str, Any]:
@@ -133,29 +141,20 @@ def situation(
 
     `reading`: what became of the latest reading of the mission file.
     """
-    telemetry = controller.context.telemetry
-    goal, goto_task = controller.context.way.goal, controller.states.goto.goto_task
-    left_s, blocked = controller.context.left_s, controller.gate.waits_for()
+    status = controller.status()
+    telemetry, goal, left_s = status.telemetry, status.goal, status.left_s
     about: dict[str, Any] = {
-        "state": controller.state.name,
-        "robot": controller.context.robot,
-        "robots": list(controller.search.targets.names),
+        "state": status.state.name,
+        "robot": status.robot,
+        "robots": list(status.robots),
         "time_left_s": None if left_s is None else round(left_s, 1),
         "goal": None if goal is None else _pair(frame, goal.position),
-        "points_left": 0,
-        "waypoints_left": controller.exploration.remaining,
-        "walled_in": controller.states.reachability.no_way_home,
-        "waiting": None
-        if blocked is None
-        else {
-            "interlock": blocked.by.name,
-            "why": blocked.why(controller.context),
-            "for_s": round(blocked.for_s(controller.context), 1),
-        },
+        "points_left": status.points_left,
+        "waypoints_left": status.waypoints_left,
+        "walled_in": status.no_way_home,
+        "waiting": waiting_of(status),
         "reload": None if reading is None else dataclasses.asdict(reading),
     }
-    if controller.state.name == "GOTO" and goto_task is not None:
-        about["points_left"] = len(goto_task.stops) - goto_task.done
     if telemetry is None:
         return {**about, "position": None}
     return {
@@ -170,7 +169,7 @@ def situation(
         "mode": telemetry.mode.value,
         "armed": telemetry.armed,
         "in_air": telemetry.in_air,
-        "in_charge": controller.context.in_charge,
+        "in_charge": status.in_charge,
         "time_s": telemetry.time_s,
     }
 

@@ -18,7 +18,6 @@ from air_router.controller import Controller, widened_router
 from air_router.controller.model import (
     AirspaceChanged,
     Event,
-    OnBoard,
     PlanRenewed,
     ReadAgain,
     RenewPlan,
@@ -167,7 +166,7 @@ class MissionReloader:
         self._say = say
         self.latest: ReloadReport | None = None
         self._reading = self._once_more = False  # the file is read; asked again meanwhile
-        self._on_board = FlightPlan.of(controller.context.mission)  # the plan last sent
+        self._on_board = FlightPlan.of(controller.mission)  # the plan last sent
         # the first; nothing is under way
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
         self._idle.set()
@@ -179,7 +178,7 @@ class MissionReloader:
         """What became of the latest reading, as things are on board now; None before the first."""
         if self.latest is None or not self.latest.good:
             return self.latest
-        if self._controller.context.on_board is OnBoard.OURS:
+        if self._controller.plan_is_ours:
             return self.latest
         why = (
             "the flight keeps to the changed fences and zones, but another plan is on board: "
@@ -231,17 +230,15 @@ class MissionReloader:
 
     async def _read(self) -> ReloadReport:
         try:
-            event, router = await asyncio.to_thread(
-                _read, self._controller.context.mission, self._on_board
-            )
+            event, router = await asyncio.to_thread(_read, self._controller.mission, self._on_board)
         except (AirRouterError, DocumentError) as error:
             return self._failed(f"not reloaded: {error}")
         except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
-            _log.exception("%s was not reloaded", self._controller.context.mission.path)
+            _log.exception("%s was not reloaded", self._controller.mission.path)
             return self._failed(f"not reloaded, by a fault of this program: {error!r}")
-        self._controller.airspace_update.prepared = router
+        self._controller.prepare(router)
         self._deliver(event)
-        now = self._controller.context.mission
+        now = self._controller.mission
         good = (now.fences, now.zones) == (event.fences, event.zones)
         keeps = "the flight keeps to the changed fences and zones"
         why = keeps if good else "not reloaded: the flight did not take the zones"
@@ -263,9 +260,9 @@ class MissionReloader:
 
         def objection() -> str | None:
             newer = number != self._uploads
-            return "a newer one follows" if newer else self._controller.airspace_update.objection()
+            return "a newer one follows" if newer else self._controller.why_no_upload()
 
-        plan = FlightPlan.of(self._controller.context.mission)
+        plan = FlightPlan.of(self._controller.mission)
         why_not = await self._renew(plan, objection)
         if why_not is None:
             self._on_board = plan
@@ -278,8 +275,8 @@ class MissionReloader:
 
     async def widen(self, off_m: float) -> None:
         """Make the router among the zones of two altitudes, beside the flight."""
-        mission, update = self._controller.context.mission, self._controller.airspace_update
-        update.prepared = await asyncio.to_thread(widened_router, mission, off_m)
+        mission = self._controller.mission
+        self._controller.prepare(await asyncio.to_thread(widened_router, mission, off_m))
         self._deliver(RoutesWidened(off_m))
 
     async def _renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> str | None:

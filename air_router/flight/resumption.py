@@ -169,7 +169,7 @@ def _recorded(
     until_s = replay_record(Log(path), controller).until_s
     if abs(now_s - until_s - since_s) > APART_S + APART_SHARE * since_s:
         return None  # it was switched off since
-    flown, last = controller.flown, controller.context.telemetry
+    flown, last = controller.flown, controller.telemetry
     if flown is None:
         return None
     amsl_m = None if last is None else last.altitude_amsl_m

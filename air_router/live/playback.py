@@ -83,7 +83,7 @@ class RecordedFlight:
 
     def plotted(self) -> dict[str, Any]:
         """What the timeline shows of the whole flight; afterwards it begins again."""
-        scene = LiveScene(self.controller.context.mission, self.controller, self.name)
+        scene = LiveScene(self.controller.mission, self.controller, self.name)
         while not self.go_on(self.end_s, scene):
             pass
         self.rewind()

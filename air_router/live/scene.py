@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from air_router.controller import Controller
+from air_router.controller import Controller, FlightStatus
 from air_router.controller.model import (
     Action,
     Announce,
@@ -51,6 +51,9 @@ _LIT_S: Final = 1.0
 
 _MOST_EDGES: Final = 20_000
 
+_WAITS_S: Final = 0.5
+"""What keeps the mission waiting is shown from then on: our own order shows a moment late."""
+
 Item = TypeVar("Item")
 
 
@@ -79,6 +82,12 @@ class History(Generic[Item]):
 class _Robot:
     track: TargetTrack  # its newest pose, and path
     peer: str = ""  # who handed that pose on
+
+
+def _waiting(status: FlightStatus) -> str | None:
+    """What keeps the mission waiting for long enough to be read."""
+    waiting = status.waiting
+    return None if waiting is None or waiting.for_s < _WAITS_S else waiting.why
 
 
 class LiveScene:
@@ -177,7 +186,7 @@ class LiveScene:
         """Those that are not over: what was to last until then is shown no longer."""
         if self._controller.state is State.DONE:
             return []
-        standing = self._controller.context.alarms.shown
+        standing = self._controller.status().alarms
         return [a for a in self.alarms if not a["about"] or a["about"] in standing]
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
@@ -188,26 +197,27 @@ class LiveScene:
 
     def vehicle(self) -> dict[str, Any]:
         """The vehicle and its mission, as of now."""
-        controller, telemetry = self._controller, self._controller.context.telemetry
-        left_s = controller.context.left_s
+        status = self._controller.status()
+        telemetry, left_s = status.telemetry, status.left_s
         shown: dict[str, Any] = {
             "name": self._name,
-            "state": controller.state.name,
-            "what": controller.state.value,
-            "robot": controller.context.robot,
+            "state": status.state.name,
+            "what": status.state.value,
+            "robot": status.robot,
             "left_s": None if left_s is None else round(left_s, 1),
-            "in_charge": controller.context.in_charge,
-            "robots": list(controller.search.targets.names),
-            "waypoints_left": controller.exploration.remaining,
-            "need_home": _shown(controller.returns.need_home, 3),
-            "refused": controller.refusals(),
+            "in_charge": status.in_charge,
+            "robots": list(status.robots),
+            "waypoints_left": status.waypoints_left,
+            "need_home": _shown(status.need_home, 3),
+            "waiting": _waiting(status),
+            "refused": self._controller.refusals(),
             "at": None,
             "route": [],
         }
         if telemetry is None:
             return shown
         at = self._pair(telemetry.position)
-        route = [self._pair(leg.to) for leg in controller.context.way.ahead]
+        route = [self._pair(leg.to) for leg in status.legs]
         return {
             **shown,
             "at": at,
@@ -269,7 +279,7 @@ class LiveScene:
         if self._now_s - self._sampled_s < SAMPLE_S:
             return
         self._sampled_s = self._now_s
-        airspace = self._controller.context.router.graph.mission.airspace
+        airspace = self._controller.router.graph.mission.airspace
         away_m, to = airspace.nearest(telemetry.position)
         self.rows.add(
             [

@@ -142,7 +142,7 @@ class LivePage:
         web: Web = HERE,
         name: str = "UAV",
     ) -> None:
-        self._name = controller.context.mission.uav or name  # the UAV's, in the team
+        self._name = controller.mission.uav or name  # the UAV's, in the team
         self._commands = command_service
         self._links = links
         self._web = web
@@ -161,7 +161,7 @@ class LivePage:
         self._site.add_values("/flights", self._flights)
 
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
-        mission = controller.context.mission
+        mission = controller.mission
         self.scene = LiveScene(mission, controller, self._name)
         self._map_feed = MapFeed(mapper, mission.frame, self.scene.interactions)
         self._controller = controller
@@ -214,7 +214,7 @@ class LivePage:
         """Tell all pages what is new."""
         scene = self.scene
         self._ticks += 1
-        if self._controller.context.router is not self._router:
+        if self._controller.router is not self._router:
             self._draw_scenery()
             self._browsers.broadcast("scenery", self._scenery)
         self.tell("vehicle", scene.vehicle())
@@ -246,7 +246,7 @@ class LivePage:
 
     def _draw_scenery(self) -> None:
         """Zones may change in flight: with them comes another router."""
-        self._router = self._controller.context.router
+        self._router = self._controller.router
         mission = self._router.graph.mission
         self._scenery = as_json({"type": "scenery", **scenery(mission, self._router)})
 

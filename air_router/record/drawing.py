@@ -14,7 +14,14 @@ from typing import Any, Final, NamedTuple
 
 from shapely import Polygon
 
-from air_router.controller.model import Announce, FlyToNode, FlyToPoint, RobotPose, StateChanged
+from air_router.controller.model import (
+    Announce,
+    FlyToNode,
+    FlyToPoint,
+    MissionWaits,
+    RobotPose,
+    StateChanged,
+)
 from air_router.mission import Mission
 from air_router.routing import WaypointGraph
 from air_router.vehicle import Severity, Telemetry
@@ -139,6 +146,8 @@ class FlightDrawing:
             case StateChanged(source=source, target=target, robot=robot):
                 whom = "" if robot is None else f" ({robot})"
                 yield _log(f"{source.name} -> {target.name}{whom}", unix_s)
+            case MissionWaits(why=why):
+                yield _log(f"waiting: {why}" if why else "going on", unix_s)
 
     def _location(
         self, frame: str, topic: str, place: Point, altitude_m: float, unix_s: float

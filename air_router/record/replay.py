@@ -124,9 +124,9 @@ class Replayer:
         if entry.kind == "setup" and self.controller is None:
             self.controller = Controller(entry.value)
         elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
-            self.controller.gate.reaction_s = entry.value.fields["reaction_s"]
+            self.controller.reacts_within(entry.value.fields["reaction_s"])
         elif entry.kind == "note" and entry.value.name == "HomeBy" and self.controller:
-            self.controller.context.home_by_s = entry.value.fields["home_by_s"]
+            self.controller.home_by(entry.value.fields["home_by_s"])
 
     def decide(self, step: RecordedStep) -> list[Any]:
         """What the controller decides now on what happened.

@@ -132,6 +132,17 @@ def _what_was_said(
     def at(t: float) -> str:
         return clock(max(0.0, t - summary.from_s))
 
+    waited: dict[tuple[str, str], list[float]] = {}
+    for wait in summary.waits:
+        waited.setdefault((wait.interlock, wait.why), []).append(wait.to_s - wait.from_s)
+    yield (
+        "What kept the mission waiting",
+        ("why", "interlock", "times", "in all"),
+        [
+            (why, interlock, str(len(spans)), f"{sum(spans):.1f} s")
+            for (interlock, why), spans in waited.items()
+        ],
+    )
     answers = {None: "no answer recorded", True: "accepted", False: "refused"}
     requests: list[tuple[str, ...]] = [
         (at(r.t), r.what, r.by, f"{answers[r.accepted]}{': ' if r.why else ''}{r.why}")

@@ -18,6 +18,7 @@ from air_router.controller.model import (
     Finish,
     FlightSetup,
     GoTo,
+    MissionWaits,
     RobotPose,
     Seeking,
     SeekNow,
@@ -70,6 +71,16 @@ class RequestRecord:
 
 
 @dataclass(slots=True)
+class WaitInterval:
+    """A time in which one row of `INTERLOCKS` kept the mission waiting."""
+
+    from_s: float
+    to_s: float
+    interlock: str
+    why: str  # in words
+
+
+@dataclass(slots=True)
 class FlightSummary:
     """One flight.
 
@@ -82,6 +93,7 @@ class FlightSummary:
         distances: (t, metres to the nearest zone or fence) in the air, while it was ours.
         battery: (t, charge 0..1) in the air.
         states: One after the other.
+        waits: What kept the mission waiting, and when.
         announcements: (t, severity, text).
         requests: Requests and their answers.
         failures: (t, text): commands that the vehicle did not follow.
@@ -100,6 +112,7 @@ class FlightSummary:
     distances: list[tuple[float, float]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     states: list[StateInterval] = field(default_factory=list)
+    waits: list[WaitInterval] = field(default_factory=list)
     announcements: list[tuple[float, str, str]] = field(default_factory=list)
     closest: tuple[float, str] | None = field(default=None, init=False)  # metres, what to
     requests: list[RequestRecord] = field(default_factory=list)
@@ -113,6 +126,7 @@ class FlightSummary:
     to_s: float = math.nan  # time of the last event
     finish: str | None = None  # as the controller said
     unix_offset_s: float | None = None  # Unix time at 0
+    _waits: bool = False  # the last of `waits` goes on
     _open: dict[tuple[str, str], RequestRecord] = field(default_factory=dict)  # not answered yet
 
     def __post_init__(self) -> None:
@@ -142,6 +156,8 @@ class FlightSummary:
             raise NothingFlownError(_NOTHING)
         self.ending = ending
         self.states[-1].to_s = self.to_s
+        if self._waits:
+            self.waits[-1].to_s = self.to_s
         self.exchanges.end(self.to_s)
         self.closest = self.flown.closest_approach()
 
@@ -213,6 +229,8 @@ class FlightSummary:
                     stay.to_s = t
                 about = robot if target in _ABOUT_ROBOTS else None
                 self.states.append(StateInterval(target.name, t, t, about, signal.value))
+            case MissionWaits():
+                self._waited(t, action)
             case Announce():
                 self.announcements.append((t, action.severity.value, action.words))
             case Seeking(robot=str() as robot) if self.states:
@@ -221,6 +239,13 @@ class FlightSummary:
                 self._answered(t, action)
             case Finish(why=why):
                 self.finish = why
+
+    def _waited(self, t: float, change: MissionWaits) -> None:
+        if self._waits:
+            self.waits[-1].to_s = t
+        self._waits = change.interlock is not None
+        if change.interlock is not None:
+            self.waits.append(WaitInterval(change.since_s, t, change.interlock, change.why))
 
     def _answered(self, t: float, answer: CommandAck) -> None:
         request = self._open.pop((answer.by, answer.request_id), None)
@@ -254,6 +279,7 @@ class FlightSummary:
             else self.unix_offset_s + self.from_s,
             **self.flown.totals(self.closest),
             "states": [asdict(stay) for stay in self.states],
+            "waits": [asdict(wait) for wait in self.waits],
             "interactions": self.exchanges.interactions(),
             "robots": {
                 name: {

@@ -170,13 +170,16 @@ class Scene:
 
     def diagnostics(self, view: Mapping[str, Any], unix_s: float) -> OutgoingMessage:
         """Mission and links, as rqt_robot_monitor and Foxglove show them."""
-        level, message = _OK, view["state"]
+        level, message, waiting = _OK, view["state"], view.get("waiting")
         if view["walled_in"]:
             level, message = _ERROR, f"{message}: no way home"
         elif view.get("in_air") and not view["in_charge"]:
             level, message = _WARN, f"{message}: not under our commands"
+        elif waiting is not None:
+            level, message = _WARN, f"{message}: waiting: {waiting['why']}"
         keys = ("robot", "time_left_s", "points_left", "waypoints_left", "mode", "armed", "battery")
         told = {key: view.get(key) for key in keys}
+        told["waiting"] = None if waiting is None else waiting["interlock"]
         statuses = [self._status("mission", level, message, told)]
         for alarm in view.get("alarms", ()):
             words = f"{alarm['text']}. {alarm['instruction']}"

@@ -209,7 +209,7 @@ class Companion:
     @property
     def in_charge(self) -> bool:
         """Whether it holds the vehicle for its own."""
-        return self.flight.controller.context.in_charge
+        return self.flight.controller.in_charge
 
     def receive(self, name: str, fields: Fields, sender: tuple[int, int] | None = None) -> None:
         """A message of the vehicle has come, or of another system and component."""

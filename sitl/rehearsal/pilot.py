@@ -206,7 +206,7 @@ class Pilot:
         autopilot, companion, dice = self._flight.autopilot, self._flight.companion, self._dice
         if companion is None or self._operator.pilot or not self._operator.flies:
             return
-        pending = companion.flight.controller.gate.pending
+        pending = companion.flight.controller.pending
         if autopilot.mission.climbing or pending is not None:
             return
         moving = math.hypot(*autopilot.situation.velocity_m_s[:2]) > MOVING_M_S
@@ -233,7 +233,7 @@ class Pilot:
                 operator.ours and fast and CLOSE_M[0] < away_m < CLOSE_M[1]
             ):
                 return False
-            if companion.flight.controller.gate.pending is not None:
+            if companion.flight.controller.pending is not None:
                 return False
             here = autopilot.situation
             if autopilot.mode is FlightMode.AUTO_MISSION:

@@ -199,7 +199,7 @@ class ZoneDrawing:
         companion = self._flight.companion
         if companion is None:
             return None
-        mission = companion.flight.controller.context.mission
+        mission = companion.flight.controller.mission
         return mission.fences, mission.zones
 
     @property

@@ -20,6 +20,7 @@ from air_router.controller.model.actions import (
     FlyToPoint,
     HoldHere,
     LandHere,
+    MissionWaits,
     PublishMap,
     ReadAgain,
     RenewPlan,
@@ -280,7 +281,7 @@ class PretendFlight(Airframe):
         match action:
             case StateChanged() | Announce() | PublishMap() | Seeking() | ReadAgain() | RenewPlan():
                 return
-            case WidenRoutes() | CommandAck():
+            case WidenRoutes() | CommandAck() | MissionWaits():
                 return
             case Finish():
                 self.finished = action

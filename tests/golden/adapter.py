@@ -106,6 +106,7 @@ DECISIONS = {  # of an announcement only that there is one: sentences may be wri
     "announce": (actions.Announce, ""),
     "state": (actions.StateChanged, "from=source to=target robot"),
     "answer": (actions.CommandAck, "request_id accepted code points_m=points"),
+    "waits": (actions.MissionWaits, "interlock since_s"),
     "finish": (actions.Finish, "landed_by_us taken_by"),
 }
 PARTS = {

@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = door(
             "FlyToPoint",
             "HoldHere",
             "LandHere",
+            "MissionWaits",
             "Motion",
             "PublishMap",
             "ReadAgain",
@@ -65,6 +66,7 @@ __getattr__, __dir__, __all__ = door(
             "RequestRefusedError",
             "SeekNow",
         ),
+        "standing_alarms": ("StandingAlarm",),
         "states": ("From", "Requests", "Signal", "Spec", "State"),
     },
 )

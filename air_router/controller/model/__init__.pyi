@@ -9,6 +9,7 @@ from air_router.controller.model.actions import FlyToNode as FlyToNode
 from air_router.controller.model.actions import FlyToPoint as FlyToPoint
 from air_router.controller.model.actions import HoldHere as HoldHere
 from air_router.controller.model.actions import LandHere as LandHere
+from air_router.controller.model.actions import MissionWaits as MissionWaits
 from air_router.controller.model.actions import Motion as Motion
 from air_router.controller.model.actions import PublishMap as PublishMap
 from air_router.controller.model.actions import ReadAgain as ReadAgain
@@ -52,6 +53,7 @@ from air_router.controller.model.requests import LandNow as LandNow
 from air_router.controller.model.requests import Reload as Reload
 from air_router.controller.model.requests import RequestRefusedError as RequestRefusedError
 from air_router.controller.model.requests import SeekNow as SeekNow
+from air_router.controller.model.standing_alarms import StandingAlarm as StandingAlarm
 from air_router.controller.model.states import From as From
 from air_router.controller.model.states import Requests as Requests
 from air_router.controller.model.states import Signal as Signal

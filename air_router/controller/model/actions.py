@@ -102,6 +102,21 @@ class StateChanged:
     robot: str | None  # sought or hovered over
 
 
+@dataclass(frozen=True, slots=True)
+class MissionWaits:
+    """What keeps the mission from what it wants has changed; for displays and records.
+
+    Attributes:
+        interlock: The row of `INTERLOCKS` that decides; None: the mission goes on.
+        why: In words, as it began.
+        since_s: When it began to wait for that, vehicle's clock.
+    """
+
+    interlock: str | None
+    why: str = ""
+    since_s: float = 0.0
+
+
 class Refusal(StrEnum):
     """Why a request is not done, as a word for programs."""
 
@@ -172,6 +187,7 @@ Action = (
     | WidenRoutes
     | Announce
     | StateChanged
+    | MissionWaits
     | CommandAck
     | Finish
 )

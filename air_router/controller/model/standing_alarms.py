@@ -14,7 +14,7 @@ from air_router.vehicle import TAKE_OVER_NOW, Instruction, Severity
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class StandingAlarm:
     """One of them.
 
     Attributes:
@@ -34,7 +34,7 @@ class Standing:
 class StandingAlarms:
     """All that stand, by what they are about."""
 
-    _standing: dict[str, Standing] = field(default_factory=dict)
+    _standing: dict[str, StandingAlarm] = field(default_factory=dict)
 
     def stand(
         self, about: str, lasting: str, instruction: Instruction, now_s: float, since_s: float
@@ -43,7 +43,7 @@ class StandingAlarms:
         new = about not in self._standing
         if new:
             again_s = now_s + ESCALATES_S
-            self._standing[about] = Standing(lasting, instruction, since_s, again_s)
+            self._standing[about] = StandingAlarm(lasting, instruction, since_s, again_s)
         return new
 
     def end(self, about: str) -> bool:
@@ -59,7 +59,7 @@ class StandingAlarms:
         said = []
         for about, alarm in self._standing.items():
             if now_s >= alarm.again_s:
-                self._standing[about] = Standing(
+                self._standing[about] = StandingAlarm(
                     alarm.lasting, alarm.instruction, alarm.since_s, now_s + REPEATED_S
                 )
                 text = f"{alarm.lasting} for {now_s - alarm.since_s:.0f} s"
@@ -67,6 +67,6 @@ class StandingAlarms:
         return said
 
     @property
-    def shown(self) -> dict[str, Standing]:
+    def shown(self) -> dict[str, StandingAlarm]:
         """Those that stand now, by what they are about; the oldest first."""
         return dict(self._standing)

@@ -50,14 +50,14 @@ class Search:
         navigator: Where to hover for a place.
         setup: Whom to seek, in order, and whether the vehicle explores between two searches.
         exploration: Where the vehicle is, and where a robot may be that was never heard.
+        policy: Whom to seek, and where; None: as the mission says.
 
     Attributes:
         targets: The robots, and what is known of each.
         name: This UAV's: of two that seek the same robot, the lower name keeps it.
         exploration: Where the vehicle is, and was.
         to_explore: The same, as what else there is to do; None: this vehicle only searches.
-        policy: Whom to seek, and where; the mission's.
-        foresees: A robot is sought where it will be, so that news of its path matters too.
+        policy: Whom to seek, and where.
     """
 
     def __init__(
@@ -66,11 +66,11 @@ class Search:
         navigator: Navigator,
         setup: FlightSetup,
         exploration: Exploration,
+        policy: Policy | None = None,
     ) -> None:
         self.name = setup.name
         self.targets = TargetList(setup.seek)
-        self.policy: Policy = POLICIES[context.mission.seek_policy]
-        self.foresees = self.policy.foresees
+        self.policy: Policy = POLICIES[context.mission.seek_policy] if policy is None else policy
         self._context, self._navigator = context, navigator
         self.exploration = exploration
         self.to_explore = exploration if setup.explore else None
@@ -83,6 +83,11 @@ class Search:
         for place in self.policy.order(self.targets, self._seek_context(now_s)):
             if self._due_s(place.robot, now_s) <= now_s:
                 yield self._beside(place)
+
+    @property
+    def foresees(self) -> bool:
+        """Whether a robot is sought where it will be, so that its path matters too."""
+        return self.policy.foresees
 
     @property
     def next_due_s(self) -> float:

@@ -169,6 +169,7 @@ function cell(link, brief) {
 /** @param {any} vehicle @returns {string} */
 function facts(vehicle) {
   const parts = [vehicle.name];
+  if (vehicle.waiting) parts.push(`waiting: ${vehicle.waiting}`);
   if (vehicle.at) {
     const flying = [`${vehicle.altitude_m} m`, `${vehicle.speed_m_s} m/s`];
     parts.push(...(vehicle.in_air ? flying : ["on the ground"]), `${vehicle.mode} mode`);

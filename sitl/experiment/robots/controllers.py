@@ -106,20 +106,25 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
         FlightSetup(scenery.mission, seek, explore=number == 0 or settings.passive, name=name)
         for number, name in enumerate(fleet.uavs)
     ]
-    controllers = {setup.name: Controller(setup, scenery.router, scenery.plan) for setup in setups}
     values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
     policies: dict[str, Policy] = {
         "oracle": Rendezvous(values),
         "orienteering": Orienteering(scenery.mission.speed_m_s, values),
         "milp": PlannedRendezvous(),
     }
-    for controller in controllers.values():
-        controller.search.policy = policies.get(settings.policy, controller.search.policy)
+    waypoints = scenery.mission.waypoints
     if settings.passive:
-        waypoints = scenery.mission.waypoints * _rounds(scenery.mission, settings.duration_s)
-        for controller in controllers.values():
-            controller.exploration.waypoints = waypoints
-    return controllers
+        waypoints *= _rounds(scenery.mission, settings.duration_s)
+    return {
+        setup.name: Controller(
+            setup,
+            scenery.router,
+            scenery.plan,
+            policy=policies.get(settings.policy),
+            waypoints=waypoints,
+        )
+        for setup in setups
+    }
 
 
 def _rounds(mission: Mission, duration_s: float) -> int:

@@ -215,7 +215,7 @@ class Uav:
         if motion is None:
             raise AssertionError("a motion was waiting")
         now_s = self._queue.now_s
-        objection = self.controller.navigator.objection(motion, now_s)
+        objection = self.controller.objection(motion, now_s)
         if objection is not None:
             self._tell(CommandFailed(motion, objection, sent=False))
             return

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from air_router.controller.model.actions import FlyToPoint, HoldHere, LandHere
+from air_router.controller.model.actions import FlyToPoint, HoldHere, LandHere, MissionWaits
 from air_router.controller.model.mission_context import MissionContext, ZoneChange
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.interlocks import INTERLOCKS, raised
@@ -123,3 +123,16 @@ def table():
 def test_the_table_in_the_docs_is_the_one_that_decides():
     page = Path(__file__).parents[3] / "docs" / "state-machine.md"
     assert "\n".join(table()) in page.read_text(encoding="utf-8")
+
+
+def test_each_change_of_what_keeps_the_mission_waiting_is_decided_once(airborne):
+    flight = airborne()
+    flight.fix = False
+    flight.fly_for(6.0)
+    flight.fix = True
+    flight.fly_for(6.0)
+    waits = [action for action in flight.actions if isinstance(action, MissionWaits)]
+    assert [change.interlock for change in waits] == ["INPUT_MISSING", None]
+    assert waits[0].why == "GPS has no fix"
+    assert flight.now_s - 12.0 <= waits[0].since_s <= flight.now_s - 6.0
+    assert flight.controller.status().waiting is None

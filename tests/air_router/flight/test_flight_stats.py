@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from air_router.controller.model.actions import Finish, RenewPlan, StateChanged
+from air_router.controller.model.actions import Finish, MissionWaits, RenewPlan, StateChanged
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.states import Signal, State
 from air_router.errors import ExitCode
@@ -167,3 +167,18 @@ def test_ages_and_the_table(stats):
     assert "42 s old" in text
     assert "closest approach" in text
     assert "europa" in text
+
+
+def test_how_often_and_how_long_each_interlock_kept_the_mission_waiting(stats):
+    for now_s, change in (
+        (10.0, MissionWaits("LINK_SILENT", "nothing is received from the vehicle", 10.0)),
+        (12.0, MissionWaits("INPUT_MISSING", "GPS has no fix", 12.0)),
+        (15.0, MissionWaits(None)),
+        (20.0, MissionWaits("INPUT_MISSING", "GPS has no fix", 20.0)),
+        (21.5, MissionWaits(None)),
+    ):
+        stats.step(Telemetry(now_s, Point(0.0, 0.0), 40.0), [change], now_s)
+    assert stats.report("done", 0.0)["waits"] == {
+        "LINK_SILENT": {"times": 1, "total_s": 2.0},
+        "INPUT_MISSING": {"times": 2, "total_s": 4.5},
+    }

@@ -11,8 +11,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from air_router.controller.controller import Controller
 from air_router.controller.model.actions import ReadAgain, RenewPlan
 from air_router.controller.model.events import PlanRenewed
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import OnBoard
 from air_router.controller.model.requests import Reload
 from air_router.errors import NotConfirmedError, PlanRefusedError
@@ -242,8 +244,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rereading, "_read", read)
-            context = SimpleNamespace(mission=mission)
-            controller = SimpleNamespace(context=context, airspace_update=SimpleNamespace())
+            controller = SimpleNamespace(mission=mission)
             reader = rereading.MissionReloader(controller, None, events.append, said.append)
             first = asyncio.ensure_future(reader.work(ReadAgain()))
             assert reader.latest == ReloadReport()
@@ -314,9 +315,7 @@ def test_of_two_uploads_only_what_became_of_the_newest_is_told(pennovation):
 
     async def script():
         events, link = [], SlowLink()
-        update = SimpleNamespace(objection=lambda: None)
-        context = SimpleNamespace(mission=pennovation)
-        controller = SimpleNamespace(context=context, airspace_update=update)
+        controller = SimpleNamespace(mission=pennovation, why_no_upload=lambda: None)
         reader = rereading.MissionReloader(controller, link, events.append, events.append)
         reader.plan_on_board()
         uploads = [asyncio.ensure_future(reader.work(RenewPlan())) for _ in range(2)]
@@ -358,8 +357,9 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
 
 @pytest.mark.parametrize("whose", list(OnBoard))
 def test_a_reload_is_good_only_while_this_missions_plan_is_on_board(whose):
-    controller = SimpleNamespace(context=SimpleNamespace(mission=None, on_board=whose))
-    controller.context.mission = load_mission(MISSIONS / "pennovation" / "mission.yaml")
+    mission = load_mission(MISSIONS / "pennovation" / "mission.yaml")
+    controller = Controller(FlightSetup(mission))
+    controller.context.on_board = whose
     reader = rereading.MissionReloader(controller, None, [].append, [].append)
     assert reader.report is None
     reader.latest = ReloadReport(under_way=False, good=True, why="the flight keeps to them")

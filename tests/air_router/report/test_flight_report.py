@@ -16,6 +16,7 @@ from air_router.controller.model.actions import (
     CommandAck,
     Finish,
     FlyToNode,
+    MissionWaits,
     Refusal,
     Seeking,
     StateChanged,
@@ -100,6 +101,10 @@ def things(robot="io"):
         (35.0, HoldNow(request_id="1", by="kim")),
         (35.0, CommandAck("1", "kim", accepted=True, why="it stops")),
         (36.0, CommandAck("1", "a base", accepted=True, why="it flies")),
+        (36.0, MissionWaits("INPUT_MISSING", "GPS has no fix", 36.0)),
+        (38.5, MissionWaits("ZONE_UPDATE", "zones are being changed", 38.5)),
+        (39.0, MissionWaits(None)),
+        (79.0, MissionWaits("INPUT_MISSING", "GPS has no fix", 78.0)),
         (40.0, CommandFailed(FlyToNode(3, Point(0.0, 0.0)), "it was called off")),
         stored(42.0, robot, 15.0, peer="europa"),
         stored(21.0, "titan", 0.0, topic="/map"),
@@ -161,6 +166,12 @@ def test_the_facts(summary):
         ("INIT", 10, 30, None),
         ("SEARCH", 30, 60, "io"),
         ("HOME", 60, 80, None),  # the robot that was sought before
+    ]
+    waits = [(w["interlock"], w["from_s"], w["to_s"]) for w in facts["waits"]]
+    assert waits == [
+        ("INPUT_MISSING", 36.0, 38.5),
+        ("ZONE_UPDATE", 38.5, 39.0),
+        ("INPUT_MISSING", 78.0, 80.0),  # to the end
     ]
     assert facts["interactions"] == {
         "started": 3,

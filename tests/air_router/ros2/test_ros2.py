@@ -240,6 +240,18 @@ def test_the_flight_in_standard_messages(client, bridge, program):
     assert told["titan: mission"].level == 0
 
 
+def test_diagnostics_say_what_keeps_the_mission_waiting(client):
+    client.flight.take_off()
+    client.flight.fix = False
+    client.flight.fly_for(3.0)
+    view = client.request({"request": "view"})
+    _, message = Scene("titan", view["origin"]).diagnostics(view, 0.0)
+    (mission, *_) = message["status"]
+    assert mission["level"] == 1
+    assert mission["message"].endswith("waiting: GPS has no fix")
+    assert {"key": "waiting", "value": "INPUT_MISSING"} in mission["values"]
+
+
 @pytest.mark.parametrize(("heading_deg", "yaw_deg"), [(0.0, 90), (90.0, 0), (180, -90), (None, 0)])
 def test_where_it_looks(client, heading_deg, yaw_deg):
     client.flight.take_off()
