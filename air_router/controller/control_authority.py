@@ -226,6 +226,7 @@ class ControlAuthority:
     def wait(self, telemetry: Telemetry) -> None:
         """Hands will be off, or the plan is compared: on with that, as far as it is heard."""
         self._look_at_inputs(telemetry)  # of a vehicle that is not, a hold may not leave
+        self._gate.mission_waits()
         self.check()
 
     def _look_at_inputs(self, telemetry: Telemetry) -> None:
@@ -238,6 +239,8 @@ class ControlAuthority:
         if not 0.0 < context.silent_s <= silent_s:  # it was heard meanwhile
             self._silence_told_s = -math.inf
         context.silent_s = silent_s
+        if context.in_charge and context.in_air:
+            self._gate.mission_waits()
         if silent_s >= max(self._silence_told_s + REPEATED_AFTER_S, LINK_SILENCE_SAID_S):
             self._silence_told_s = silent_s
             text = f"nothing heard from the vehicle for {silent_s:.0f} s"

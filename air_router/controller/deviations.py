@@ -122,7 +122,11 @@ class Deviations:
         for news in status.news:
             if self._is_our_own(news):
                 continue
-            then = "landing on" if landing and news.then else news.then
+            then = news.then
+            if then and landing:
+                then = "landing on"
+            elif then and context.state is State.READY:
+                then = "the climb goes on"  # it ends above home by itself
             text = f"{news.what}: {then}" if then else news.what
             if news.alarms and news.instruction is not None and not landing:
                 context.alarm_until_over(

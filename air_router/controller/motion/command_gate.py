@@ -249,7 +249,9 @@ class CommandGate:
                 self.hold("zones are being changed")
 
     def mission_waits(self) -> None:
-        """No motion is wanted while a row is raised that holds the vehicle."""
+        """No motion is wanted while a row is raised that holds the vehicle; a landing goes on."""
+        if isinstance(self.last, LandHere):
+            return
         if up := raised(self._context):
             self._waits_for(up[0])
 
