@@ -8,6 +8,6 @@ __getattr__, __dir__, __all__ = door(
         "airspace_change": ("widened_router",),
         "controller": ("Controller",),
         "flight_status": ("FlightStatus", "Waiting"),
-        "limits": ("VEHICLE_SILENT_S",),
+        "limits": ("LAG_HOLD_S", "VEHICLE_SILENT_S"),
     },
 )

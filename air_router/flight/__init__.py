@@ -6,8 +6,9 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "flight": ("Flight",),
-        "flight_loop": ("COMMAND_S", "CommandService"),
+        "flight_loop": ("CommandService",),
         "flight_stats": ("FlightResult", "FlownTrack"),
+        "limits": ("COMMAND_S",),
         "resumption": ("as_begun",),
         "terminal": ("StatusLine", "line_of"),
     },

@@ -13,7 +13,6 @@ import os
 import signal
 from collections.abc import Callable
 from functools import partial
-from typing import Final
 
 from air_router.control import ControlServer
 from air_router.controller import Controller
@@ -24,6 +23,7 @@ from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.flight.lag_watch import watch_lag
+from air_router.flight.limits import VEHICLE_LOST_S, VEHICLE_RESTART_S
 from air_router.flight.resumption import flown_before, recognised
 from air_router.flight.terminal import StatusLine, listening
 from air_router.gossip import Gossip, Mapper, receive_patches
@@ -51,12 +51,6 @@ from air_router.vehicle import (
     VehicleInfo,
     WrongVehicle,
 )
-
-RESTART_S: Final = 5.0
-"""A vehicle whose clock runs back by more than this has restarted; see also `continuity`."""
-
-LOST_S: Final = 60.0
-"""Wall-clock silence of the vehicle after which it is lost, before its first position too."""
 
 _Kept = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
 """What comes before the vehicle is admitted, and is looked at then."""
@@ -208,10 +202,13 @@ class Flight:
             self._status.say(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         try:
-            async with asyncio.timeout(LOST_S):  # wait_for of 3.11 may swallow that it is cancelled
+            # wait_for of 3.11 may swallow that it is cancelled
+            async with asyncio.timeout(VEHICLE_LOST_S):
                 telemetry = await self._first
         except TimeoutError:
-            raise NoVehicleError(f"it answered, but told no position in {LOST_S:.0f} s") from None
+            raise NoVehicleError(
+                f"it answered, but told no position in {VEHICLE_LOST_S:.0f} s"
+            ) from None
         if telemetry.in_air:
             if (why_not := info.airframe.why_not_flown) is not None:
                 raise RefusedError(f"{why_not}; it flies, and is left as it is: {SET_UP}")
@@ -282,7 +279,7 @@ class Flight:
         if not self._admitted:
             self._before_admission(event)
             return
-        if isinstance(event, LinkSilent) and event.silent_s > LOST_S and not event.over:
+        if isinstance(event, LinkSilent) and event.silent_s > VEHICLE_LOST_S and not event.over:
             self.loop.end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
         if isinstance(event, Telemetry) and self._too_late(event):
             return
@@ -320,7 +317,7 @@ class Flight:
 
     def _restarted(self, telemetry: Telemetry) -> bool:
         """Whether its clock began anew: then neither timers nor what was read back are good."""
-        anew = telemetry.time_s < self._vehicle_s - RESTART_S  # and remains it
+        anew = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S  # and remains it
         self._vehicle_s = math.inf if anew else telemetry.time_s
         return anew
 

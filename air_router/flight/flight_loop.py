@@ -38,7 +38,8 @@ from air_router.controller.model import (
 from air_router.controller.motion import REACTION_S
 from air_router.errors import ExitCode
 from air_router.flight.flight_stats import FlightStats, ending_of
-from air_router.flight.flight_view import DIGITS, situation
+from air_router.flight.flight_view import situation
+from air_router.flight.limits import COMMAND_S, DEGREE_DIGITS
 from air_router.flight.mission_reloader import MissionReloader, ReloadReport
 from air_router.flight.motions import MotionSender
 from air_router.flight.terminal import StatusLine
@@ -50,9 +51,6 @@ from air_router.vehicle import FlightMode, Severity, Vehicle, VehicleClock
 from air_router.web import Say, Served
 from geo.frame import LocalFrame
 from mocha_link.errors import RequestError
-
-COMMAND_S: Final = 0.12
-"""Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
 
 _STARTING: Final = (FlightMode.HOLD, FlightMode.MISSION)
 """Modes of a vehicle that was told to take off, if no pilot has chosen another."""
@@ -155,7 +153,7 @@ class CommandService:
         }
         if answer.points:
             reply["points"] = [
-                [round(degrees, DIGITS) for degrees in self._frame.to_geodetic(point)]
+                [round(degrees, DEGREE_DIGITS) for degrees in self._frame.to_geodetic(point)]
                 for point in answer.points
             ]
         return reply

@@ -23,20 +23,13 @@ from air_router.controller.model import (
     StateChanged,
 )
 from air_router.errors import ExitCode
+from air_router.flight.limits import OFF_GROUND_M, TRACK_STEP_M, WAY_STEP_M
 from air_router.gossip import Interactions, Mapper
 from air_router.mission import Mission
 from air_router.vehicle import REBOOT_S, Telemetry
 from geo.airspace import Airspace
 from geo.frame import Point
 from mocha_link.links import Direction, LinkEvent, SyncEnded
-
-OFF_GROUND_M: Final = 2.0
-"""A vehicle that never was higher above home has not flown."""
-
-
-WAY_STEP_M: Final = 2.0
-"""What is flown counts in steps of this: a position estimate wanders by less while hovering."""
-
 
 _GOES_ON: Final = MissionWaits(None)
 
@@ -193,10 +186,6 @@ def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, Exit
 
 
 # Where a vehicle flew, how far, and how near it came to what it was to keep away from.
-
-
-TRACK_STEP_M: Final = 0.05
-"""Positions closer than this to the last one add nothing to a track but noise."""
 
 
 @dataclass(slots=True)

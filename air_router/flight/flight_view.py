@@ -7,11 +7,12 @@ import dataclasses
 import math
 import zlib
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any
 
 from air_router.control import View
 from air_router.controller import Controller, FlightStatus
 from air_router.flight.flight_stats import FlightStats
+from air_router.flight.limits import DEGREE_DIGITS
 from air_router.flight.mission_reloader import ReloadReport
 from air_router.live import scenery
 from air_router.mission import Mission
@@ -19,9 +20,6 @@ from air_router.routing import Router
 from air_router.web import degrees
 from geo.frame import LocalFrame, Point
 from mocha_link.links import LinkMetrics
-
-DIGITS: Final = 8
-"""Of a degree: a millimetre."""
 
 
 class FlightView:
@@ -175,4 +173,4 @@ def situation(
 
 
 def _pair(frame: LocalFrame, point: Point) -> list[float]:
-    return [round(degrees, DIGITS) for degrees in frame.to_geodetic(point)]
+    return [round(degrees, DEGREE_DIGITS) for degrees in frame.to_geodetic(point)]

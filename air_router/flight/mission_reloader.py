@@ -30,6 +30,7 @@ from air_router.errors import (
     NotConfirmedError,
     PlanRefusedError,
 )
+from air_router.flight.limits import PLAN_ON_BOARD_S
 from air_router.mission import (
     DRAWN_OVER,
     FENCE_POINTS,
@@ -46,8 +47,6 @@ from mocha_link.team import DocumentError
 
 _log = logging.getLogger(__name__)
 
-BOARD_S: Final = 60.0
-"""Wall-clock limit for the changed plan to be on board; over a poor link it is begun again."""
 
 _AREAS: Final = frozenset(
     {"fences", "zones", "idle_zones", "airspace", "planning_airspace", "climb_airspace"}
@@ -282,10 +281,10 @@ class MissionReloader:
     async def _renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> str | None:
         """Put a plan on board; returns why that failed, if it did."""
         try:
-            async with asyncio.timeout(BOARD_S):
+            async with asyncio.timeout(PLAN_ON_BOARD_S):
                 await self._vehicle.renew(plan, objection)
         except (PlanRefusedError, NotConfirmedError, TimeoutError) as error:
-            return str(error) or f"not within {BOARD_S:.0f} s"
+            return str(error) or f"not within {PLAN_ON_BOARD_S:.0f} s"
         return None
 
 

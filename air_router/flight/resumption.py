@@ -14,24 +14,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from air_router.controller import Controller
 from air_router.controller.model import FlightSetup, FlownBefore
 from air_router.errors import AirRouterError, PlanRefusedError, RefusedError
+from air_router.flight.limits import RESUMED_CLOCKS_APART, RESUMED_CLOCKS_APART_S, RESUMED_RECORDS
 from air_router.mission import FlightPlan, FlightWindow, Mission
 from air_router.record import Log, replay_record
 from air_router.vehicle import Telemetry, Vehicle, VehicleInfo
 
 _log = logging.getLogger(__name__)
-
-NEWEST: Final = 5
-"""So many records of the folder are looked at, the newest first."""
-
-APART_S: Final = 30.0
-APART_SHARE: Final = 0.2
-"""By so much the vehicle's clock and ours may differ in what has passed since the record ended. One
-that has landed since, and was not switched off, has taken off after the flight of the record."""
 
 
 def as_begun(mission: Mission, folder: Path | None, now: datetime) -> tuple[Mission, str]:
@@ -154,7 +147,7 @@ def _newest(folder: Path | None, own: Path | None) -> list[Path]:
     if folder is None:
         return []
     others = [path for path in folder.glob("*.mcap") if path != own and path.is_file()]
-    return sorted(others, key=lambda path: path.stat().st_mtime, reverse=True)[:NEWEST]
+    return sorted(others, key=lambda path: path.stat().st_mtime, reverse=True)[:RESUMED_RECORDS]
 
 
 def _recorded(
@@ -167,7 +160,7 @@ def _recorded(
         return None
     controller = Controller(setup)
     until_s = replay_record(Log(path), controller).until_s
-    if abs(now_s - until_s - since_s) > APART_S + APART_SHARE * since_s:
+    if abs(now_s - until_s - since_s) > RESUMED_CLOCKS_APART_S + RESUMED_CLOCKS_APART * since_s:
         return None  # it was switched off since
     flown, last = controller.flown, controller.telemetry
     if flown is None:

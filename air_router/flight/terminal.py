@@ -21,12 +21,13 @@ from types import MappingProxyType
 from typing import Final, TextIO
 
 from air_router.control import CommandRequest, parse_command
+from air_router.flight.limits import (
+    TERMINAL_PLAIN_REFRESH_S,
+    TERMINAL_READ_AGAIN_S,
+    TERMINAL_REFRESH_S,
+)
 from air_router.vehicle import Severity
 from mocha_link.errors import RequestError
-
-REFRESH_S: Final = 0.25
-PLAIN_REFRESH_S: Final = 10.0
-"""Where there is no terminal, a line now and then instead of one that is drawn over."""
 
 _LOOK: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
 _PLAIN: Final = "\x1b[0m"
@@ -51,7 +52,7 @@ class StatusLine:
     def show(self, line: Callable[[], str]) -> None:
         """Draw the line if the last one is old enough; `line` is asked only then."""
         now_s = self._monotonic()
-        if now_s - self._shown_s < (REFRESH_S if self._live else PLAIN_REFRESH_S):
+        if now_s - self._shown_s < (TERMINAL_REFRESH_S if self._live else TERMINAL_PLAIN_REFRESH_S):
             return
         self._shown_s = now_s
         text = line()
@@ -130,9 +131,6 @@ _STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 
 _GONE: Final = "the terminal is gone; the flight goes on without it"
 
-_AGAIN_S: Final = 0.5
-"""A terminal that gave no line, at Ctrl-D or in the background, is read again after so long."""
-
 
 @contextlib.contextmanager
 def listening(
@@ -191,7 +189,7 @@ def _typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
             return
         loop.remove_reader(keyboard)
         if keyboard.isatty():  # it is still there
-            again = loop.call_later(_AGAIN_S, loop.add_reader, keyboard, read)
+            again = loop.call_later(TERMINAL_READ_AGAIN_S, loop.add_reader, keyboard, read)
 
     loop.add_reader(keyboard, read)
     try:

@@ -1,15 +1,13 @@
 """Routes: the waypoint graph, its planners, first legs, and the ways home."""
 
 from air_router.routing.departure import (
-    BRAKING_M_S2,
-    STANDING_M_S,
     Momentum,
     PendingSetpoint,
     names_of,
 )
 from air_router.routing.graph import WaypointGraph
+from air_router.routing.limits import BRAKING_M_S2, LANDING_MARGIN, STANDING_M_S
 from air_router.routing.return_planner import (
-    LANDING_MARGIN,
     Pace,
     ReturnPlanner,
     Way,

@@ -20,32 +20,22 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from air_router.routing.limits import (
+    BRAKING_M_S2,
+    HOVER_DRIFT_M,
+    LEEWAY_M,
+    LEEWAY_OUT_OF_ZONE,
+    LEG_ROUNDING_M,
+    SAME_PLACE_M,
+    STANDING_M_S,
+    WAY_OUT_DETOUR,
+    WAY_OUT_DETOUR_M,
+)
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.paths import ShortestPaths, path_length_m
-
-_GIVE_M = 0.01
-"""How much closer than the vehicle is now a leg out of the margin may come: rounding."""
-
-_DETOUR = 1.05
-"""How much longer than the shortest a way out of a tight place may be, from where it is checked."""
-
-_SAME_M = 0.5
-"""Places nearer than this to each other are the same; the vehicle tells its own to a centimetre."""
-
-_DRIFT_M = 0.25
-"""What a hovering vehicle may seem to drift within its stopping distance."""
-
-_TURNED = 3
-"""The corners of what it sweeps before it is bound for the end of a leg come first, so many."""
-
-BRAKING_M_S2: Final = 2.0
-"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
-
-STANDING_M_S: Final = 0.5
-"""Slower than this counts as hovering: estimates and gusts never read exactly zero."""
 
 
 class Momentum(NamedTuple):
@@ -172,11 +162,13 @@ class Departure:
             where = f"{distance_m:.1f} m from {names_of((name,))}"
             warning = f"the vehicle is {where}: it moves away first"
         kept_m = min(here_m, airspace.spare_m(self.rest)[0] + margin_m)
-        if kept_m < (0 if here_m >= 0 else here_m - _DRIFT_M):
+        if kept_m < (0 if here_m >= 0 else here_m - HOVER_DRIFT_M):
             return _Leeway(None, warning=warning)  # too fast towards a zone
         drift_m = math.dist(self.start, self.rest)
-        reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
-        near = airspace.relaxed(margin_m - kept_m + _GIVE_M, self._nearest_m(airspace) - _GIVE_M)
+        reach_m = 2 * (margin_m - kept_m) + drift_m + LEEWAY_M
+        near = airspace.relaxed(
+            margin_m - kept_m + LEG_ROUNDING_M, self._nearest_m(airspace) - LEG_ROUNDING_M
+        )
         kept = airspace.with_margin(0.0).kept_from(self.start, self.rest)
         return _Leeway(near, reach_m, kept, warning)
 
@@ -185,15 +177,17 @@ class Departure:
         where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
         warning = f"the vehicle is {where}: it takes the shortest way out"
         nearest = self._paths.nearest(self.start)
-        reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
+        reach_m = 0.0
+        if nearest is not None:
+            reach_m = LEEWAY_OUT_OF_ZONE * math.dist(self.start, nearest) + LEEWAY_M
         others = self._airspace.leaving(self.start)
         near = others.with_margin((others.margin_m - others.clearance_m) / 2)
         here_m, rest_m = (near.spare_m(place)[0] for place in (self.start, self.rest))
-        if min(here_m, rest_m) >= 0 or rest_m < here_m - _DRIFT_M:
+        if min(here_m, rest_m) >= 0 or rest_m < here_m - HOVER_DRIFT_M:
             return _Leeway(near, reach_m, warning=warning)
         kept = near.kept_from(self.start, self.rest)
-        shortfall_m = _GIVE_M - min(here_m, rest_m)
-        near = near.relaxed(shortfall_m, self._nearest_m(others) - _GIVE_M)
+        shortfall_m = LEG_ROUNDING_M - min(here_m, rest_m)
+        near = near.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
         return _Leeway(near, reach_m, kept, warning)
 
     def _nearest_m(self, airspace: Airspace) -> float:
@@ -216,20 +210,29 @@ class Departure:
         near, reach_m, kept, _ = self._leeway
         if near is None:
             return False
-        area = self._area(end)
+        turning, bound = self._turning(end), self._bound(end)
+        area = [*turning, *bound]
         if kept is not None and not kept.swept_clear(area):
             return False
         if math.dist(self.start, end) > reach_m:
-            later = [_along(place, end, reach_m) for place in area[:_TURNED]]
-            if not self._airspace.swept_clear([*later, *area[_TURNED:]]):
+            later = [_along(place, end, reach_m) for place in turning]
+            if not self._airspace.swept_clear([*later, *bound]):
                 return False
         return near.swept_clear(area)
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
+        return [*self._turning(end), *self._bound(end)]
+
+    def _turning(self, end: Point) -> list[Point]:
+        """The corners of what it sweeps before it is bound for `end`."""
         turn = self.rest if self._momentum is None else self._momentum.turn(self.start, end)
-        elsewhere = [on.reach for on in self.pending if math.dist(on.place, end) > _SAME_M]
-        return [self.start, self.rest, turn, *elsewhere, end]
+        return [self.start, self.rest, turn]
+
+    def _bound(self, end: Point) -> list[Point]:
+        """The corners of what it sweeps from then on."""
+        elsewhere = [on.reach for on in self.pending if math.dist(on.place, end) > SAME_PLACE_M]
+        return [*elsewhere, end]
 
     @property
     def special(self) -> bool:
@@ -259,7 +262,7 @@ class Departure:
                 return False
             left_m = path_length_m(onward)
         way_m = math.dist(self.start, end) + left_m
-        return way_m <= _DETOUR * path_length_m(self.way_out) + 1.0
+        return way_m <= WAY_OUT_DETOUR * path_length_m(self.way_out) + WAY_OUT_DETOUR_M
 
     def allowed(self, ends: Sequence[Point]) -> list[bool]:
         """`allows` for many."""

@@ -17,14 +17,12 @@ import shapely
 from shapely import STRtree
 
 from air_router.mission import HOME_NODE, Mission
+from air_router.routing.limits import GRAPH_NEIGHBOURS
 from geo.frame import Point
 from geo.paths import ShortestPaths, path_length_m, shortest_paths
 
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.intp]
-
-_NEIGHBOURS = 3
-"""To how many of the pieces around it a piece of the graph is joined."""
 
 
 class WaypointGraph:
@@ -180,7 +178,7 @@ class WaypointGraph:
                 met.add(int(pieces[other]))
                 one = int(mine[nearest[index]])
                 yield min(one, other), max(one, other)
-                if len(met) == _NEIGHBOURS:
+                if len(met) == GRAPH_NEIGHBOURS:
                     return
 
     def _join(self, low: int, high: int) -> bool:

@@ -13,29 +13,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from heapq import heapify, heappop, heappush
 from itertools import count
-from typing import Final
 
 import numpy as np
 
 from air_router.mission import HOME_NODE, Mission
 from air_router.routing.graph import WaypointGraph
+from air_router.routing.limits import (
+    ACCELERATION_M_S2,
+    LANDING_M_S,
+    RTL_RETURN_ALT_M,
+    WAY_HOME_EVERY_S,
+    WAY_HOME_MOVED_M,
+)
 from air_router.routing.router import Route, Router
 from air_router.vehicle import Telemetry
 from geo.airspace import Airspace
 from geo.frame import Point
-
-ACCELERATION_M_S2: Final = 2.0
-"""What a flight time counts for speeding up and braking at the ends of a leg."""
-
-LANDING_M_S: Final = 0.7
-"""PX4's last metres (MPC_LAND_SPEED); it is faster above 10 m, which we leave as a margin."""
-
-LANDING_MARGIN: Final = 0.10
-"""The charge that is left on the ground. At 7 % PX4 returns by itself, straight."""
-
-_MOVED_M: Final = 5.0
-_ASKED_S: Final = 5.0
-"""The way home is planned anew when the vehicle has moved so far, or after so long."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -206,7 +199,7 @@ class WayHome:
             self.need_now = None
             return None
         moved_m = math.inf if self._from is None else math.dist(self._from, telemetry.position)
-        if moved_m >= _MOVED_M or telemetry.time_s >= self._asked_s + _ASKED_S:
+        if moved_m >= WAY_HOME_MOVED_M or telemetry.time_s >= self._asked_s + WAY_HOME_EVERY_S:
             self._asked_s = telemetry.time_s
             route = router.route(telemetry.position, HOME_NODE)
             if isinstance(route, Route):
@@ -238,10 +231,6 @@ def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:
                 more = 1 + len(graph.via(other, node))
                 heappush(waiting, (reached_m, next(number), other, legs + more))
     return ways
-
-
-RETURN_ALTITUDE_M: Final = 60.0
-"""PX4's default of RTL_RETURN_ALT, above home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,5 +276,5 @@ def return_airspace(mission: Mission) -> Airspace:
         mission.fences, (*mission.zones, *mission.climb_corridors), mission.planner.clearance_m
     )
     active = every.during(mission.window.start, mission.window.end)
-    highest_m = max(mission.cruise.upper_m, RETURN_ALTITUDE_M)
+    highest_m = max(mission.cruise.upper_m, RTL_RETURN_ALT_M)
     return active.at(mission.cruise.lower_m, highest_m).as_drawn()

@@ -18,20 +18,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from air_router.routing.departure import (
-    STANDING_M_S,
-    Departure,
-    Momentum,
-    PendingSetpoint,
-    names_of,
-)
+from air_router.routing.departure import Departure, Momentum, PendingSetpoint, names_of
 from air_router.routing.graph import WaypointGraph
+from air_router.routing.limits import SAME_WAYPOINT_M, STANDING_M_S
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.paths import barriers
-
-_SAME_M = 0.01
-"""A free point nearer than this to a waypoint is the waypoint."""
 
 _START = -1
 """Stands for where the vehicle is among the nodes of a way."""
@@ -201,7 +193,7 @@ class Router:
         if isinstance(goal, int):
             return Leg(self._positions[goal], goal)
         for node, place in self._positions.items():
-            if math.dist(goal, place) <= _SAME_M:
+            if math.dist(goal, place) <= SAME_WAYPOINT_M:
                 return Leg(place, node)
         return Leg(goal)
 

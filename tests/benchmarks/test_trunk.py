@@ -2,7 +2,7 @@ from textwrap import dedent
 
 import pytest
 
-from benchmarks.trunk import measured
+from benchmarks.trunk import DEFINED, ROOT, measured
 
 FILES = {
     "geo/__init__.py": "",
@@ -71,3 +71,9 @@ def test_an_attribute_changes_that_is_assigned_after_construction(figures):
 def test_rooms_are_entered_past_their_doors_and_numbers_stand_outside_limits(figures):
     assert figures["names_past_doors"] == 1  # a package's root has modules that are doors
     assert figures["numbers"] == {"air_router/controller/gate.py": 1}
+
+
+@pytest.mark.parametrize("number", DEFINED)
+def test_a_number_that_tunes_nothing_is_there(number):
+    path, _, name = number.partition(":")
+    assert f"\n{name}" in (ROOT / path).read_text("utf-8")

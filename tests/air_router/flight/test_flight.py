@@ -188,7 +188,7 @@ def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):
 
     flight = rig()
     flight.vehicle._run = mute
-    monkeypatch.setattr("air_router.flight.flight.LOST_S", 0.05)
+    monkeypatch.setattr("air_router.flight.flight.VEHICLE_LOST_S", 0.05)
     with pytest.raises(NoVehicleError, match="told no position"):
         flight.run()
 

@@ -2,14 +2,15 @@
 
 import pytest
 
-from air_router.flight.lag_watch import AGAIN_S, LOOK_S, STARVED_S, WITHIN_S, LagWatch
+from air_router.flight.lag_watch import LagWatch
+from air_router.flight.limits import LAG_LOOK_S, LAG_REPEATED_S, LAG_STARVED_S, LAG_STARVED_WITHIN_S
 
 
 def told(watch, late_s, *, turns, from_s=0.0):
     """What is told of so many turns that come so late."""
     found = []
     for turn in range(1, turns + 1):
-        lagged = watch.take(late_s, from_s + turn * (LOOK_S + late_s))
+        lagged = watch.take(late_s, from_s + turn * (LAG_LOOK_S + late_s))
         found += [lagged.lag_s] if lagged is not None else []
     return found
 
@@ -21,7 +22,7 @@ def test_an_idle_program_says_nothing():
 def test_one_that_stood_still_says_so_at_once_and_not_again_for_a_while():
     watch = LagWatch()
     assert [watch.take(0.7, 10.0).lag_s, watch.take(0.7, 12.0)] == [0.7, None]
-    assert watch.take(0.7, 10.0 + AGAIN_S).lag_s == 0.7
+    assert watch.take(0.7, 10.0 + LAG_REPEATED_S).lag_s == 0.7
 
 
 def test_one_that_stood_still_for_long_says_so_each_time():
@@ -32,6 +33,6 @@ def test_one_that_stood_still_for_long_says_so_each_time():
 @pytest.mark.parametrize(("late_s", "starved"), [(0.02, False), (0.2, True)])
 def test_one_that_is_starved_says_so_now_and_then(late_s, starved):
     found = told(LagWatch(), late_s, turns=400)
-    lasts_s = 400 * (LOOK_S + late_s)
-    assert len(found) == (pytest.approx(lasts_s / AGAIN_S, abs=1.0) if starved else 0)
-    assert all(STARVED_S <= lag_s <= WITHIN_S for lag_s in found)
+    lasts_s = 400 * (LAG_LOOK_S + late_s)
+    assert len(found) == (pytest.approx(lasts_s / LAG_REPEATED_S, abs=1.0) if starved else 0)
+    assert all(LAG_STARVED_S <= lag_s <= LAG_STARVED_WITHIN_S for lag_s in found)

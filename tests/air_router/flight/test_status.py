@@ -7,7 +7,8 @@ from air_router.controller.model.requests import HoldNow
 from air_router.controller.model.states import State
 from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_view import situation
-from air_router.flight.terminal import PLAIN_REFRESH_S, StatusLine
+from air_router.flight.limits import TERMINAL_PLAIN_REFRESH_S
+from air_router.flight.terminal import StatusLine
 from air_router.live.scene import LiveScene
 from air_router.vehicle.height_frame import HomeMove
 from mocha_link.links.metrics import LinkMetrics
@@ -53,7 +54,7 @@ def test_on_a_narrow_terminal_the_line_stays_one_line(columns, monkeypatch):
 def test_without_a_terminal_a_line_now_and_then():
     out, clock = io.StringIO(), Clock()
     status = StatusLine(out, clock)
-    for second in range(int(PLAIN_REFRESH_S) * 2):
+    for second in range(int(TERMINAL_PLAIN_REFRESH_S) * 2):
         clock.now_s = float(second)
         status.show(lambda s=second: f"line {s}")
     status.end()

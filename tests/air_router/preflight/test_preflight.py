@@ -15,7 +15,8 @@ from air_router.preflight.preflight import CLIMB_M_S
 from air_router.preflight.preflight_parameters import names, parameters, straight_return
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.routing.graph import WaypointGraph
-from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
+from air_router.routing.limits import LANDING_MARGIN
+from air_router.routing.return_planner import ReturnPlanner
 from air_router.routing.router import Router
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove

@@ -6,15 +6,8 @@ import random
 import pytest
 
 from air_router.routing.graph import WaypointGraph
-from air_router.routing.return_planner import (
-    LANDING_M_S,
-    LANDING_MARGIN,
-    Pace,
-    ReturnPlanner,
-    Way,
-    WayHome,
-    straight_returns,
-)
+from air_router.routing.limits import LANDING_M_S, LANDING_MARGIN
+from air_router.routing.return_planner import Pace, ReturnPlanner, Way, WayHome, straight_returns
 from air_router.routing.router import Route, Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point

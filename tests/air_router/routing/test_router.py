@@ -17,8 +17,9 @@ from shapely import LineString, MultiPoint, Polygon, union_all
 
 from air_router.files.settings import PlannerSettings
 from air_router.mission.loading import load_mission
-from air_router.routing.departure import BRAKING_M_S2, Departure, Momentum, PendingSetpoint
+from air_router.routing.departure import Departure, Momentum, PendingSetpoint
 from air_router.routing.graph import WaypointGraph
+from air_router.routing.limits import BRAKING_M_S2
 from air_router.routing.router import Leg, NoRoute, Route, Router
 from benchmarks.route.maps import made as made_map
 from geo.airspace.airspace import Airspace
