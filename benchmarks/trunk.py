@@ -28,6 +28,10 @@ MANY: Final = 15
 """A class with more attributes that change is hard to know (docs/architecture.md)."""
 
 DEFINED: Final = {
+    "air_router/vehicle/px4/mavlink_values.py": "MAVLink, PX4 and Linux define them",
+    "air_router/vehicle/airframe.py:PX4": "MAV_AUTOPILOT of MAVLink",
+    "air_router/vehicle/vehicle.py:FIX_3D": "GPS_FIX_TYPE of MAVLink",
+    "air_router/vehicle/px4/versions.py:FLOWN": "a fact: which versions were flown",
     "air_router/routing/router.py:_START": "stands for where the vehicle is, among nodes from 0 on",
 }
 """Numbers that tune nothing, by `file` or `file:NAME`, and why: another would be a mistake."""

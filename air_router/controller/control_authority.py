@@ -36,11 +36,11 @@ from air_router.vehicle import (
     CHECK_SENDERS,
     CHOOSE_AGAIN,
     CONNECT_ANOTHER,
+    FLIGHT_MODE_S,
     FLY_OUT,
     IN_YOUR_HANDS,
     KEEP_CLEAR,
     LAND_BY_HAND,
-    MODE_S,
     NO_UPLOADS,
     RESUME_AGAIN,
     SEPARATE_TWINS,
@@ -263,7 +263,7 @@ class ControlAuthority:
         mode_s, before_s = event.ages.mode_s, self._mode_s
         told = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
         chosen = event.failsafe or event.mode not in self._gate.modes
-        if not told and mode_s < MODE_S and not (chosen and self._context.in_charge):
+        if not told and mode_s < FLIGHT_MODE_S and not (chosen and self._context.in_charge):
             self._mode_s = mode_s
             return False
         self._mode_s, self._context.silent_s = None, 0.0

@@ -71,8 +71,8 @@ from air_router.mission import FlightPlan, Mission, Waypoint
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import (
     BE_READY_AT_HOME,
-    BELIEVED_S,
     CALM,
+    CHARGE_BELIEVED_S,
     CHECK_PEER,
     CLIMB_BY_HAND,
     FLY_OUT,
@@ -273,7 +273,7 @@ class Controller:
         if before is None and battery.doubted is not None and telemetry.in_air:
             self.context.warn(
                 f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is believed if "
-                f"that lasts for {BELIEVED_S:.0f} s",
+                f"that lasts for {CHARGE_BELIEVED_S:.0f} s",
                 WATCH_BATTERY,
             )
         return replace(telemetry, battery=charge)

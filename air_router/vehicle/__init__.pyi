@@ -2,18 +2,13 @@
 
 from air_router.vehicle.airframe import SET_UP as SET_UP
 from air_router.vehicle.airframe import AirframeWatch as AirframeWatch
-from air_router.vehicle.battery import BELIEVED_S as BELIEVED_S
 from air_router.vehicle.battery import BatteryWatch as BatteryWatch
-from air_router.vehicle.clock import ALLOWANCE_S as ALLOWANCE_S
-from air_router.vehicle.clock import REBOOT_S as REBOOT_S
 from air_router.vehicle.clock import VehicleClock as VehicleClock
 from air_router.vehicle.clock import loop_s as loop_s
 from air_router.vehicle.height_frame import HeightFrame as HeightFrame
 from air_router.vehicle.height_frame import HomeMove as HomeMove
 from air_router.vehicle.input_limits import CALM as CALM
-from air_router.vehicle.input_limits import IN_AIR_S as IN_AIR_S
 from air_router.vehicle.input_limits import INPUT_ALARMS as INPUT_ALARMS
-from air_router.vehicle.input_limits import MODE_S as MODE_S
 from air_router.vehicle.input_limits import NO_FIX as NO_FIX
 from air_router.vehicle.input_limits import InputNews as InputNews
 from air_router.vehicle.input_limits import InputStatus as InputStatus
@@ -59,7 +54,12 @@ from air_router.vehicle.instructions import WATCH_FAILSAFE as WATCH_FAILSAFE
 from air_router.vehicle.instructions import WATCH_HEIGHT as WATCH_HEIGHT
 from air_router.vehicle.instructions import Instruction as Instruction
 from air_router.vehicle.instructions import Severity as Severity
-from air_router.vehicle.pace import LEAST_S as LEAST_S
+from air_router.vehicle.limits import CHARGE_BELIEVED_S as CHARGE_BELIEVED_S
+from air_router.vehicle.limits import FLIGHT_MODE_S as FLIGHT_MODE_S
+from air_router.vehicle.limits import LANDED_STATE_S as LANDED_STATE_S
+from air_router.vehicle.limits import PACE_ALLOWANCE_S as PACE_ALLOWANCE_S
+from air_router.vehicle.limits import PACE_STEP_S as PACE_STEP_S
+from air_router.vehicle.limits import REBOOT_S as REBOOT_S
 from air_router.vehicle.pace import PaceClient as PaceClient
 from air_router.vehicle.pace import PaceSource as PaceSource
 from air_router.vehicle.pace import line as line

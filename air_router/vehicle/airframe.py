@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final
 
+from air_router.vehicle.limits import ANOTHER_TYPE_AMONG, ANOTHER_TYPE_GONE, ANOTHER_TYPE_HEARTBEATS
+
 MULTICOPTERS: Final[Mapping[int, str]] = MappingProxyType(
     {
         2: "quadrotor",
@@ -47,13 +49,6 @@ _AUTOPILOTS: Final = MappingProxyType({3: "ArduPilot", PX4: "PX4"})
 
 SET_UP: Final = "connect a multicopter; if this is one, choose its airframe (MAV_TYPE) in PX4"
 """What to do about another vehicle."""
-
-MOST: Final = 2
-AMONG: Final = 6
-"""Another vehicle in so many of the latest HEARTBEATs is there; in one it may be a stray frame."""
-
-GONE: Final = 10
-"""It is there no more after so many HEARTBEATs without it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +98,9 @@ class AirframeWatch:
     airframe: Airframe = field(default_factory=Airframe)
     why_not: str | None = None
     _vtol: bool = False  # as EXTENDED_SYS_STATE said last
-    _latest: deque[Airframe] = field(default_factory=lambda: deque(maxlen=GONE))  # as named
+    _latest: deque[Airframe] = field(  # as named
+        default_factory=lambda: deque(maxlen=ANOTHER_TYPE_GONE)
+    )
 
     def state(self, fields: Mapping[str, Any]) -> None:
         """Take an EXTENDED_SYS_STATE."""
@@ -115,7 +112,8 @@ class AirframeWatch:
         self._latest.append(named)
         before = self.why_not
         others = [other for other in self._latest if other.why_not_flown is not None]
-        if sum(other in others for other in list(self._latest)[-AMONG:]) >= MOST:
+        lately = sum(other in others for other in list(self._latest)[-ANOTHER_TYPE_AMONG:])
+        if lately >= ANOTHER_TYPE_HEARTBEATS:
             self.airframe = others[-1]
             self.why_not = self.airframe.why_not_flown
         elif self.why_not is None or not others:

@@ -9,28 +9,16 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import Final
 
-ALLOWANCE_S: Final = 0.2
-"""Simulated seconds by which a world that waits for its parts may be ahead of the slowest."""
-
-_RATE_WINDOW_S: Final = 0.3
-"""Wall time over which the clock's rate against ours is measured."""
-
-_ALIKE: Final = 0.25
-"""Two windows that differ by no more than this share of the larger rate tell the same one."""
-
-REBOOT_S: Final = 1.0
-"""A time that is earlier than the newest by more than this is of a vehicle that has rebooted."""
-
-_SILENCE_S: Final = 2.0
-"""Wall time for which the clock is carried on after the last message; then it stands still."""
-
-_SET_S: Final = 2.0
-"""A vehicle's Unix time that is so much ahead of what it was by its first was set since."""
-
-_STEADY_S: Final = 0.2
-"""By less two messages differ of a clock that runs with the vehicle's; they come each second."""
+from air_router.vehicle.limits import (
+    CLOCK_CARRIED_S,
+    CLOCK_RATE_WINDOW_S,
+    CLOCK_RATES_ALIKE,
+    PACE_ALLOWANCE_S,
+    REBOOT_S,
+    UNIX_TIME_SET_S,
+    UNIX_TIME_STEADY_S,
+)
 
 
 def loop_s() -> float:
@@ -90,14 +78,14 @@ class VehicleClock:
             self._boot_s, self._alive_s, self._carried_s = boot_s, wall_s, 0.0
             if self._mark is None:
                 self._mark = (boot_s, wall_s)
-            elif wall_s - self._mark[1] >= _RATE_WINDOW_S:
+            elif wall_s - self._mark[1] >= CLOCK_RATE_WINDOW_S:
                 rate = (boot_s - self._mark[0]) / (wall_s - self._mark[1])
                 self._measured(min(max(rate, 0.0), 200.0))
                 self._mark = (boot_s, wall_s)
 
     def _measured(self, rate: float) -> None:
         """A window tells a rate. Of a link that stalls, then delivers all at once, two differ."""
-        alike = abs(rate - self._window_rate) <= _ALIKE * max(rate, self._window_rate)
+        alike = abs(rate - self._window_rate) <= CLOCK_RATES_ALIKE * max(rate, self._window_rate)
         if self._rate is None or alike:
             self._rate = rate
         self._window_rate = rate
@@ -108,7 +96,7 @@ class VehicleClock:
             self._carry(self._monotonic())
 
     def _carry(self, wall_s: float) -> None:
-        self._carried_s += min(wall_s - self._alive_s, _SILENCE_S)
+        self._carried_s += min(wall_s - self._alive_s, CLOCK_CARRIED_S)
         self._alive_s = wall_s
 
     def heard_unix(self, unix_s: float, boot_s: float) -> None:
@@ -122,8 +110,8 @@ class VehicleClock:
         epoch_s = unix_s - boot_s
         with self._lock:
             before_s, before_epoch_s = self._told_unix
-            steady = boot_s > before_s and abs(epoch_s - before_epoch_s) <= _STEADY_S
-            behind = self._epoch_s is None or epoch_s > self._epoch_s + _SET_S
+            steady = boot_s > before_s and abs(epoch_s - before_epoch_s) <= UNIX_TIME_STEADY_S
+            behind = self._epoch_s is None or epoch_s > self._epoch_s + UNIX_TIME_SET_S
             if not self._synchronised or (steady and behind):
                 self._synchronised = True
                 self._epoch_s = epoch_s
@@ -134,13 +122,13 @@ class VehicleClock:
         with self._lock:
             if self._boot_s is None:
                 return 0.0
-            since_s = self._carried_s + min(self._monotonic() - self._alive_s, _SILENCE_S)
+            since_s = self._carried_s + min(self._monotonic() - self._alive_s, CLOCK_CARRIED_S)
             rate = 1.0 if self._rate is None else self._rate
-            ahead_s = min(since_s, _SILENCE_S) * rate
+            ahead_s = min(since_s, CLOCK_CARRIED_S) * rate
             if self._ceiling is not None:
-                ahead_s = min(ahead_s, ALLOWANCE_S)  # farther it does not go without us
+                ahead_s = min(ahead_s, PACE_ALLOWANCE_S)  # farther it does not go without us
             # For long it is carried on at our pace at most: ahead of the vehicle it would wait.
-            ahead_s += max(0.0, since_s - _SILENCE_S) * min(rate, 1.0)
+            ahead_s += max(0.0, since_s - CLOCK_CARRIED_S) * min(rate, 1.0)
             self._told_s = max(self._told_s, self._boot_s + ahead_s)
             return self._told_s
 
@@ -157,7 +145,7 @@ class VehicleClock:
 
     async def measured_rate(self) -> float:
         """The rate, once it was measured; a vehicle that says no time is not waited for."""
-        waits = _RATE_WINDOW_S / 10
+        waits = CLOCK_RATE_WINDOW_S / 10
         for _ in range(30):
             if self._rate is not None or self._ceiling is not None:
                 break
@@ -167,7 +155,7 @@ class VehicleClock:
     @property
     def most_ahead_s(self) -> float:
         """How far the vehicle's time goes on at most while nothing of it is taken in."""
-        return math.inf if self._ceiling is None else ALLOWANCE_S
+        return math.inf if self._ceiling is None else PACE_ALLOWANCE_S
 
     def now_s(self) -> float:
         """Unix seconds: the vehicle's, or the companion's own until the vehicle told its time."""

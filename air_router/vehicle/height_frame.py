@@ -7,17 +7,11 @@ from the home of the take-off: that one is kept here, and what the vehicle says 
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from air_router.vehicle.limits import HOME_MOVED_ASIDE_M, HOME_MOVED_UP_M
 from air_router.words import direction
 from geo.frame import Point
-
-HOME_UP_M: Final = 4.0
-"""PX4 1.17 corrects the altitude of its home in flight, by up to 2.3 m as measured: that it follows
-is right, and no move. A mission keeps 5 m from what is above and below it."""
-
-HOME_ASIDE_M: Final = 3.0
-"""In flight PX4 moves its home to no side by itself."""
 
 
 class HomeMove(NamedTuple):
@@ -30,7 +24,7 @@ class HomeMove(NamedTuple):
     @property
     def changes_heights(self) -> bool:
         """Whether the items of the plan lie at other heights by it."""
-        return abs(self.up_m) > HOME_UP_M
+        return abs(self.up_m) > HOME_MOVED_UP_M
 
     def words(self, before_amsl_m: float | None) -> str:
         """How far, and where to; `before_amsl_m` is how high home was above mean sea level."""
@@ -86,7 +80,7 @@ class HeightFrame:
         self._flew = (self._flew and armed) or in_air
         now_m = amsl_m - above_home_m
         if self.home_amsl_m is None or not self._flew:
-            grounded = not self._flew and abs(above_home_m) > HOME_UP_M
+            grounded = not self._flew and abs(above_home_m) > HOME_MOVED_UP_M
             self.home, self.home_amsl_m = home, amsl_m if grounded else now_m
         if self.home is None:
             self.home = home
@@ -113,7 +107,7 @@ class HeightFrame:
         east_m, north_m = 0.0, 0.0
         if home is not None and self.home is not None:
             east_m, north_m = home.east_m - self.home.east_m, home.north_m - self.home.north_m
-        off_height = abs(up_m) > HOME_UP_M
-        off_place = math.hypot(east_m, north_m) > HOME_ASIDE_M
+        off_height = abs(up_m) > HOME_MOVED_UP_M
+        off_place = math.hypot(east_m, north_m) > HOME_MOVED_ASIDE_M
         self.moved = HomeMove(east_m, north_m, up_m) if off_height or off_place else None
         return amsl_m - home_amsl_m if off_height else above_home_m

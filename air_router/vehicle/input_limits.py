@@ -16,24 +16,10 @@ from air_router.vehicle.instructions import (
     WATCH_BATTERY,
     Instruction,
 )
+from air_router.vehicle.limits import FIX_ALARM_S, FLIGHT_MODE_S, INPUT_BACK_S, INPUT_REPEATED_S
 from air_router.vehicle.vehicle import Telemetry
 
-TOLD_AGAIN_S: Final = 30.0
-"""How often it is told while it lasts."""
-
-BACK_S: Final = 3.0
-"""An input counts again after it has come for so long."""
-
-IN_AIR_S: Final = 5.0
-"""A landed state older than this is not believed: see `Px4Telemetry.snapshot`."""
-
-MODE_S: Final = 5.0
-"""A flight mode older than this may not be so any more: see `LIMITS`."""
-
 NO_FIX: Final = "GPS has no fix"
-
-FIX_ALARM_S: Final = 5.0
-"""A fix that is gone for so long is an alarm: PX4's own failsafe may act."""
 
 
 class Stop(Enum):
@@ -110,9 +96,9 @@ LIMITS: Final = (
         "flight mode",
         "HEARTBEAT, CURRENT_MODE",
         "mode_s",
-        told_s=MODE_S,
+        told_s=FLIGHT_MODE_S,
         stop=Stop.SILENT,
-        stop_s=MODE_S,
+        stop_s=FLIGHT_MODE_S,
         home_s=None,
         instruction=CHECK_LINK,
         why="a pilot may have taken the vehicle",
@@ -272,7 +258,7 @@ class InputWatch:
             return not missing
         if self._good_since_s is None:
             self._good_since_s = now_s
-        if now_s - self._good_since_s < BACK_S:
+        if now_s - self._good_since_s < INPUT_BACK_S:
             return False
         self.stopped.clear()
         return True
@@ -287,7 +273,7 @@ class InputWatch:
         before, told_s = self._told.get(limit.words, (False, -math.inf))
         again = limit.words in self._told
         # What stops the vehicle is an alarm, which is said again by itself.
-        if stops <= before and (stops or now_s < told_s + TOLD_AGAIN_S):
+        if stops <= before and (stops or now_s < told_s + INPUT_REPEATED_S):
             return []
         self._told[limit.words] = (stops or before, now_s)
         return [

@@ -13,15 +13,13 @@ import socket
 from dataclasses import dataclass
 from typing import Final, Self
 
+from air_router.vehicle.limits import PACE_CONNECT_S, PACE_STEP_S
 from air_router.vehicle.vehicle import Telemetry, VehicleEvent
 from mocha_link.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
 
-LEAST_S: Final = 0.02
-"""The vehicle's step: there is nothing to tell of less."""
 
-_CONNECT_S: Final = 2.0
 _PORTS: Final = range(1, 65536)
 
 
@@ -58,7 +56,7 @@ class PaceSource:
 
     def connect(self) -> socket.socket:
         """A connection to the world's clock that never blocks. Raises OSError."""
-        connection = socket.create_connection((self.host, self.port), _CONNECT_S)
+        connection = socket.create_connection((self.host, self.port), PACE_CONNECT_S)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setblocking(False)
         return connection
@@ -80,7 +78,7 @@ class PaceClient(Closeable):
 
     def reached(self, time_s: float) -> None:
         """All that belongs to this moment of the vehicle's clock, and to those before, is done."""
-        if self._source is None or abs(time_s - self._told_s) < LEAST_S:
+        if self._source is None or abs(time_s - self._told_s) < PACE_STEP_S:
             return
         self._told_s = time_s
         try:

@@ -17,6 +17,7 @@ from air_router.mission import FlightPlan
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.instructions import Severity
+from air_router.vehicle.limits import TARGET_REACHED_UP_M
 from geo.frame import Point
 
 
@@ -58,10 +59,6 @@ class Ages:
     landed_s: float = 0.0
     item_s: float = 0.0
     target_s: float = 0.0
-
-
-TARGET_UP_M: Final = 6.0
-"""A target that is no farther up or down is there: PX4 corrects the altitude of home by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +129,7 @@ class Telemetry:
         if target is None:
             return True
         up_m = 0.0 if target_m is None or altitude_m is None else target_m - altitude_m
-        return math.dist(target, place) <= aside_m and abs(up_m) <= TARGET_UP_M
+        return math.dist(target, place) <= aside_m and abs(up_m) <= TARGET_REACHED_UP_M
 
     @property
     def told_s(self) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from air_router.vehicle import ALLOWANCE_S, LEAST_S
+from air_router.vehicle import PACE_ALLOWANCE_S, PACE_STEP_S
 from mocha_link.lifetime import Closeable
 
 PATIENCE_S: Final = 2.0
@@ -130,9 +130,9 @@ class Pace(Closeable):
         most_speed = STARTING_SPEED if self._missing > 0 else math.inf
         until_s = math.inf
         for participant in self._present.values():
-            if participant.reached_s is None or participant.reached_s > heard_s - LEAST_S:
+            if participant.reached_s is None or participant.reached_s > heard_s - PACE_STEP_S:
                 continue
-            its_limit_s = participant.reached_s + ALLOWANCE_S
+            its_limit_s = participant.reached_s + PACE_ALLOWANCE_S
             if time_s > its_limit_s - _SOON_S:
                 if participant.holds_since_s is None:
                     participant.holds_since_s = wall_s

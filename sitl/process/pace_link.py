@@ -8,7 +8,7 @@ import time
 from collections.abc import Collection
 from typing import Any, Final
 
-from air_router.vehicle import ALLOWANCE_S, PaceSource, line
+from air_router.vehicle import PACE_ALLOWANCE_S, PaceSource, line
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.vehicle import Address, PortInUseError
 
@@ -69,7 +69,7 @@ class PaceServer(Pace):
         """See `Pace.limit`; tells it to those who follow."""
         limit = super().limit(time_s, wall_s, heard_s)
         if self._followers:
-            self._tell(Limit(min(time_s + ALLOWANCE_S, limit.until_s), limit.most_speed))
+            self._tell(Limit(min(time_s + PACE_ALLOWANCE_S, limit.until_s), limit.most_speed))
         return limit
 
     def close(self) -> None:

@@ -3,7 +3,7 @@
 import ast
 import os
 
-from air_router.vehicle.px4.px4 import TEXT_LIMIT
+from air_router.vehicle.px4.mavlink_values import STATUSTEXT_BYTES
 from tests.docs.announcements_page import KNOWN, PAGE, ROOT, name_of, page, rows
 
 FILES = sorted((ROOT / "air_router").rglob("*.py"))
@@ -31,7 +31,7 @@ def test_instructions_are_made_in_one_place():
     for text in KNOWN.values():
         assert text.startswith(("Pilot: ", "Operator: "))
         assert len(text) > len("Operator: ")
-        assert len(text.encode()) <= 2 * TEXT_LIMIT  # read aloud while it happens
+        assert len(text.encode()) <= 2 * STATUSTEXT_BYTES  # read aloud while it happens
 
 
 def test_an_announcement_that_asks_for_something_says_what():

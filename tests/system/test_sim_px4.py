@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from air_router.control.control import ControlClient
-from air_router.vehicle.clock import ALLOWANCE_S
+from air_router.vehicle.limits import PACE_ALLOWANCE_S
 from sitl.process.pace import STALLED_SPEED
 from tests.system.real_px4 import PLACES, found
 
@@ -84,7 +84,7 @@ def test_the_world_waits_for_a_process_that_is_stopped(simulation):
             waited_s = time.monotonic() - began_s
         finally:
             os.kill(world["team"], signal.SIGCONT)
-    assert flown_s < ALLOWANCE_S + waited_s * STALLED_SPEED
+    assert flown_s < PACE_ALLOWANCE_S + waited_s * STALLED_SPEED
 
 
 @ON_LINUX

@@ -6,8 +6,10 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "key_provisioning": ("provide", "remove"),
+        "limits": ("FIND_S",),
+        "mavlink_values": ("COMPANION_COMPONENT",),
         "px4": ("Px4Vehicle",),
-        "px4_connection": ("COMPANION_COMPONENT", "FIND_S", "Plugins", "Px4Connection"),
+        "px4_connection": ("Plugins", "Px4Connection"),
         "signing_key": ("SigningKey",),
         "versions": (
             "FACTS",

@@ -2,9 +2,9 @@
 
 from air_router.vehicle.px4.key_provisioning import provide as provide
 from air_router.vehicle.px4.key_provisioning import remove as remove
+from air_router.vehicle.px4.limits import FIND_S as FIND_S
+from air_router.vehicle.px4.mavlink_values import COMPANION_COMPONENT as COMPANION_COMPONENT
 from air_router.vehicle.px4.px4 import Px4Vehicle as Px4Vehicle
-from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT as COMPANION_COMPONENT
-from air_router.vehicle.px4.px4_connection import FIND_S as FIND_S
 from air_router.vehicle.px4.px4_connection import Plugins as Plugins
 from air_router.vehicle.px4.px4_connection import Px4Connection as Px4Connection
 from air_router.vehicle.px4.signing_key import SigningKey as SigningKey

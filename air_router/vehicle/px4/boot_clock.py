@@ -6,24 +6,15 @@
 from collections import deque
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Final
 
-WRAP_MS: Final = 2**32
-
-WRAPS_WITHIN_MS: Final = 120_000
-"""A clock that was so near its end, and has gone on by no more, has wrapped. A vehicle that was
-silent for half of that is lost, and what restarts tells a time that is as small only then."""
-
-APART_S: Final = 15.0
-"""A message that is farther off what a clock should tell is of another: the streams of one vehicle
-are late by less, and what a socket has kept is not told by turns with what is new."""
-
-TURNS: Final = 4
-AMONG: Final = 60
-"""Two clocks that have taken so many turns among the latest messages are two vehicles'."""
-
-GONE: Final = 100
-"""The other is gone after so many messages without it."""
+from air_router.vehicle.px4.limits import (
+    BOOT_CLOCK_WRAPS_WITHIN_MS,
+    TWIN_CLOCKS_APART_S,
+    TWIN_GONE_MESSAGES,
+    TWIN_TURNS,
+    TWIN_TURNS_AMONG,
+)
+from air_router.vehicle.px4.mavlink_values import BOOT_CLOCK_MS
 
 
 @dataclass(slots=True, eq=False)
@@ -35,14 +26,14 @@ class BootClock:
 
     def whole_ms(self, time_boot_ms: int) -> int:
         """Milliseconds since the vehicle booted, in more than 32 bits."""
-        told_ms = time_boot_ms + self._epoch * WRAP_MS
+        told_ms = time_boot_ms + self._epoch * BOOT_CLOCK_MS
         last_ms = self._last_ms
         if last_ms is not None:
-            if 0 <= told_ms + WRAP_MS - last_ms <= WRAPS_WITHIN_MS:
+            if 0 <= told_ms + BOOT_CLOCK_MS - last_ms <= BOOT_CLOCK_WRAPS_WITHIN_MS:
                 self._epoch += 1
-                told_ms += WRAP_MS
-            elif self._epoch and told_ms - last_ms >= WRAP_MS - WRAPS_WITHIN_MS:
-                return told_ms - WRAP_MS  # late: of before
+                told_ms += BOOT_CLOCK_MS
+            elif self._epoch and told_ms - last_ms >= BOOT_CLOCK_MS - BOOT_CLOCK_WRAPS_WITHIN_MS:
+                return told_ms - BOOT_CLOCK_MS  # late: of before
         self._last_ms = told_ms
         return told_ms
 
@@ -65,7 +56,7 @@ class TwinWatch:
 
     apart_s: float | None = None
     _tracks: list[_Track] = field(default_factory=list)  # the one that was heard last is last
-    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=AMONG))
+    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=TWIN_TURNS_AMONG))
     _alone: int = 0  # messages of one clock, one after the other
 
     def take(self, boot_s: float, arrived_s: float, rate: float) -> bool:
@@ -82,11 +73,11 @@ class TwinWatch:
         self._turns.append(track)
         turns = list(self._turns)
         took = [b for a, b in pairwise(turns) if a is not b]
-        if len(took) >= TURNS and len({id(each) for each in took[-TURNS:]}) == 2:
+        if len(took) >= TWIN_TURNS and len({id(each) for each in took[-TWIN_TURNS:]}) == 2:
             one, other = took[-2:]
             passed_s = (one.arrived_s - other.arrived_s) * rate
             self.apart_s = abs(one.boot_s - other.boot_s - passed_s)
-        elif self._alone >= GONE:
+        elif self._alone >= TWIN_GONE_MESSAGES:
             self.apart_s = None
         return (self.apart_s is None) != (before is None)
 
@@ -95,7 +86,7 @@ class TwinWatch:
             return abs(boot_s - track.boot_s - (arrived_s - track.arrived_s) * rate)
 
         track = min(self._tracks, key=off_s, default=None)
-        if track is None or off_s(track) > APART_S * max(rate, 1.0):
+        if track is None or off_s(track) > TWIN_CLOCKS_APART_S * max(rate, 1.0):
             track = _Track(boot_s, arrived_s)
             self._tracks = [*self._tracks[-1:], track]
         else:

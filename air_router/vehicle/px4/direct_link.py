@@ -13,20 +13,12 @@ import termios
 import threading
 import tty
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Protocol
 
+from air_router.vehicle.px4.limits import LINE_REOPENED_S, READ_BYTES, SERIAL_BAUD, TCP_CONNECT_S
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner, SignedStream
 
 _log = logging.getLogger(__name__)
-
-CONNECT_S: Final = 3.0
-"""Wall-clock limit for a TCP server to answer."""
-
-REOPEN_S: Final = 1.0
-"""So often a line that was lost is opened again."""
-
-_LARGEST: Final = 65535  # bytes that are read at once
-_USUAL_RATE: Final = 57600  # baud, MAVSDK's
 
 
 class Channel(Protocol):
@@ -91,14 +83,14 @@ class DirectLink:
         while True:
             channel = self._channel
             if channel is None:
-                if select.select([self._woken], [], [], REOPEN_S)[0]:
+                if select.select([self._woken], [], [], LINE_REOPENED_S)[0]:
                     return
                 self._open_again()
                 continue
             if self._woken in select.select([self._woken, channel], [], [])[0]:
                 return
             try:
-                data = os.read(channel.fileno(), _LARGEST)
+                data = os.read(channel.fileno(), READ_BYTES)
             except BlockingIOError:
                 continue
             except OSError:
@@ -147,7 +139,7 @@ def opened(url: str) -> Channel:
             spoken.close()
             raise
     elif kind == "tcpout":
-        spoken = socket.create_connection((host, int(port)), CONNECT_S)
+        spoken = socket.create_connection((host, int(port)), TCP_CONNECT_S)
         spoken.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     else:
         raise ValueError(
@@ -161,7 +153,7 @@ def _serial(end: str, *, flow_control: bool) -> Channel:
     """A serial line: 8 bits, no parity, raw."""
     device, _, rate = end.rpartition(":")
     if not device:
-        device, rate = end, str(_USUAL_RATE)
+        device, rate = end, str(SERIAL_BAUD)
     speed = getattr(termios, f"B{rate}", None) if rate.isdecimal() else None
     if speed is None:
         raise ValueError(f"{rate} baud is no rate of a serial line; PX4's are 57600 and 921600")

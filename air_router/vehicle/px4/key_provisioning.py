@@ -3,22 +3,17 @@
 import asyncio
 import time
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.errors import NotConfirmedError, NoVehicleError, RefusedError
+from air_router.vehicle.px4.limits import KEY_ANSWER_S
 from air_router.vehicle.px4.mavlink_signing import timestamp_of
+from air_router.vehicle.px4.mavlink_values import ARMED, AUTOPILOT, KEY_BYTES, MavCmd, MessageId
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
 from air_router.vehicle.px4.px4_connection import Plugins, Px4Connection, SignedVehicleError
-from air_router.vehicle.px4.px4_messages import AUTOPILOT
-from air_router.vehicle.px4.signing_key import KEY_BYTES, SigningKey
-
-LIMIT_S: Final = 5.0
-"""Wall-clock limit for a HEARTBEAT, and for the answer to a command."""
-
-_ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
-_REQUEST_MESSAGE, _AUTOPILOT_VERSION = 512, 148
+from air_router.vehicle.px4.signing_key import SigningKey
 
 
 async def provide(url: str, system_id: int, key: Path, old: Path | None) -> None:
@@ -102,11 +97,11 @@ async def _is_armed(plugins: Plugins, system_id: int) -> bool:
 
     subscribe(plugins.direct, "HEARTBEAT", take)
     try:
-        async with asyncio.timeout(LIMIT_S):
+        async with asyncio.timeout(KEY_ANSWER_S):
             fields = await first
     except TimeoutError:
         raise NoVehicleError("the vehicle has stopped sending HEARTBEAT") from None
-    return bool(fields["base_mode"] & _ARMED)
+    return bool(fields["base_mode"] & ARMED)
 
 
 async def _obeys(url: str, system_id: int, key: Path | None) -> bool:
@@ -114,11 +109,12 @@ async def _obeys(url: str, system_id: int, key: Path | None) -> bool:
     connection = Px4Connection(url, system_id, key=key)
     try:
         plugins = await connection.open()
-        params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(_AUTOPILOT_VERSION)}
+        params = {f"param{n}": 0.0 for n in range(1, 8)}
+        params["param1"] = float(MessageId.AUTOPILOT_VERSION)
         target = {"target_system": system_id, "target_component": AUTOPILOT}
-        fields = {"command": _REQUEST_MESSAGE, "confirmation": 0, **target, **params}
+        fields = {"command": MavCmd.REQUEST_MESSAGE, "confirmation": 0, **target, **params}
         asked = message("COMMAND_LONG", fields, system_id)
-        result, _ = await call(plugins.direct.send_command_async, asked, timeout_s=LIMIT_S)
+        result, _ = await call(plugins.direct.send_command_async, asked, timeout_s=KEY_ANSWER_S)
     except (TimeoutError, SignedVehicleError):
         return False
     finally:

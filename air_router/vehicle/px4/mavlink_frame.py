@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Final, NamedTuple
 
-MAVLINK_1: Final = 0xFE  # how a frame begins
-MAVLINK_2: Final = 0xFD
-SIGNED: Final = 0x01  # of the incompatibility flags, the third byte of a MAVLink 2 frame
-SIGNATURE_BYTES: Final = 13  # link id, timestamp (6), SHA-256 (6)
+from air_router.vehicle.px4.mavlink_values import (
+    MAVLINK_1,
+    MAVLINK_2,
+    SHORTEST_1_BYTES,
+    SHORTEST_2_BYTES,
+    SIGNATURE_BYTES,
+    SIGNED,
+)
 
-_SHORTEST_1, _SHORTEST_2 = 8, 12
 _MIRRORED: Final = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
@@ -44,11 +47,11 @@ def length_at(data: bytes | bytearray, at: int) -> int | None:
         Bytes; 0 if no frame begins there, None if more bytes are needed to know.
     """
     if data[at] == MAVLINK_1:
-        return None if at + 2 > len(data) else data[at + 1] + _SHORTEST_1
+        return None if at + 2 > len(data) else data[at + 1] + SHORTEST_1_BYTES
     if data[at] == MAVLINK_2:
         if at + 3 > len(data):
             return None
-        return data[at + 1] + _SHORTEST_2 + SIGNATURE_BYTES * bool(data[at + 2] & SIGNED)
+        return data[at + 1] + SHORTEST_2_BYTES + SIGNATURE_BYTES * bool(data[at + 2] & SIGNED)
     return 0
 
 

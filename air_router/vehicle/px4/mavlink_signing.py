@@ -14,14 +14,18 @@ import logging
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Final, Self
 
+from air_router.vehicle.px4.limits import (
+    SIGNING_LINK_ID,
+    SIGNING_NEW_SENDER_S,
+    SIGNING_RESERVED_S,
+    SIGNING_REWRITTEN_S,
+)
 from air_router.vehicle.px4.mavlink_frame import (
-    MAVLINK_2,
-    SIGNATURE_BYTES,
     flagged,
     frames_of,
     header_of,
@@ -30,31 +34,22 @@ from air_router.vehicle.px4.mavlink_frame import (
     length_at,
     without_signature,
 )
-from air_router.vehicle.px4.signing_key import LAST, SigningKey, TimestampFile
+from air_router.vehicle.px4.mavlink_values import (
+    AUTOPILOT,
+    LAST_TIMESTAMP,
+    MAVLINK_2,
+    SIGNATURE_BYTES,
+    SIGNATURE_HASH_BYTES,
+    SIGNING_EPOCH_UNIX_S,
+    SIGNING_UNIT_S,
+    MessageId,
+)
+from air_router.vehicle.px4.signing_key import SigningKey, TimestampFile
 
 _log = logging.getLogger(__name__)
 
-UNIT_S: Final = 1e-5
-"""Of the timestamps."""
 
-EPOCH_UNIX_S: Final = 1_420_070_400
-"""2015-01-01, when they begin."""
-
-NEW_SENDER_S: Final = 60.0
-"""So much older than ours the first timestamp of a sender may be."""
-
-LINK_ID: Final = 1
-"""Of our signatures: the same at all times, for PX4 remembers no more than 16 senders until it
-restarts, each link of each as one."""
-
-RESERVED_S: Final = 30.0
-"""So far ahead the stored timestamp is, that it is not written with each message."""
-
-_REWRITTEN_S: Final = 10.0  # before it is reached
-_SHA_BYTES: Final = 6  # of it that are sent
-_HEARTBEAT, _AUTOPILOT = 0, 1  # message id, component id
-_RADIO_STATUS: Final = 109
-EXEMPT: Final = {_RADIO_STATUS: 185}
+EXEMPT: Final[Mapping[int, int]] = {MessageId.RADIO_STATUS: 185}
 """Messages that are taken without a signature, and the seeds of their checksums: that of a
 telemetry radio, which has no key. PX4 takes HEARTBEAT as well; here it has the mode that a pilot
 chose, and is not taken."""
@@ -76,7 +71,7 @@ _POSING: Final = frozenset({Verdict.UNSIGNED, Verdict.FORGED})
 
 def timestamp_of(unix_s: float) -> int:
     """A time as signatures have it."""
-    return min(max(round((unix_s - EPOCH_UNIX_S) / UNIT_S), 0), LAST)
+    return min(max(round((unix_s - SIGNING_EPOCH_UNIX_S) / SIGNING_UNIT_S), 0), LAST_TIMESTAMP)
 
 
 class MavlinkSigner:
@@ -149,7 +144,7 @@ class MavlinkSigner:
             verdict = self.judge(frame)
             self.count(frame, verdict)
             taken.append(as_taken(frame, verdict))
-            if verdict is Verdict.OLD and header_of(frame).message_id == _HEARTBEAT:
+            if verdict is Verdict.OLD and header_of(frame).message_id == MessageId.HEARTBEAT:
                 self.stale_heartbeat = True
         return b"".join(taken)
 
@@ -160,15 +155,17 @@ class MavlinkSigner:
             seed = EXEMPT.get(header.message_id)
             taken = seed is not None and is_intact(frame, seed)
             return Verdict.EXEMPT if taken else Verdict.UNSIGNED
-        if not hmac.compare_digest(self._digest(frame[:-_SHA_BYTES]), frame[-_SHA_BYTES:]):
+        said, digest = frame[:-SIGNATURE_HASH_BYTES], frame[-SIGNATURE_HASH_BYTES:]
+        if not hmac.compare_digest(self._digest(said), digest):
             return Verdict.FORGED
         sender = (header.system_id, header.component_id, frame[-SIGNATURE_BYTES])
-        timestamp = int.from_bytes(frame[1 - SIGNATURE_BYTES : -_SHA_BYTES], "little")
+        timestamp = int.from_bytes(frame[1 - SIGNATURE_BYTES : -SIGNATURE_HASH_BYTES], "little")
         with self._lock:
             latest = self._senders.get(sender)
             if latest is None:
-                latest = max(self._latest, self._now()) - round(NEW_SENDER_S / UNIT_S) - 1
-            if not latest < timestamp < LAST:
+                behind = round(SIGNING_NEW_SENDER_S / SIGNING_UNIT_S)
+                latest = max(self._latest, self._now()) - behind - 1
+            if not latest < timestamp < LAST_TIMESTAMP:
                 return Verdict.OLD
             self._senders[sender] = timestamp
             self._latest = max(self._latest, timestamp)
@@ -178,7 +175,7 @@ class MavlinkSigner:
         """Count a frame that was judged."""
         self.counts[verdict] += 1
         sender = header_of(frame)[:2]
-        self.posing += verdict in _POSING and sender == (self._system_id, _AUTOPILOT)
+        self.posing += verdict in _POSING and sender == (self._system_id, AUTOPILOT)
 
     @property
     def why_none_is_taken(self) -> str:
@@ -203,15 +200,15 @@ class MavlinkSigner:
 
     def _signed(self, frame: bytes) -> bytes:
         self._latest = timestamp = max(self._latest + 1, self._now())
-        if timestamp + round(_REWRITTEN_S / UNIT_S) > self._reserved:
-            self._reserved = timestamp + round(RESERVED_S / UNIT_S)
+        if timestamp + round(SIGNING_REWRITTEN_S / SIGNING_UNIT_S) > self._reserved:
+            self._reserved = timestamp + round(SIGNING_RESERVED_S / SIGNING_UNIT_S)
             self._store(self._reserved)
-        signed = flagged(frame) + bytes((LINK_ID,)) + timestamp.to_bytes(6, "little")
+        signed = flagged(frame) + bytes((SIGNING_LINK_ID,)) + timestamp.to_bytes(6, "little")
         return signed + self._digest(signed)
 
     def _digest(self, frame: bytes) -> bytes:
         """What proves a signed frame, whose own proof is left out."""
-        return hashlib.sha256(self._key.secret + frame).digest()[:_SHA_BYTES]
+        return hashlib.sha256(self._key.secret + frame).digest()[:SIGNATURE_HASH_BYTES]
 
     def _now(self) -> int:
         return timestamp_of(self._unix_s())

@@ -9,7 +9,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Callable, Collection
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.mavsdk import Mavsdk
@@ -19,10 +19,10 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw
 
 from air_router.errors import PlanRefusedError
 from air_router.mission import Command, Frame, PlanItem
+from air_router.vehicle.px4.mavlink_values import MISSION
 
 _log = logging.getLogger(__name__)
 
-MISSION: Final = 0  # MAV_MISSION_TYPE
 
 _LEVELS = {  # what matters of its chatter comes back as a result, and we say it ourselves
     LogLevel.WARN: logging.INFO,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
+from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY
 
 
 class PlanIds(NamedTuple):

@@ -25,30 +25,28 @@ from air_router.vehicle import (
     VehicleInfo,
 )
 from air_router.vehicle.px4 import px4_requests
+from air_router.vehicle.px4.limits import (
+    ARMING_HEALTH_S,
+    FIRST_ANSWER_S,
+    FIRST_POSITIONS_S,
+    LINK_SILENT_S,
+    SPOOFED_MESSAGES,
+)
+from air_router.vehicle.px4.mavlink_values import STATUSTEXT_BYTES
 from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_connection import Px4Connection
-from air_router.vehicle.px4.px4_messages import SILENT_S
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_plan import OnboardPlan
-from air_router.vehicle.px4.px4_requests import ONCE_S
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 
 _log = logging.getLogger(__name__)
 
-DATA_S: Final = 4.0
-"""Wall-clock limit for positions, which come tens of times a second."""
-
-HEALTH_S: Final = 60.0
-"""Wall-clock limit for its health checks to pass before arming."""
 
 _MAV_SEVERITY: Final = {Severity.INFO: 6, Severity.WARNING: 4, Severity.ALARM: 2}
 """INFO, WARNING ("a possible future error if this is not resolved") and CRITICAL ("action must be
 taken immediately") of common.xml. QGroundControl lists all of them, and reads aloud NOTICE (5) and
 what is graver (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): what asks for nothing is read,
 what asks for something is heard as well."""
-
-TEXT_LIMIT: Final = 50  # bytes of a STATUSTEXT
-_SPOOFED: Final = 3  # messages; fewer may be noise on a serial line
 
 
 class Px4Vehicle(Px4Motions, Vehicle):
@@ -97,12 +95,13 @@ class Px4Vehicle(Px4Motions, Vehicle):
         telemetry.listen(plugins.direct, self._connection.system_id)
         self._commands.listen()
         await px4_requests.begin(telemetry)
-        if not await telemetry.shows(telemetry.complete, DATA_S):
+        if not await telemetry.shows(telemetry.complete, FIRST_POSITIONS_S):
             raise NoVehicleError(
-                f"{self._url}: PX4 answers but sends no positions within {DATA_S:.0f} s; "
-                "is its GPS ready, and is the link set to MAVLink mode 'Onboard'?"
+                f"{self._url}: PX4 answers but sends no positions within "
+                f"{FIRST_POSITIONS_S:.0f} s; is its GPS ready, and is the link set to "
+                "MAVLink mode 'Onboard'?"
             )
-        if not await telemetry.shows(telemetry.introduced, ONCE_S) and telemetry.in_air:
+        if not await telemetry.shows(telemetry.introduced, FIRST_ANSWER_S) and telemetry.in_air:
             await px4_requests.ask_since_when_it_flies(telemetry)
         if telemetry.version is None:
             _log.warning(
@@ -150,9 +149,9 @@ class Px4Vehicle(Px4Motions, Vehicle):
         """See `Vehicle.arm`."""
         telemetry = self._telemetry
         before = telemetry.mode
-        if not await telemetry.shows(lambda: telemetry.health_good, HEALTH_S):
+        if not await telemetry.shows(lambda: telemetry.health_good, ARMING_HEALTH_S):
             raise ArmingRefusedError(
-                f"not ready to arm after {HEALTH_S:.0f} s{telemetry.reports.words}"
+                f"not ready to arm after {ARMING_HEALTH_S:.0f} s{telemetry.reports.words}"
                 f"{telemetry.said()}; see the arming checks in the ground station"
             )
         if telemetry.armed or telemetry.mode not in {before, FlightMode.HOLD, FlightMode.MISSION}:
@@ -222,7 +221,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     def _tell_spoofs(self) -> None:
         count = self._connection.posing
-        if count >= _SPOOFED and not self._spoofs_told and self._callback is not None:
+        if count >= SPOOFED_MESSAGES and not self._spoofs_told and self._callback is not None:
             self._spoofs_told = True
             event = MavlinkSpoofed(self._telemetry.time_s, count)
             asyncio.get_running_loop().call_soon(self._callback, event)
@@ -231,12 +230,12 @@ class Px4Vehicle(Px4Motions, Vehicle):
         loop = asyncio.get_running_loop()
         while True:
             began_s = loop.time()
-            await asyncio.sleep(SILENT_S / 3)
+            await asyncio.sleep(LINK_SILENT_S / 3)
             self._tell_spoofs()
-            if loop.time() - began_s > SILENT_S:
+            if loop.time() - began_s > LINK_SILENT_S:
                 continue  # this program stood still, and what was said meanwhile waits
             silent_s = self._telemetry.silent_s()
-            if silent_s > SILENT_S and self._callback is not None:
+            if silent_s > LINK_SILENT_S and self._callback is not None:
                 # Not from here: an error in what it leads to would end this watch, unseen.
                 loop.call_soon(self._callback, LinkSilent(self._telemetry.time_s, silent_s))
 
@@ -245,7 +244,7 @@ def chunks_of(text: str) -> list[str]:
     """A text in pieces that a STATUSTEXT takes: 50 bytes of UTF-8, no letter cut in two."""
     chunks = [""]
     for letter in text:
-        if len((chunks[-1] + letter).encode()) > TEXT_LIMIT:
+        if len((chunks[-1] + letter).encode()) > STATUSTEXT_BYTES:
             chunks.append("")
         chunks[-1] += letter
     return chunks

@@ -17,7 +17,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum, auto
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from air_router.errors import NotConfirmedError, NotSentError
 from air_router.vehicle import (
@@ -29,41 +29,25 @@ from air_router.vehicle import (
     loop_s,
     no_objection,
 )
+from air_router.vehicle.px4.limits import (
+    ACK_LATE_S,
+    HEARTBEAT_FRESH_S,
+    MODE_FRESH_S,
+    MODE_POLL_S,
+    ORDER_ACTS_S,
+    ORDER_CONFIRM_S,
+    ORDER_LONGEST_S,
+    ORDER_SETTLED_S,
+    SAME_TARGET_M,
+)
+from air_router.vehicle.px4.mavlink_values import COMPANION_COMPONENT
 from air_router.vehicle.px4.plan_guard import PlanIds
-from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle.px4.px4_mode_check import ModeCheck
 from air_router.vehicle.px4.px4_order import Px4Order
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from geo.frame import Point
 
 _log = logging.getLogger(__name__)
-
-CONFIRM_S: Final = 3.0
-"""Wall-clock limit for a command to show: modes appear with the next HEARTBEAT, at 1 Hz."""
-
-SETTLED_S: Final = 1.0
-"""A HEARTBEAT that comes so long after a command left should show it."""
-
-FRESH_S: Final = 0.5
-"""A command leaves again so shortly after the HEARTBEAT that allows it."""
-
-LATE_S: Final = 10.0
-"""For so long an acknowledgement may be that of a command from before."""
-
-LONGEST_S: Final = 15.0
-"""A vehicle that says again and again that it is about it is waited for no longer."""
-
-LOOKED_S: Final = 0.02
-"""A command leaves so shortly after the vehicle's mode was looked at."""
-
-POLL_S: Final = 0.1
-"""So often the vehicle's mode is requested while it is waited for."""
-
-ACTS_S: Final = 0.2
-"""So long after its acknowledgement the mode of an order is that of the vehicle: within 20 ms."""
-
-SAME_M: Final = 1.0
-"""A target nearer than this to a place is that place: PX4 tells it to a centimetre."""
 
 
 class NotShownError(NotConfirmedError):
@@ -119,7 +103,7 @@ class ObservedState(NamedTuple):
         """Whether no other order came between the two."""
         here, there = self.target, other.target
         if here is not None and there is not None:
-            return math.dist(here, there) <= SAME_M and self[:-1] == other[:-1]
+            return math.dist(here, there) <= SAME_TARGET_M and self[:-1] == other[:-1]
         return self == other
 
 
@@ -215,7 +199,7 @@ class Px4Commands:
             TakenOverError: the vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
-        if anew or loop_s() - self._looked_s > LOOKED_S:
+        if anew or loop_s() - self._looked_s > MODE_FRESH_S:
             if not await self.check.received():
                 raise NotSentError(f"{words} was not sent: no flight mode of now was received")
             self._looked_s = loop_s()
@@ -304,13 +288,14 @@ class Px4Commands:
             if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
-        if sent.last_s > sent.first_s + SETTLED_S:  # it left again, and may be followed once more
+        # It left again, and may be followed once more.
+        if sent.last_s > sent.first_s + ORDER_SETTLED_S:
             tried.unsettled_s = sent.last_s
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
             heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
-            unseen = verdict is None and heard_s < sent.last_s + SETTLED_S
+            unseen = verdict is None and heard_s < sent.last_s + ORDER_SETTLED_S
             error = NotShownError if unseen else NotConfirmedError
             raise error(self._why_not(sent, verdict))
         if order.moves:  # what left before it is void, on a link in order
@@ -336,13 +321,14 @@ class Px4Commands:
             return verdict is not None
 
         while True:
-            end_s = min(max(sent.last_s, sent.heard_s) + CONFIRM_S, sent.first_s + LONGEST_S)
+            latest_s = max(sent.last_s, sent.heard_s)
+            end_s = min(latest_s + ORDER_CONFIRM_S, sent.first_s + ORDER_LONGEST_S)
             left_s = end_s - loop_s()
             # Whatever ends the wait: it may have said meanwhile that it is about it, or done it.
             if left_s <= 0.0:
                 judged()
                 return verdict
-            if await self._telemetry.shows(judged, min(left_s, POLL_S)):
+            if await self._telemetry.shows(judged, min(left_s, MODE_POLL_S)):
                 return verdict
             if self._should_show(sent) and await self.check.received(left_s):
                 # In the mode of now it is not: it was, for a moment that no message has shown.
@@ -367,22 +353,22 @@ class Px4Commands:
         follows at once, is a refusal where it does not change. What answers one that left before,
         and is late, may be taken for an answer to this one: then nothing is known.
         """
-        if sent.first_s - self._tried[sent.order.command].unsettled_s <= LATE_S:
+        if sent.first_s - self._tried[sent.order.command].unsettled_s <= ACK_LATE_S:
             return False
         changes = sent.order.leads_to is not sent.before.mode
         accepted = sent.accepted and sent.refusal is None
-        return changes and accepted and loop_s() >= sent.acked_s + ACTS_S
+        return changes and accepted and loop_s() >= sent.acked_s + ORDER_ACTS_S
 
     def late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
-        since_s = loop_s() - LATE_S
+        since_s = loop_s() - ACK_LATE_S
         return {sent.order.leads_to for sent in self._unfollowed if sent.last_s >= since_s}
 
     def _no_other_chose(self, sent: SentOrder) -> bool:
         """Whether the vehicle says just now that everything is as it was before the order."""
         heartbeat_s = self._telemetry.arrived_s("HEARTBEAT")
-        just_now = loop_s() - heartbeat_s <= FRESH_S
-        return heartbeat_s >= sent.last_s + SETTLED_S and just_now and self._unchanged(sent)
+        just_now = loop_s() - heartbeat_s <= HEARTBEAT_FRESH_S
+        return heartbeat_s >= sent.last_s + ORDER_SETTLED_S and just_now and self._unchanged(sent)
 
     def _unchanged(self, sent: SentOrder) -> bool:
         """Whether all is as it was before the order, by what the vehicle said last."""
@@ -417,7 +403,7 @@ class Px4Commands:
         if fields["result"] == Result.IN_PROGRESS:
             newest.heard_s = now_s
             return
-        while tried.unanswered and tried.unanswered[0][0] < now_s - LATE_S:
+        while tried.unanswered and tried.unanswered[0][0] < now_s - ACK_LATE_S:
             tried.unanswered.popleft()
         # They have no numbers: on a link in order the first answers what left first.
         answered = None

@@ -23,26 +23,24 @@ from mavsdk.system import System
 
 from air_router.errors import NoVehicleError
 from air_router.vehicle.px4.direct_link import DirectLink
+from air_router.vehicle.px4.limits import (
+    FIND_DATAGRAMS,
+    FIND_ELSEWHERE_S,
+    FIND_OTHERS_S,
+    FIND_S,
+    READ_BYTES,
+)
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
+from air_router.vehicle.px4.mavlink_values import COMPANION_COMPONENT
 from air_router.vehicle.px4.mavsdk_bridge import destroy, route_log
-from air_router.vehicle.px4.px4_link import LARGEST, Px4Link, frames
+from air_router.vehicle.px4.px4_link import Px4Link, frames
 
 _log = logging.getLogger(__name__)
 
-COMPANION_COMPONENT: Final = 191
-FIND_S: Final = 5.0
-"""Wall-clock limit for the first heartbeat: an autopilot sends one every second."""
-
-OTHERS_S: Final = 1.5
-"""Where several vehicles send to one port: time for the wanted one to be heard as well."""
-
-ELSEWHERE_S: Final = 1.5
-"""For how long other ports are listened on, at last, when nothing is heard."""
 
 USUAL_PORTS: Final = (*range(14540, 14550), 14550)
 """PX4's: its API links by instance, and the ground station's."""
 
-_MOST_DATAGRAMS: Final = 100  # that are looked at of a port
 _EVERYWHERE: Final = ("", "0.0.0.0")  # noqa: S104 - only where the operator says so
 
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
@@ -149,7 +147,7 @@ class Px4Connection:
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
         """The system that was asked for, where several send here."""
         loop = asyncio.get_running_loop()
-        end_s = loop.time() + OTHERS_S
+        end_s = loop.time() + FIND_OTHERS_S
         if first.get_system_id() == self.system_id:
             return first
         while loop.time() < end_s:
@@ -258,8 +256,8 @@ class Px4Connection:
         if not self._url.startswith("udpin://"):
             return ""
         here = int(self._url.rpartition(":")[2])
-        await asyncio.sleep(FIND_S - ELSEWHERE_S)  # nothing was heard so far
-        found = await heard_elsewhere(here, ELSEWHERE_S)
+        await asyncio.sleep(FIND_S - FIND_ELSEWHERE_S)  # nothing was heard so far
+        found = await heard_elsewhere(here, FIND_ELSEWHERE_S)
         return f" ({found})" if found else ""
 
 
@@ -310,8 +308,8 @@ async def heard_elsewhere(here: int, limit_s: float) -> str:
         for port, listener in listeners.items():
             systems: set[int] = set()
             with contextlib.suppress(OSError):  # nothing is left to read
-                for _ in range(_MOST_DATAGRAMS):
-                    systems |= {system for system, _, _ in frames(listener.recv(LARGEST))}
+                for _ in range(FIND_DATAGRAMS):
+                    systems |= {system for system, _, _ in frames(listener.recv(READ_BYTES))}
             if systems:
                 said.append(f"system {', '.join(map(str, sorted(systems)))} sends to port {port}")
     if taken:

@@ -15,17 +15,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
-ERROR: Final = 3
-WARNING: Final = 4  # of the levels; those above INFO, 6, are for programs
+from air_router.vehicle.px4.mavlink_values import (
+    EVENT_AUTOPILOT,
+    EVENT_ERROR,
+    EVENT_WARNING,
+    FNV_OFFSET,
+    FNV_PRIME,
+    MISSION_MODE_BIT,
+)
 
 ARMING_SUMMARY: Final = "commander_arming_check_summary"
 HEALTH_SUMMARY: Final = "commander_health_summary"
 
-_COMPONENT: Final = 1 << 24
-_FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
 _CHECK_HEAD: Final = struct.Struct("<IB")  # modes concerned, health component
 _SUMMARY: Final = struct.Struct("<B4I")  # chunk; components: errors, warnings; modes: can arm, run
-_MISSION_MODE: Final = 1 << 3  # NAVIGATION_STATE_AUTO_MISSION
 
 _TABLE: Final[dict[str, dict[str, Any]]] = tomllib.loads(
     Path(__file__).with_name("px4_event_words.toml").read_text(encoding="utf-8")
@@ -41,10 +44,10 @@ WORDS: Final[dict[str, str | tuple[str, str]]] = {
 
 def event_id(name: str) -> int:
     """The number under which PX4 sends an event."""
-    value = _FNV_OFFSET
+    value = FNV_OFFSET
     for byte in name.encode():
-        value = (value ^ byte) * _FNV_PRIME & 0xFFFFFFFF
-    return _COMPONENT | value & 0xFFFFFF
+        value = (value ^ byte) * FNV_PRIME & 0xFFFFFFFF
+    return EVENT_AUTOPILOT | value & 0xFFFFFF
 
 
 _NAMES: Final = {event_id(name): name for name in (*WORDS, ARMING_SUMMARY, HEALTH_SUMMARY)}
@@ -85,7 +88,7 @@ class Px4Event:
         """Whether it is more than a finding that keeps the vehicle from being flown by hand."""
         if not self.is_check or len(self.arguments) < _CHECK_HEAD.size:
             return True
-        return bool(_CHECK_HEAD.unpack_from(self.arguments)[0] & _MISSION_MODE)
+        return bool(_CHECK_HEAD.unpack_from(self.arguments)[0] & MISSION_MODE_BIT)
 
     @property
     def text(self) -> str:
@@ -145,8 +148,10 @@ class ArmingReports:
             return
         elif event.name == HEALTH_SUMMARY:
             texts = [(e.level, e.text) for e in self._findings if e.concerns_missions]
-            self.problems = tuple(dict.fromkeys(text for level, text in texts if level <= ERROR))
-            self.warnings = tuple(dict.fromkeys(text for level, text in texts if level == WARNING))
+            errors = (text for level, text in texts if level <= EVENT_ERROR)
+            warnings = (text for level, text in texts if level == EVENT_WARNING)
+            self.problems = tuple(dict.fromkeys(errors))
+            self.warnings = tuple(dict.fromkeys(warnings))
             self.mission_can_run = self._can_run
             self.count += 1
             self._findings = None
@@ -159,4 +164,4 @@ def _mission_can_run(arguments: bytes) -> bool | None:
     if len(arguments) < _SUMMARY.size:
         return None
     *_, can_run = _SUMMARY.unpack_from(arguments)
-    return bool(can_run & _MISSION_MODE)
+    return bool(can_run & MISSION_MODE_BIT)

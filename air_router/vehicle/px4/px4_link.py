@@ -14,27 +14,23 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from air_router.vehicle.px4.limits import (
+    DATAGRAM_KEPT_BYTES,
+    LINK_DATAGRAMS_HZ,
+    PEER_PORT_ANEW_S,
+    READ_BYTES,
+    SOCKET_KEPT_S,
+)
 from air_router.vehicle.px4.mavlink_frame import Header, frames_of, header_of, is_signed
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
+from air_router.vehicle.px4.mavlink_values import AUTOPILOT, SO_RCVBUFFORCE, MessageId
 
 _log = logging.getLogger(__name__)
 
-ANEW_S: Final = 5.0
-"""A peer that was silent for so long may come back on another port of the same host."""
 
-LARGEST: Final = 65535  # bytes of a datagram
-
-KEPT_S: Final = 20.0
-"""For so long a full link is kept while this program stands still, where the kernel allows it."""
-
-_RATE_HZ: Final = 410  # datagrams of a PX4 1.17 on its companion's link
-_KEPT_BYTES: Final = 832  # that Linux counts for one of them: 256 fill its default of 212992
-RECEIVE_BYTES: Final = round(KEPT_S * _RATE_HZ * _KEPT_BYTES)
+RECEIVE_BYTES: Final = round(SOCKET_KEPT_S * LINK_DATAGRAMS_HZ * DATAGRAM_KEPT_BYTES)
 """Of the receive buffer, as Linux counts them; half of that is asked for, which it doubles."""
 
-_FORCED: Final = 33  # SO_RCVBUFFORCE of Linux; needs CAP_NET_ADMIN
-_HEARTBEAT: Final = 0
-_AUTOPILOT: Final = 1
 
 Address = tuple[str, int]
 
@@ -45,24 +41,24 @@ def frames(datagram: bytes) -> Iterator[Header]:
 
 
 def widen(bound: socket.socket) -> float:
-    """Have a socket keep the datagrams of `KEPT_S`; returns for how many seconds it does.
+    """Have a socket keep the datagrams of `SOCKET_KEPT_S`; returns for how many seconds it does.
 
     A socket that is full drops the newest, in which a pilot's mode may be. What the kernel does not
     grant is logged: a flight asks for the mode before each order, and needs no buffer for that, but
     what was announced in a long standstill may be lost.
     """
-    for option in (_FORCED, socket.SO_RCVBUF):
+    for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
         with contextlib.suppress(OSError):  # no permission, or not Linux
             bound.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BYTES // 2)
         granted = bound.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         if granted >= RECEIVE_BYTES // 2 * 2:
-            return KEPT_S
-    kept_s = granted / _KEPT_BYTES / _RATE_HZ
+            return SOCKET_KEPT_S
+    kept_s = granted / DATAGRAM_KEPT_BYTES / LINK_DATAGRAMS_HZ
     _log.warning(
         "the kernel keeps %.1f s of the vehicle's messages while this program stands still, not "
         "%.0f s: allow more with `sudo sysctl -w net.core.rmem_max=%d`",
         kept_s,
-        KEPT_S,
+        SOCKET_KEPT_S,
         RECEIVE_BYTES // 2,
     )
     return kept_s
@@ -90,7 +86,7 @@ class PeerFilter:
             self._heard_s = now_s
             return True
         if (peer := self.peer) is None or self.may_be_at(source, now_s):
-            if Header(self._system_id, _AUTOPILOT, _HEARTBEAT) in frames(datagram):
+            if Header(self._system_id, AUTOPILOT, MessageId.HEARTBEAT) in frames(datagram):
                 self.peer, self._heard_s = source, now_s
                 self.signs = any(map(is_signed, frames_of(datagram)))
                 _log.info("the vehicle is at %s:%d", *source)
@@ -110,7 +106,7 @@ class PeerFilter:
         """Whether the vehicle may be at this address, if its heartbeat comes from there."""
         if self.peer is None or source == self.peer:
             return True
-        return source[0] == self.peer[0] and now_s - self._heard_s > ANEW_S
+        return source[0] == self.peer[0] and now_s - self._heard_s > PEER_PORT_ANEW_S
 
 
 class Px4Link:
@@ -186,7 +182,7 @@ class Px4Link:
             if self._woken in ready:
                 return
             try:
-                datagram, source = self._socket.recvfrom(LARGEST)
+                datagram, source = self._socket.recvfrom(READ_BYTES)
             except OSError:
                 continue  # an ICMP error of an earlier datagram
             now_s = time.monotonic()
@@ -198,4 +194,4 @@ class Px4Link:
 
 
 def _is_heartbeat(frame: bytes) -> bool:
-    return any(each.message_id == _HEARTBEAT for each in frames(frame))
+    return any(each.message_id == MessageId.HEARTBEAT for each in frames(frame))

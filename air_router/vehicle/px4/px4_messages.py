@@ -17,8 +17,17 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 
 from air_router.vehicle import VehicleClock, loop_s
 from air_router.vehicle.px4.boot_clock import BootClock
+from air_router.vehicle.px4.limits import (
+    BACKLOG_CAUGHT_UP,
+    BACKLOG_JITTER_S,
+    BACKLOG_LIVE,
+    BACKLOG_S,
+    LINK_GAP_S,
+    LINK_PAUSE_S,
+)
+from air_router.vehicle.px4.mavlink_values import AUTOPILOT, EVENT_WARNING, INT32, NO_SUCH_PARAMETER
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
-from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event
+from air_router.vehicle.px4.px4_events import ArmingReports, Px4Event
 
 _log = logging.getLogger(__name__)
 
@@ -26,19 +35,8 @@ Handler = Callable[[dict[str, Any]], None]
 Watcher = Callable[[str, Mapping[str, Any]], None]
 """Takes name and fields of a message, after its handler."""
 
-AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
-INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
-NO_SUCH_PARAMETER: Final = 1  # MAV_PARAM_ERROR_DOES_NOT_EXIST
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
-
-SILENT_S: Final = 3.0
-"""A vehicle that is not heard for so long, wall-clock time, is told to be silent."""
-
-
-GAP_S: Final = 0.2
-"""After a longer gap in what comes the first messages may be of its beginning, if this program
-stood still, and a pilot may have chosen another mode in it."""
 
 MODES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE"})
 """The messages that tell the flight mode."""
@@ -50,20 +48,6 @@ _ONCE: Final = frozenset(
     }
 )
 """What is taken in however old it is: it does not come again, or tells what a pilot chose."""
-
-BACKLOG_S: Final = 0.5
-"""For so long, on our clock, these are left out where they do not tell the vehicle's time."""
-
-_CAUGHT_UP: Final = 0.97
-_JITTER_S: Final = 0.15
-"""A message is of now if the vehicle's time has gone on by so much of ours, less what a radio may
-take longer for one message than for the one before."""
-
-PAUSE_S: Final = 1.5
-"""A gap that is longer may always be ours. Slow links have shorter ones."""
-
-_LIVE: Final = 0.7
-"""Messages that take so much of the time that they tell of come from a link that is slower now."""
 
 
 class Backlog:
@@ -100,18 +84,18 @@ class Backlog:
         """
         gap_s = 0.0 if self._came_s is None else arrived_s - self._came_s
         self._came_s = arrived_s
-        if gap_s > GAP_S:
+        if gap_s > LINK_GAP_S:
             since_s = 0.0 if self._boot_at_s is None else arrived_s - self._boot_at_s
-            self._fresh_s = self._boot_s + (_CAUGHT_UP * since_s - _JITTER_S) * rate
+            self._fresh_s = self._boot_s + (BACKLOG_CAUGHT_UP * since_s - BACKLOG_JITTER_S) * rate
             self._suspected_s, self._first = gap_s, None
-        if gap_s > PAUSE_S:
+        if gap_s > LINK_PAUSE_S:
             self._begin(arrived_s)
         if (boot_ms := fields.get("time_boot_ms")) is not None:
             boot_s, self._boot_at_s = boot_ms / 1e3, arrived_s
             self._boot_s = boot_s
             self._first = self._first or (boot_s, arrived_s)
             told_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
-            if boot_s >= self._fresh_s or took_s >= _LIVE * told_s > 0.0:
+            if boot_s >= self._fresh_s or took_s >= BACKLOG_LIVE * told_s > 0.0:
                 self.is_read()
             elif self._suspected_s > 0.0:
                 self._begin(arrived_s)
@@ -301,7 +285,7 @@ class Px4Messages:
     def _on_event(self, fields: dict[str, Any]) -> None:
         event = Px4Event.of(fields)
         self.reports.take(event)
-        if event.level > WARNING or event.is_check:
+        if event.level > EVENT_WARNING or event.is_check:
             return
         text = event.text
         _log.info("PX4: %s", text)

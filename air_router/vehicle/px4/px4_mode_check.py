@@ -12,21 +12,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from air_router.vehicle import loop_s
-from air_router.vehicle.px4.px4_messages import GAP_S, MODES, Px4Messages
-
-LIMIT_S: Final = 3.0
-"""Wall-clock limit for the answer: a PX4 answers within 15 ms, a slow radio within a second."""
-
-_AGAIN_S: Final = 0.25
-"""So often the request leaves, until one is answered."""
-
-_LOOK_S: Final = 0.05
-"""So often it is looked whether this program stood still since the request."""
-
-_REQUEST_MESSAGE, _HEARTBEAT = 512, 0  # MAV_CMD, message id
+from air_router.vehicle.px4.limits import (
+    LINK_GAP_S,
+    MODE_ANSWER_S,
+    MODE_REQUESTED_AGAIN_S,
+    STOOD_STILL_LOOK_S,
+)
+from air_router.vehicle.px4.mavlink_values import MavCmd, MessageId
+from air_router.vehicle.px4.px4_messages import MODES, Px4Messages
 
 
 @dataclass(slots=True)
@@ -77,7 +73,7 @@ class ModeCheck:
         self._messages.take({"TIMESYNC": self._on_timesync})
         self._messages.watch(self._on_message)
 
-    async def received(self, limit_s: float = LIMIT_S) -> bool:
+    async def received(self, limit_s: float = MODE_ANSWER_S) -> bool:
         """Whether a mode has come that the vehicle had after this was called.
 
         When it returns True that mode was taken in a moment ago, and this program has not stood
@@ -91,11 +87,11 @@ class ModeCheck:
         self._open.append(question)
         try:
             while (looked_s := loop_s()) < end_s:
-                if looked_s - asked_s >= _AGAIN_S:
+                if looked_s - asked_s >= MODE_REQUESTED_AGAIN_S:
                     self._ask()
                     asked_s = looked_s
-                answered = await self._messages.shows(lambda: question.answered, _LOOK_S)
-                if loop_s() - looked_s > GAP_S:  # it stood still, and the answer may be old
+                answered = await self._messages.shows(lambda: question.answered, STOOD_STILL_LOOK_S)
+                if loop_s() - looked_s > LINK_GAP_S:  # it stood still, and the answer may be old
                     question.begin_anew(self._question())
                     asked_s = -math.inf
                 elif answered:
@@ -119,9 +115,9 @@ class ModeCheck:
 
     def request(self) -> None:
         """Have the vehicle send a HEARTBEAT; what it says may be from before some order of ours."""
-        params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(_HEARTBEAT)}
+        params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(MessageId.HEARTBEAT)}
         self._messages.send(
-            "COMMAND_LONG", {"command": _REQUEST_MESSAGE, "confirmation": 0, **params}
+            "COMMAND_LONG", {"command": MavCmd.REQUEST_MESSAGE, "confirmation": 0, **params}
         )
 
     def _on_timesync(self, fields: Mapping[str, Any]) -> None:

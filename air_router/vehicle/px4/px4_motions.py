@@ -14,14 +14,14 @@ from air_router.vehicle import (
     TakenOverError,
     no_objection,
 )
-from air_router.vehicle.px4.px4_commands import (
-    CONFIRM_S,
-    SAME_M,
-    NotShownError,
-    Px4Commands,
-    SentOrder,
-    Shown,
+from air_router.vehicle.px4.limits import (
+    ORDER_ATTEMPTS,
+    ORDER_CONFIRM_S,
+    ORDER_DONE_S,
+    SAME_TARGET_M,
+    STOP_TARGET_M,
 )
+from air_router.vehicle.px4.px4_commands import NotShownError, Px4Commands, SentOrder, Shown
 from air_router.vehicle.px4.px4_order import (
     Px4Order,
     arm,
@@ -38,14 +38,6 @@ from geo.frame import Point
 
 _log = logging.getLogger(__name__)
 
-ATTEMPTS: Final = 4
-"""How often an order that leads to no place leaves at most, while no other order comes."""
-
-DONE_S: Final = 0.2
-"""So long after its acknowledgement an order shows in what the vehicle says."""
-
-STOPS_M: Final = 5.0
-"""A vehicle whose new target is nearer than this stops there."""
 
 _BEGIN_AT_ONCE: Final = frozenset(
     {FlightMode.MISSION, FlightMode.TAKEOFF, FlightMode.RETURN, FlightMode.LAND}
@@ -84,11 +76,12 @@ class Px4Motions:
         """
         telemetry = self._telemetry
         if telemetry.mode in _BEGIN_AT_ONCE:
-            await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
+            await self._choose(choose(FlightMode.HOLD), attempts=ORDER_ATTEMPTS)
 
         def shown(sent: SentOrder) -> bool:
             told_s = telemetry.arrived_s("HEARTBEAT")
-            return (telemetry.armed and told_s > sent.first_s) or told_s > sent.acked_s + DONE_S
+            done = told_s > sent.acked_s + ORDER_DONE_S
+            return (telemetry.armed and told_s > sent.first_s) or done
 
         self._armed_in = telemetry.mode
         await self._tell(arm(telemetry.mode), shown)
@@ -109,7 +102,7 @@ class Px4Motions:
         await self._commands.look("Mission mode", {mode})
         self._check_armed()
         try:
-            await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
+            await self._choose(choose(FlightMode.MISSION), attempts=ORDER_ATTEMPTS)
         except NotShownError as error:
             _log.warning("%s; it may be taking off", error)
         except NotConfirmedError:
@@ -152,8 +145,10 @@ class Px4Motions:
         before = telemetry.mode
         # PX4 drops the jump without an answer while a ground station downloads the plan. In a
         # fast simulation it flies far within so many seconds of ours: its own end the wait as well.
-        end_s = telemetry.clock.boot_s() + CONFIRM_S
-        await telemetry.shows(lambda: telemetry.item == item or telemetry.time_s > end_s, CONFIRM_S)
+        end_s = telemetry.clock.boot_s() + ORDER_CONFIRM_S
+        await telemetry.shows(
+            lambda: telemetry.item == item or telemetry.time_s > end_s, ORDER_CONFIRM_S
+        )
         if telemetry.item != item:
             raise NotConfirmedError(f"{words} did not show in MISSION_CURRENT")
         now = telemetry.mode
@@ -212,12 +207,12 @@ class Px4Motions:
         if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
             await self._stop_here()
         else:
-            await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
+            await self._choose(choose(FlightMode.HOLD), attempts=ORDER_ATTEMPTS)
         self._late = None
 
     async def land(self, *, out_of: Modes = None) -> None:
         """See `Vehicle.land`."""
-        await self._choose(land(), attempts=ATTEMPTS, out_of=out_of)
+        await self._choose(land(), attempts=ORDER_ATTEMPTS, out_of=out_of)
 
     def stop_telling(self) -> None:
         """The speed is told no more."""
@@ -253,11 +248,11 @@ class Px4Motions:
             if sent.accepted or target is None or here is None:
                 return sent.accepted
             other = before is not None and not _near(target, before)
-            return math.dist(target, here) <= STOPS_M and (other or self._told_after(sent))
+            return math.dist(target, here) <= STOP_TARGET_M and (other or self._told_after(sent))
 
         in_hold = self._px4_decides()
         order = stop(change_mode=not in_hold)
-        await self._tell(order, shown, attempts=ATTEMPTS, in_hold=in_hold)
+        await self._tell(order, shown, attempts=ORDER_ATTEMPTS, in_hold=in_hold)
 
     def _px4_decides(self) -> bool:
         """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode.
@@ -276,7 +271,7 @@ class Px4Motions:
 
         That order would show in the target then: it is done as soon as it is acknowledged.
         """
-        return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + DONE_S
+        return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + ORDER_DONE_S
 
     async def _tell(
         self, order: Px4Order, shown: Shown, *, attempts: int = 1, in_hold: bool = False
@@ -302,7 +297,7 @@ class Px4Motions:
         order, mission = change_speed(self._speed_m_s), {FlightMode.MISSION}
         try:
             await self._commands.look(order.words, mission)
-            await self._commands.tell(order, lambda sent: sent.accepted, attempts=ATTEMPTS)
+            await self._commands.tell(order, lambda sent: sent.accepted, attempts=ORDER_ATTEMPTS)
         except NotConfirmedError as error:
             _log.warning("%s", error)
         else:
@@ -310,4 +305,4 @@ class Px4Motions:
 
 
 def _near(place: Point | None, other: Point) -> bool:
-    return place is not None and math.dist(place, other) <= SAME_M
+    return place is not None and math.dist(place, other) <= SAME_TARGET_M

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from air_router.vehicle import FlightMode
-from air_router.vehicle.px4.px4_streams import MAIN_AUTO, sub_mode
+from air_router.vehicle.px4.mavlink_values import (
+    CUSTOM_MODE,
+    GLOBAL_INT,
+    GROUND_SPEED,
+    MAIN_AUTO,
+    NOWHERE,
+    MavCmd,
+)
+from air_router.vehicle.px4.px4_streams import sub_mode
 
-LAND, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400  # MAV_CMD
-CUSTOM_MODE: Final = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-GROUND_SPEED: Final = 1.0  # SPEED_TYPE
-GLOBAL_INT: Final = 5  # MAV_FRAME; PX4 takes the altitude as AMSL in every frame
-NOWHERE: Final = 2**31 - 1
 UNSAID: Final = math.nan
 
 
@@ -44,7 +47,7 @@ class Px4Order:
     @property
     def moves(self) -> bool:
         """Whether it changes the mode, or where the vehicle flies to."""
-        return self.command not in {CHANGE_SPEED, ARM_DISARM}
+        return self.command not in {MavCmd.DO_CHANGE_SPEED, MavCmd.COMPONENT_ARM_DISARM}
 
     def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
         """Name and fields of the message; `confirmation` is how often it has left before."""
@@ -65,24 +68,26 @@ def set_current(item: int) -> tuple[str, dict[str, Any]]:
 def choose(mode: FlightMode) -> Px4Order:
     """Enter Mission or Hold mode."""
     params = (CUSTOM_MODE, float(MAIN_AUTO), float(sub_mode(mode)), 0.0, 0.0, 0.0, 0.0)
-    return Px4Order(f"{mode.value} mode", mode, SET_MODE, params)
+    return Px4Order(f"{mode.value} mode", mode, MavCmd.DO_SET_MODE, params)
 
 
 def arm(mode: FlightMode) -> Px4Order:
     """Arm, in the mode that the vehicle is in."""
-    return Px4Order("arming", mode, ARM_DISARM, (1.0, *(0.0,) * 6))
+    return Px4Order("arming", mode, MavCmd.COMPONENT_ARM_DISARM, (1.0, *(0.0,) * 6))
 
 
 def land() -> Px4Order:
     """Land here."""
     params = (0.0, 0.0, 0.0, UNSAID, UNSAID, UNSAID, UNSAID)
-    return Px4Order("Land mode", FlightMode.LAND, LAND, params)
+    return Px4Order("Land mode", FlightMode.LAND, MavCmd.NAV_LAND, params)
 
 
 def change_speed(speed_m_s: float) -> Px4Order:
     """Fly so fast over the ground on missions, until the mode changes."""
     params = (GROUND_SPEED, speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0)
-    return Px4Order(f"a speed of {speed_m_s:.1f} m/s", FlightMode.MISSION, CHANGE_SPEED, params)
+    return Px4Order(
+        f"a speed of {speed_m_s:.1f} m/s", FlightMode.MISSION, MavCmd.DO_CHANGE_SPEED, params
+    )
 
 
 def reposition(
@@ -99,14 +104,14 @@ def reposition(
     """
     target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
     params = (speed_m_s, float(change_mode), 0.0, UNSAID)
-    return Px4Order("a reposition", FlightMode.HOLD, REPOSITION, params, target)
+    return Px4Order("a reposition", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 
 def stop(*, change_mode: bool = True) -> Px4Order:
     """Stop and hover here, in Hold mode also out of Hold mode: a reposition to no place."""
     params = (-1.0, float(change_mode), 0.0, UNSAID)
     target = Target(NOWHERE, NOWHERE, UNSAID)
-    return Px4Order("a stop", FlightMode.HOLD, REPOSITION, params, target)
+    return Px4Order("a stop", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 
 def _plain(value: float) -> float | None:

@@ -19,36 +19,31 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.mission import FENCE_POINTS, FlightPlan, Frame, PlanItem
 from air_router.vehicle import FlightMode, loop_s
-from air_router.vehicle.px4.mavsdk_bridge import MISSION, call, from_raw, to_raw
+from air_router.vehicle.px4.limits import (
+    PLAN_BUSY_ATTEMPTS,
+    PLAN_BUSY_S,
+    PLAN_CHECKS_AGAIN_S,
+    PLAN_CHECKS_S,
+    PLAN_FEASIBLE_S,
+    PLAN_RELOAD_S,
+    PLAN_TOLD_S,
+    PLAN_TRANSFER_S,
+)
+from air_router.vehicle.px4.mavlink_values import (
+    FENCE,
+    MISSION,
+    MISSION_INVALID,
+    MISSION_UNKNOWN,
+    RALLY,
+)
+from air_router.vehicle.px4.mavsdk_bridge import call, from_raw, to_raw
 from air_router.vehicle.px4.plan_guard import LISTS, PlanIds
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_requests import arming_report
-from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, MISSION_UNKNOWN, Px4Telemetry
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 
 _log = logging.getLogger(__name__)
 
-TRANSFER_S: Final = 30.0
-"""Wall-clock limit for one transfer; a slow telemetry radio takes its time."""
-
-FEASIBLE_S: Final = 5.0
-"""Wall-clock limit for PX4 to judge a mission: it does within a second."""
-
-CHECKS_S: Final = 15.0
-"""Wall-clock limit for its arming checks to say that a mission can be flown."""
-
-RELOAD_S: Final = 6.0
-"""Vehicle's time after which its arming checks are of what is on board now: PX4 1.15 and 1.16 judge
-a mission five seconds after a transfer."""
-
-CHECKS_AGAIN_S: Final = 0.5
-"""So long after a report without a feasible mission PX4 is asked to check anew."""
-
-BUSY_ATTEMPTS: Final = 3
-BUSY_S: Final = 5.5
-"""PX4 ignores uploads for five seconds after a transfer that was not finished."""
-
-TOLD_S: Final = 5.0
-"""Wall-clock limit for PX4 to say which plan is on board, which it does once a second."""
 
 REPLACED: Final = "another ground station has changed what is on board"
 
@@ -64,7 +59,6 @@ _PASSING: Final = frozenset(
         MissionRawResult.PROTOCOL_ERROR,
     }
 )
-FENCE, RALLY = 1, 2  # MAV_MISSION_TYPE
 
 
 def _none() -> str | None:
@@ -304,7 +298,7 @@ class OnboardPlan:
 
         MAVSDK has no call for it. Raises PlanRefusedError: they stay.
         """
-        for _ in range(BUSY_ATTEMPTS):
+        for _ in range(PLAN_BUSY_ATTEMPTS):
             if not await self.download(self.rally):
                 self._put(RALLY, ())
                 return
@@ -325,7 +319,7 @@ class OnboardPlan:
         self._object()
         telemetry = self._telemetry
         fresh = telemetry.mission_reports + 1
-        if not await telemetry.shows(lambda: telemetry.mission_reports >= fresh, TOLD_S):
+        if not await telemetry.shows(lambda: telemetry.mission_reports >= fresh, PLAN_TOLD_S):
             raise PlanRefusedError("PX4 does not say which plan is on board")
         ids = telemetry.plan_ids
         if ids is None or not ids.told:  # an older PX4, or an empty one
@@ -360,9 +354,9 @@ class OnboardPlan:
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
         """Send a list, again where PX4 is busy with one of another sender."""
         raw_items = [to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
-        for attempt in range(BUSY_ATTEMPTS):
+        for attempt in range(PLAN_BUSY_ATTEMPTS):
             if attempt:
-                await asyncio.sleep(BUSY_S)
+                await asyncio.sleep(PLAN_BUSY_S)
             await self._may_change(to.kind)
             result, *_ = await _transfer(to.what, to.upload, raw_items)
             stored = result == MissionRawResult.SUCCESS
@@ -415,7 +409,7 @@ class OnboardPlan:
                 return False
             return telemetry.mission_state != MISSION_INVALID or bool(telemetry.refusals)
 
-        await telemetry.shows(judged, FEASIBLE_S)
+        await telemetry.shows(judged, PLAN_FEASIBLE_S)
         if telemetry.item_total == total:
             if telemetry.mission_state > MISSION_INVALID:
                 return
@@ -437,9 +431,9 @@ class OnboardPlan:
         """
         telemetry, reports = self._telemetry, self._telemetry.reports
         if not cleared:  # until then they may be of the plan before
-            reloaded_s = telemetry.time_s + RELOAD_S
-            await telemetry.shows(lambda: telemetry.time_s >= reloaded_s, CHECKS_S)
-        before, end_s = reports.count, loop_s() + CHECKS_S
+            reloaded_s = telemetry.time_s + PLAN_RELOAD_S
+            await telemetry.shows(lambda: telemetry.time_s >= reloaded_s, PLAN_CHECKS_S)
+        before, end_s = reports.count, loop_s() + PLAN_CHECKS_S
 
         def runs() -> bool:
             return reports.count > before and bool(reports.mission_can_run)
@@ -447,7 +441,7 @@ class OnboardPlan:
         while not runs() and loop_s() < end_s:
             if await arming_report(telemetry) and telemetry.refusals:
                 break
-            await telemetry.shows(runs, CHECKS_AGAIN_S)
+            await telemetry.shows(runs, PLAN_CHECKS_AGAIN_S)
         if reports.count > before and reports.mission_can_run is not None:
             return reports.mission_can_run
         raise PlanRefusedError(
@@ -459,20 +453,21 @@ class OnboardPlan:
 
 async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
     """A transfer that is begun again where another is under way, or too many packets were lost."""
-    for _ in range(BUSY_ATTEMPTS - 1):
+    for _ in range(PLAN_BUSY_ATTEMPTS - 1):
         answer = await _transfer(what, method, *arguments)
         if answer[0] not in _PASSING:
             return answer
-        await asyncio.sleep(BUSY_S)
+        await asyncio.sleep(PLAN_BUSY_S)
     return await _transfer(what, method, *arguments)
 
 
 async def _transfer(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
     try:
-        return await call(method, *arguments, timeout_s=TRANSFER_S)
+        return await call(method, *arguments, timeout_s=PLAN_TRANSFER_S)
     except TimeoutError:
         raise PlanRefusedError(
-            f"{what}: the transfer did not end within {TRANSFER_S:.0f} s; is the link very slow?"
+            f"{what}: the transfer did not end within {PLAN_TRANSFER_S:.0f} s; "
+            "is the link very slow?"
         ) from None
 
 

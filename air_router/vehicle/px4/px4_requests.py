@@ -9,88 +9,76 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from air_router.vehicle import Inspection
+from air_router.vehicle.px4.limits import (
+    ARMING_REPORT_S,
+    FIRST_ANSWER_S,
+    FLIGHT_INFORMATION_ATTEMPTS,
+    INSPECTION_HEALTH_S,
+    PARAMETER_ANSWER_S,
+    PARAMETER_ATTEMPTS,
+    STREAM_MISSING_S,
+    STREAM_RATES_HZ,
+    STREAM_REQUESTED_EVERY_S,
+)
+from air_router.vehicle.px4.mavlink_values import MavCmd, MessageId
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 
 _log = logging.getLogger(__name__)
 
-RUN_PREARM_CHECKS: Final = 401  # MAV_CMD: PX4 sends its health and arming report anew
-SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
 
 STREAMS: Final[Mapping[str, int]] = {
-    "HEARTBEAT": 0,
-    "SYS_STATUS": 1,
-    "GPS_RAW_INT": 24,
-    "GLOBAL_POSITION_INT": 33,
-    "MISSION_CURRENT": 42,
-    "POSITION_TARGET_GLOBAL_INT": 87,
-    "WIND_COV": 231,
-    "EXTENDED_SYS_STATE": 245,
+    each.name: each
+    for each in (
+        MessageId.HEARTBEAT,
+        MessageId.SYS_STATUS,
+        MessageId.GPS_RAW_INT,
+        MessageId.GLOBAL_POSITION_INT,
+        MessageId.MISSION_CURRENT,
+        MessageId.POSITION_TARGET_GLOBAL_INT,
+        MessageId.WIND_COV,
+        MessageId.EXTENDED_SYS_STATE,
+    )
 }
 """What a flight rests on, or would like to know, and its message ids."""
 
-RATES_HZ: Final[Mapping[str, float]] = {
-    "GLOBAL_POSITION_INT": 10.0,
-    "POSITION_TARGET_GLOBAL_INT": 2.0,
-    "GPS_RAW_INT": 2.0,
-    "WIND_COV": 1.0,
-}
-"""How often we want what PX4 sends so often that reading it takes our time."""
-
-HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION = 242, 148, 264  # message ids
-ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
+ONCE: Final = (MessageId.HOME_POSITION, MessageId.AUTOPILOT_VERSION, MessageId.FLIGHT_INFORMATION)
 """What is asked for on connecting."""
-
-ONCE_S: Final = 1.5
-"""Wall-clock limit for what is asked for at the beginning, and can be done without."""
-
-ASK_AGAIN_S: Final = 2.0
-"""A stream that is missing for so long, while others come, is asked for, and again every
-`ASK_EVERY_S` of our clock: it was turned off, perhaps, by another program on this link."""
-
-ASK_EVERY_S: Final = 5.0
-
-HEALTH_S: Final = 4.0
-"""Wall-clock time for a vehicle that was just switched on to become healthy."""
-
-REPORT_S: Final = 1.0
-"""Wall-clock limit for the health and arming report, once it was asked for."""
-
-PARAMETER_S: Final = 0.5
-PARAMETER_ATTEMPTS: Final = 5
-FLIGHT_ATTEMPTS: Final = 5
 
 
 async def begin(telemetry: Px4Telemetry) -> None:
     """Ask for everything that a flight wants to hear."""
-    requests = [(SET_MESSAGE_INTERVAL, STREAMS[name], 1e6 / hz) for name, hz in RATES_HZ.items()]
-    requests += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
+    requests = [
+        (MavCmd.SET_MESSAGE_INTERVAL, STREAMS[name], 1e6 / hz)
+        for name, hz in STREAM_RATES_HZ.items()
+    ]
+    requests += [(MavCmd.REQUEST_MESSAGE, what, 0.0) for what in ONCE]
     await asyncio.gather(*(_request(telemetry, *request) for request in requests))
 
 
 async def ask_since_when_it_flies(telemetry: Px4Telemetry) -> None:
     """Ask a vehicle in the air again: one lost datagram must not cost the flight its duration."""
-    for _ in range(FLIGHT_ATTEMPTS):
-        await _request(telemetry, REQUEST_MESSAGE, FLIGHT_INFORMATION)
-        if await telemetry.shows(lambda: telemetry.told_flight, PARAMETER_S):
+    for _ in range(FLIGHT_INFORMATION_ATTEMPTS):
+        await _request(telemetry, MavCmd.REQUEST_MESSAGE, MessageId.FLIGHT_INFORMATION)
+        if await telemetry.shows(lambda: telemetry.told_flight, PARAMETER_ANSWER_S):
             return
 
 
 async def keep_streams(telemetry: Px4Telemetry) -> None:
     """Ask now and then for streams that are missing; until it is cancelled."""
     while True:
-        await asyncio.sleep(ASK_EVERY_S)
+        await asyncio.sleep(STREAM_REQUESTED_EVERY_S)
         await ask_again(telemetry)
 
 
 async def ask_again(telemetry: Px4Telemetry) -> None:
     """Ask for streams that are missing, at our rate or the autopilot's own."""
-    for name in telemetry.missing(ASK_AGAIN_S):
-        interval_us = 1e6 / RATES_HZ[name] if name in RATES_HZ else 0.0
-        await _request(telemetry, SET_MESSAGE_INTERVAL, STREAMS[name], interval_us)
+    for name in telemetry.missing(STREAM_MISSING_S):
+        interval_us = 1e6 / STREAM_RATES_HZ[name] if name in STREAM_RATES_HZ else 0.0
+        await _request(telemetry, MavCmd.SET_MESSAGE_INTERVAL, STREAMS[name], interval_us)
 
 
 async def _request(telemetry: Px4Telemetry, command: int, *params: float) -> None:
-    if await telemetry.ask(command, *params, limit_s=ONCE_S) is None:
+    if await telemetry.ask(command, *params, limit_s=FIRST_ANSWER_S) is None:
         _log.info("command %d %s was not answered", command, params)
 
 
@@ -104,7 +92,7 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
     reports = telemetry.reports
     await asyncio.gather(
         _read_parameters(telemetry, parameters),
-        telemetry.shows(lambda: telemetry.health_good, HEALTH_S),
+        telemetry.shows(lambda: telemetry.health_good, INSPECTION_HEALTH_S),
     )
     await arming_report(telemetry)
     return Inspection(
@@ -124,9 +112,9 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
 async def arming_report(telemetry: Px4Telemetry) -> bool:
     """Have PX4 run its health and arming checks now; whether their report has come."""
     before = telemetry.reports.count
-    if await telemetry.ask(RUN_PREARM_CHECKS, limit_s=REPORT_S) != 0:
+    if await telemetry.ask(MavCmd.RUN_PREARM_CHECKS, limit_s=ARMING_REPORT_S) != 0:
         return False
-    return await telemetry.shows(lambda: telemetry.reports.count > before, REPORT_S)
+    return await telemetry.shows(lambda: telemetry.reports.count > before, ARMING_REPORT_S)
 
 
 async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> None:
@@ -150,4 +138,4 @@ async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> Non
             fault = telemetry.send("PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
             if fault is not None:
                 _log.info("the request for %s was not sent: %s", name, fault)
-        await telemetry.shows(lambda: not missing(), PARAMETER_S)
+        await telemetry.shows(lambda: not missing(), PARAMETER_ANSWER_S)

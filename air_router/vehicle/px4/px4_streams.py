@@ -10,12 +10,25 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from air_router.vehicle import IN_AIR_S, Ages, FlightMode
+from air_router.vehicle import LANDED_STATE_S, Ages, FlightMode
+from air_router.vehicle.px4.limits import (
+    FLYING_M,
+    MODE_SETTLED_S,
+    MOVING_CM_S,
+    POSITION_AHEAD_S,
+    POSITION_BACK_S,
+    POSITION_JUMP_M,
+    POSITION_LATE_MS,
+    POSITION_SPEED_M_S,
+    POSITIONS_AGREEING,
+    POSITIONS_QUIET_S,
+    STREAM_PAUSE_S,
+)
+from air_router.vehicle.px4.mavlink_values import ARMED, CRITICAL, MAIN_AUTO, ON_GROUND, TERMINATED
 from geo.frame import Point
 
 _Fields = Mapping[str, Any]
 
-MAIN_AUTO: Final = 4
 
 _AUTO_MODES: Final[Mapping[int, FlightMode]] = {
     2: FlightMode.TAKEOFF,
@@ -39,14 +52,6 @@ def flight_mode(custom_mode: int) -> FlightMode:
 def sub_mode(mode: FlightMode) -> int:
     """The sub mode of one of the automatic modes, main mode `MAIN_AUTO`. Raises KeyError."""
     return _SUB_MODES[mode]
-
-
-CRITICAL: Final = 5  # MAV_STATE_CRITICAL: a failsafe acts
-TERMINATED: Final = 8  # MAV_STATE_FLIGHT_TERMINATION: or a kill switch
-ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
-
-SETTLED_S: Final = 1.5
-"""After so long on our clock a mode is told for itself: HEARTBEAT comes once a second."""
 
 
 @dataclass(slots=True)
@@ -100,29 +105,13 @@ class ModeState:
         """Time goes on: a mode whose HEARTBEAT does not come is told all the same."""
         since_s = self._landing_left_s
         in_doubt = self._overruled or self.mode is not self.told
-        if since_s is not None and now_s - since_s < SETTLED_S and in_doubt:
+        if since_s is not None and now_s - since_s < MODE_SETTLED_S and in_doubt:
             return
         self._landing_left_s = None
         self.told = self.mode
         self.failsafe = self.failsafe or self._overruled
 
 
-MOST_S: Final = 1.0
-"""A pause of all streams counts as no longer: none of them is missing alone then."""
-
-MOVING_CM_S: Final = 100
-"""From here on a position, told to a centimetre, differs from the one before."""
-
-LATE_MS: Final = 1000
-"""A position from so long before the last one is late; from longer before, of another boot."""
-
-FLYING_M: Final = 5.0
-"""What is armed and moves at this altitude above home is not on the ground."""
-
-LIFTED_M: Final = 2.0
-"""What climbs so high has lifted off, whatever its landed state says; what falls is not down."""
-
-_ON_GROUND: Final = 1  # MAV_LANDED_STATE
 _AGES: Final[Mapping[str, str]] = {
     "GLOBAL_POSITION_INT": "position_s",
     "HEARTBEAT": "armed_s",
@@ -151,7 +140,7 @@ class Streams:
         self._believed: _Fields | None = None  # the newest that counts
         self._gps_us = 0  # stamp of the newest fix
 
-    def message(self, arrived_s: float, rate: float, most_s: float = MOST_S) -> None:
+    def message(self, arrived_s: float, rate: float, most_s: float = STREAM_PAUSE_S) -> None:
         """Anything came, at this time on our clock.
 
         Args:
@@ -161,7 +150,7 @@ class Streams:
         """
         if self._last_s is not None:
             passed_s = max(0.0, arrived_s - self._last_s) * rate
-            self.heard_s += min(passed_s, most_s, MOST_S)
+            self.heard_s += min(passed_s, most_s, STREAM_PAUSE_S)
         self._last_s = max(arrived_s, self._last_s or arrived_s)
 
     def news(self, name: str, fields: _Fields, *, armed: bool) -> bool:
@@ -174,7 +163,7 @@ class Streams:
                 news = self._gps_us == 0 or self._gps_us != before_us
             case "EXTENDED_SYS_STATE":
                 news = not (
-                    fields["landed_state"] == _ON_GROUND and armed and self.moves_above(FLYING_M)
+                    fields["landed_state"] == ON_GROUND and armed and self.moves_above(FLYING_M)
                 )
             case "POSITION_TARGET_GLOBAL_INT":
                 news = fields["time_boot_ms"] / 1e3 >= self.targets_from_s
@@ -215,7 +204,7 @@ class Streams:
         if last is None:
             self._position = fields
             return True
-        if -LATE_MS <= fields["time_boot_ms"] - last["time_boot_ms"] <= 0:
+        if -POSITION_LATE_MS <= fields["time_boot_ms"] - last["time_boot_ms"] <= 0:
             return False
         self._position = fields
         moves = math.hypot(fields["vx"], fields["vy"]) >= MOVING_CM_S
@@ -238,28 +227,10 @@ class Streams:
 
     def in_air(self, word: bool, *, armed: bool) -> bool:
         """Whether it is in the air: as it reports, and by its height where that is missing."""
-        if self._age_s("EXTENDED_SYS_STATE") <= IN_AIR_S:
+        if self._age_s("EXTENDED_SYS_STATE") <= LANDED_STATE_S:
             return word
         high = self._position is not None and self._position["relative_alt"] >= FLYING_M * 1e3
         return armed and (word or high)
-
-
-BACK_S: Final = 1.0
-"""So far back messages may overtake each other, on the vehicle's clock."""
-
-AHEAD_S: Final = 4.0
-"""So far the vehicle's clock may step on between two messages; more in a fast simulation.
-
-Less than a step back that counts as a restart (`flight.RESTART_S`).
-"""
-
-JUMP_M: Final = 5.0
-SPEED_M_S: Final = 50.0
-"""How far it may be from one message to the next: what an estimate may jump, and what it flies."""
-
-MESSAGES: Final = 5
-QUIET_S: Final = 0.7
-"""So many messages that agree are believed, when for so long nothing else was heard."""
 
 
 class ReportedPosition(NamedTuple):
@@ -289,7 +260,7 @@ class Continuity:
         else:
             agrees = self._doubted is not None and _follows(self._doubted, heard, rate)
             self._doubted, self._count = heard, self._count + 1 if agrees else 1
-            if self._count < MESSAGES or now_s - self._last_s < QUIET_S / rate:
+            if self._count < POSITIONS_AGREEING or now_s - self._last_s < POSITIONS_QUIET_S / rate:
                 return False
             self._doubted, self._count = None, 0
         self._last, self._last_s = heard, now_s
@@ -298,7 +269,7 @@ class Continuity:
 
 def _follows(before: ReportedPosition, after: ReportedPosition, rate: float) -> bool:
     passed_s = after.boot_s - before.boot_s
-    if not -BACK_S <= passed_s <= AHEAD_S * rate:
+    if not -POSITION_BACK_S <= passed_s <= POSITION_AHEAD_S * rate:
         return False
     way_m = math.dist(tuple(before.position), tuple(after.position))
-    return way_m <= JUMP_M + SPEED_M_S * max(passed_s, 0.0)
+    return way_m <= POSITION_JUMP_M + POSITION_SPEED_M_S * max(passed_s, 0.0)

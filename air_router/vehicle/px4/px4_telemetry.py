@@ -23,41 +23,32 @@ from air_router.vehicle import (
     loop_s,
 )
 from air_router.vehicle.px4.boot_clock import TwinWatch
-from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.plan_guard import FENCE, PlanGuard, PlanIds
-from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
-from air_router.vehicle.px4.px4_messages import MODES, Handler, Px4Messages
-from air_router.vehicle.px4.px4_streams import (
-    ARMED,
+from air_router.vehicle.px4.limits import (
+    GPS_HEIGHT_S,
     LIFTED_M,
-    TERMINATED,
-    Continuity,
-    ModeState,
-    ReportedPosition,
-    Streams,
+    SURELY_FLIES_M,
+    SYSTEM_TIME_NEAR_S,
+    TELEMETRY_EVERY_S,
 )
+from air_router.vehicle.px4.mavlink_values import (
+    ARMED,
+    COMPANION_COMPONENT,
+    FENCE,
+    MISSION_ACCEPTED,
+    PREARM_GOOD,
+    TERMINATED,
+    UNKNOWN_16,
+)
+from air_router.vehicle.px4.mavsdk_bridge import Received
+from air_router.vehicle.px4.plan_guard import PlanGuard, PlanIds
+from air_router.vehicle.px4.px4_messages import MODES, Handler, Px4Messages
+from air_router.vehicle.px4.px4_streams import Continuity, ModeState, ReportedPosition, Streams
 from geo.frame import FrameError, LocalFrame, Point
 
 _log = logging.getLogger(__name__)
 
 IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
-PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
-MISSION_UNKNOWN: Final = 0  # MISSION_STATE_UNKNOWN: it is not told, as before PX4 1.17
-MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
-MISSION_ACCEPTED: Final = 0  # MAV_MISSION_RESULT: stored, or cleared
-UNKNOWN: Final = 65535  # of a field of 16 bits
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
-GPS_OLD_S: Final = 1.5
-"""A receiver's altitude from longer ago says nothing of a vehicle that climbs."""
-
-CLOCK_S: Final = 2.0
-"""Near the clock that positions tell, SYSTEM_TIME keeps it going where they are missing."""
-
-SURELY_FLIES_M: Final = 15.0
-"""What says once, at such a height, that it is disarmed, is waited for once more."""
-
-TELL_S: Final = 0.5
-"""So often, of the vehicle's time, it is told how it is while no position comes."""
 
 
 class Px4Telemetry(Px4Messages):
@@ -235,7 +226,7 @@ class Px4Telemetry(Px4Messages):
         if self._streams.news(name, received.fields, armed=self.armed):
             handler(received.fields)
         self._mode.settle(received.arrived_s)
-        if self._streams.heard_s - self._told_s >= TELL_S:
+        if self._streams.heard_s - self._told_s >= TELEMETRY_EVERY_S:
             self._emit_snapshot()
 
     def _emit(self, event: VehicleEvent) -> None:
@@ -324,7 +315,7 @@ class Px4Telemetry(Px4Messages):
             in_air=self.in_air is not False or lifted,  # it may be met in the air
         )
         self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
-        self.heading_deg = None if fields["hdg"] == UNKNOWN else fields["hdg"] / 100
+        self.heading_deg = None if fields["hdg"] == UNKNOWN_16 else fields["hdg"] / 100
         self._emit_snapshot()
 
     def _on_extended_state(self, fields: dict[str, Any]) -> None:
@@ -339,12 +330,14 @@ class Px4Telemetry(Px4Messages):
         elif self.battery is not None:  # it was known: what is not told any more grows old
             self._streams.void("SYS_STATUS")
         voltage_mv = fields["voltage_battery"]
-        self.voltage_v = None if voltage_mv in {None, UNKNOWN} else voltage_mv / 1e3
+        self.voltage_v = None if voltage_mv in {None, UNKNOWN_16} else voltage_mv / 1e3
         self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)
 
     def _on_system_time(self, fields: dict[str, Any]) -> None:
         boot_s = fields["time_boot_ms"] / 1e3
-        if -REBOOT_S <= boot_s - self.clock.boot_s() <= CLOCK_S:  # another's: by positions
+        if (
+            -REBOOT_S <= boot_s - self.clock.boot_s() <= SYSTEM_TIME_NEAR_S
+        ):  # another's: by positions
             self.clock.heard(boot_s)
         if fields["time_unix_usec"] > 0:
             self.clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
@@ -359,8 +352,8 @@ class Px4Telemetry(Px4Messages):
         self.home_altitude_amsl_m = fields["altitude"] / 1e3
 
     def _on_mission_current(self, fields: dict[str, Any]) -> None:
-        total = fields.get("total", UNKNOWN)
-        self.item_total = 0 if total == UNKNOWN else total
+        total = fields.get("total", UNKNOWN_16)
+        self.item_total = 0 if total == UNKNOWN_16 else total
         self.mission_state = fields.get("mission_state", 0)
         self.mission_reports += 1
         self.item = fields["seq"]
@@ -400,7 +393,7 @@ class Px4Telemetry(Px4Messages):
         if self._gps_height is None or self.gps is None or not self.gps.good:
             return None
         amsl_m, at_s = self._gps_height
-        return amsl_m if abs(self.time_s - at_s) <= GPS_OLD_S else None
+        return amsl_m if abs(self.time_s - at_s) <= GPS_HEIGHT_S else None
 
     def _on_wind(self, fields: dict[str, Any]) -> None:
         north_m_s, east_m_s = fields["wind_x"], fields["wind_y"]

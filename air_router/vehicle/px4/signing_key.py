@@ -9,18 +9,14 @@ import os
 import stat
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Self
 
 from air_router.errors import AirRouterError, ExitCode
+from air_router.vehicle.px4.limits import KEY_FILE_BYTES
+from air_router.vehicle.px4.mavlink_values import KEY_BYTES, LAST_TIMESTAMP
 from mocha_link.path_safety import new_file
 
 _log = logging.getLogger(__name__)
-
-KEY_BYTES: Final = 32
-_FILE_BYTES: Final = 4096  # of a file that is looked at; a key is shorter
-
-LAST: Final = 1 << 47
-"""Timestamps end here, in 2059: half of what their 6 bytes hold, so that none runs over."""
 
 
 class SigningKeyError(AirRouterError):
@@ -56,7 +52,7 @@ class SigningKey:
             place = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
             with os.fdopen(place, "rb") as file:
                 mode = os.fstat(place).st_mode
-                data = file.read(_FILE_BYTES) if stat.S_ISREG(mode) else b""
+                data = file.read(KEY_FILE_BYTES) if stat.S_ISREG(mode) else b""
         except OSError as error:
             raise SigningKeyError(
                 f"{path}: the signing key cannot be read: {error.strerror}; `air-router "
@@ -127,14 +123,18 @@ class TimestampFile:
         In units of 10 microseconds since 2015.
         """
         try:
-            text = self._path.read_bytes()[:_FILE_BYTES]
+            text = self._path.read_bytes()[:KEY_FILE_BYTES]
         except FileNotFoundError:
             return 0
         except OSError as error:
             self._warn(error)
             return 0
         digits = text.strip()
-        if digits.isdigit() and len(digits) <= len(str(LAST)) and int(digits) < LAST:
+        if (
+            digits.isdigit()
+            and len(digits) <= len(str(LAST_TIMESTAMP))
+            and int(digits) < LAST_TIMESTAMP
+        ):
             return int(digits)
         _log.warning("%s is damaged; signatures go by the clock of this machine", self._path)
         return 0

@@ -27,12 +27,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
 
 from air_router.errors import NoVehicleError
-from air_router.vehicle.px4 import (
-    COMPANION_COMPONENT,
-    FIND_S,
-    Plugins,
-    Px4Connection,
-)
+from air_router.vehicle.px4 import COMPANION_COMPONENT, FIND_S, Plugins, Px4Connection
 
 _AUTOPILOT: Final = 1
 _REPEAT_S: Final = 0.5

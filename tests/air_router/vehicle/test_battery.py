@@ -3,8 +3,9 @@
 import pytest
 
 from air_router.controller.model.states import State
-from air_router.vehicle.battery import BELIEVED_S, BatteryWatch
+from air_router.vehicle.battery import BatteryWatch
 from air_router.vehicle.instructions import WATCH_BATTERY
+from air_router.vehicle.limits import CHARGE_BELIEVED_S
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -23,8 +24,8 @@ def test_one_that_jumps_is_believed_once_it_has_said_so_for_some_seconds(charge)
     watch = BatteryWatch()
     assert told(watch, 0.0, 0.6) == 0.6
     assert told(watch, 1.0, charge) == 0.6
-    assert told(watch, 1.0 + BELIEVED_S - 0.1, charge) == 0.6
-    assert told(watch, 1.0 + BELIEVED_S, charge) == charge
+    assert told(watch, 1.0 + CHARGE_BELIEVED_S - 0.1, charge) == 0.6
+    assert told(watch, 1.0 + CHARGE_BELIEVED_S, charge) == charge
 
 
 def test_one_that_jumps_for_a_moment_again_and_again_is_not():
@@ -65,7 +66,7 @@ def test_one_message_ends_no_mission_and_a_low_battery_does(away):
     doubt = next(a for a in flight.announced if "charge jumped" in a.text)
     assert doubt.instruction == WATCH_BATTERY
     flight.battery = 0.0
-    flight.fly_for(BELIEVED_S - 0.5)
+    flight.fly_for(CHARGE_BELIEVED_S - 0.5)
     assert flight.controller.state is not State.HOME
     flight.fly_for(1.0)
     assert flight.controller.state is State.HOME

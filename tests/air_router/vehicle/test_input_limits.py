@@ -9,8 +9,9 @@ from air_router.controller.model.actions import HoldHere
 from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
-from air_router.vehicle.input_limits import FIX_ALARM_S, LIMITS
+from air_router.vehicle.input_limits import LIMITS
 from air_router.vehicle.instructions import TAKE_OVER_BLIND, TAKE_OVER_NOW, Severity
+from air_router.vehicle.limits import FIX_ALARM_S
 from air_router.vehicle.vehicle import Ages, FlightMode
 
 INPUTS = {limit.age: limit for limit in LIMITS}

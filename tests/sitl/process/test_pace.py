@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from air_router.vehicle.clock import ALLOWANCE_S
+from air_router.vehicle.limits import PACE_ALLOWANCE_S
 from air_router.vehicle.pace import PaceClient, PaceSource, line
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
@@ -33,9 +33,9 @@ def make_pace(**reached_s):
 
 def test_the_world_goes_no_farther_than_a_little_beyond_the_slowest():
     pace = make_pace(team=7.0, titan=5.0)
-    assert pace.limit(5.1, 0.0) == Limit(5.0 + ALLOWANCE_S)
+    assert pace.limit(5.1, 0.0) == Limit(5.0 + PACE_ALLOWANCE_S)
     pace.reached("titan", "titan", 9.0, 0.1)
-    assert pace.limit(5.2, 0.1) == Limit(7.0 + ALLOWANCE_S)
+    assert pace.limit(5.2, 0.1) == Limit(7.0 + PACE_ALLOWANCE_S)
 
 
 def test_it_goes_slowly_until_all_who_are_expected_have_told_how_far_they_are():
@@ -44,15 +44,15 @@ def test_it_goes_slowly_until_all_who_are_expected_have_told_how_far_they_are():
     pace.joined("titan")
     assert pace.limit(0.0, 0.0) == Limit(most_speed=STARTING_SPEED)
     pace.reached("team", "team", 1.0, 0.0)
-    assert pace.limit(1.0, 0.0) == Limit(1.0 + ALLOWANCE_S, STARTING_SPEED)
+    assert pace.limit(1.0, 0.0) == Limit(1.0 + PACE_ALLOWANCE_S, STARTING_SPEED)
     pace.reached("titan", "titan", 1.0, 0.0)
-    assert pace.limit(1.0, 0.0) == Limit(1.0 + ALLOWANCE_S)
+    assert pace.limit(1.0, 0.0) == Limit(1.0 + PACE_ALLOWANCE_S)
 
 
 def test_one_that_is_killed_is_waited_for_no_more_also_before_it_said_anything():
     pace = make_pace(team=7.0, titan=5.0)
     pace.left("titan")
-    assert pace.limit(5.2, 0.0) == Limit(7.0 + ALLOWANCE_S)
+    assert pace.limit(5.2, 0.0) == Limit(7.0 + PACE_ALLOWANCE_S)
     pace.left("team")
     assert pace.limit(7.2, 0.0) == Limit()
     early = Pace(1)
@@ -63,13 +63,13 @@ def test_one_that_is_killed_is_waited_for_no_more_also_before_it_said_anything()
 
 def test_one_that_is_stopped_holds_the_world_for_some_seconds_then_it_is_real_time():
     pace = make_pace(team=5.0, titan=5.0)
-    held = 5.0 + ALLOWANCE_S
+    held = 5.0 + PACE_ALLOWANCE_S
     pace.reached("team", "team", held, 0.0)
     assert pace.limit(held, 10.0) == Limit(held)
     assert pace.limit(held, 10.0 + PATIENCE_S) == Limit(held)
-    assert pace.limit(held, 10.1 + PATIENCE_S) == Limit(held + ALLOWANCE_S, STALLED_SPEED)
+    assert pace.limit(held, 10.1 + PATIENCE_S) == Limit(held + PACE_ALLOWANCE_S, STALLED_SPEED)
     pace.reached("titan", "titan", 6.0, 20.0)
-    assert pace.limit(held, 20.0) == Limit(held + ALLOWANCE_S)
+    assert pace.limit(held, 20.0) == Limit(held + PACE_ALLOWANCE_S)
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.5, 1.0])
@@ -92,7 +92,7 @@ def test_what_a_link_loses_holds_nothing(loss):
 
 def test_one_that_has_more_to_work_through_is_waited_for_whatever_was_lost():
     pace = make_pace(titan=5.0)
-    assert pace.limit(5.3, 0.0, heard_s=5.1) == Limit(5.0 + ALLOWANCE_S)
+    assert pace.limit(5.3, 0.0, heard_s=5.1) == Limit(5.0 + PACE_ALLOWANCE_S)
     pace.reached("titan", "titan", 5.1, 0.1)
     assert pace.limit(5.3, 0.1, heard_s=5.1) == Limit()
 
@@ -100,7 +100,7 @@ def test_one_that_has_more_to_work_through_is_waited_for_whatever_was_lost():
 def test_one_that_says_the_same_again_and_again_holds_no_longer_and_is_told():
     pace = make_pace(titan=5.0)
     for tenth in range(21):
-        assert pace.limit(5.2, tenth / 10) == Limit(5.0 + ALLOWANCE_S)
+        assert pace.limit(5.2, tenth / 10) == Limit(5.0 + PACE_ALLOWANCE_S)
         pace.reached("titan", "titan", 5.0, tenth / 10)
     assert pace.limit(5.2, 2.1) == Limit(most_speed=STALLED_SPEED)
     assert pace.told(5.0)["processes"]["titan"]["lost_s"] == 5.2
@@ -166,10 +166,12 @@ def test_a_vehicle_stands_still_for_a_process_that_works_and_flies_on_when_it_is
     client = PaceClient(source_of(server), "titan")
     for reached_s in (1.0, 4.0):
         client.reached(reached_s)
-        run_until(process, lambda at_s=reached_s: time_s(process) > at_s + ALLOWANCE_S - STEP_S)
+        run_until(
+            process, lambda at_s=reached_s: time_s(process) > at_s + PACE_ALLOWANCE_S - STEP_S
+        )
         looks = iter(range(5))
         run_until(process, lambda looks=looks: next(looks, None) is None)
-        assert time_s(process) < reached_s + ALLOWANCE_S + STEP_S
+        assert time_s(process) < reached_s + PACE_ALLOWANCE_S + STEP_S
     client.close()
     run_until(process, lambda: time_s(process) > 10.0)
     told = process.pace()
@@ -207,7 +209,7 @@ def test_two_vehicles_keep_together(make_vehicle):
         apart_s.append(abs(time_s(first) - time_s(second)))
 
     run_until(first, lambda: time_s(first) > 5.0, turn)
-    assert max(apart_s) <= ALLOWANCE_S + 2 * STEP_S
+    assert max(apart_s) <= PACE_ALLOWANCE_S + 2 * STEP_S
     team.close()
     server.close()  # left alone the second one flies on by itself
     run_until(second, lambda: time_s(second) > 8.0)

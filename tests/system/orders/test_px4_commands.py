@@ -9,7 +9,7 @@ import itertools
 import pytest
 
 from air_router.errors import PlanRefusedError
-from air_router.vehicle.px4.px4_motions import ATTEMPTS
+from air_router.vehicle.px4.limits import ORDER_ATTEMPTS
 from geo.frame import Point
 from tests.system.orders.verbs import (
     ACCEPTED,
@@ -61,8 +61,8 @@ def test_a_reposition_is_not_repeated_even_if_nothing_changes(run, hovering):
 def test_what_leads_to_no_place_is_repeated_while_nothing_changes(run, verb):
     heartbeats = []
     px4 = run(lambda px4, _order: heartbeats.append(px4.heartbeats), fails(verb), **state_for(verb))
-    assert px4.commands() == ORDERS[verb] * ATTEMPTS
-    assert [order.confirmation for order in px4.orders] == list(range(ATTEMPTS))
+    assert px4.commands() == ORDERS[verb] * ORDER_ATTEMPTS
+    assert [order.confirmation for order in px4.orders] == list(range(ORDER_ATTEMPTS))
     assert all(later > sooner for sooner, later in itertools.pairwise(heartbeats))
 
 
@@ -79,7 +79,7 @@ def test_mission_mode_is_not_chosen_again_once_another_plan_is_on_board(run):
 
 
 def test_a_stop_is_repeated_while_nothing_changes(run, hovering):
-    assert run(deaf, fails(hold), **hovering).commands() == STOP * ATTEMPTS
+    assert run(deaf, fails(hold), **hovering).commands() == STOP * ORDER_ATTEMPTS
 
 
 def takes_over(px4, _order):

@@ -3,8 +3,8 @@
 import pytest
 
 from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.px4.mavlink_values import ARMED
 from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_streams import ARMED
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import Telemetry
 

@@ -3,22 +3,24 @@
 import pytest
 
 from air_router.vehicle.instructions import SEPARATE_TWINS
-from air_router.vehicle.px4.boot_clock import GONE, WRAP_MS, BootClock, TwinWatch
+from air_router.vehicle.px4.boot_clock import BootClock, TwinWatch
+from air_router.vehicle.px4.limits import TWIN_GONE_MESSAGES
+from air_router.vehicle.px4.mavlink_values import BOOT_CLOCK_MS
 from air_router.vehicle.vehicle import FlightMode, Telemetry, WrongVehicle
 
 HOLD = 0x03040000
 
 
 def test_a_clock_that_wraps_goes_on():
-    clock, last_ms = BootClock(), WRAP_MS - 150
-    assert [clock.whole_ms(ms % WRAP_MS) for ms in range(last_ms, last_ms + 1000, 100)] == list(
-        range(last_ms, last_ms + 1000, 100)
-    )
-    assert clock.whole_ms(WRAP_MS - 50) == WRAP_MS - 50  # late, of before
-    assert clock.whole_ms(900) == WRAP_MS + 900
+    clock, last_ms = BootClock(), BOOT_CLOCK_MS - 150
+    assert [
+        clock.whole_ms(ms % BOOT_CLOCK_MS) for ms in range(last_ms, last_ms + 1000, 100)
+    ] == list(range(last_ms, last_ms + 1000, 100))
+    assert clock.whole_ms(BOOT_CLOCK_MS - 50) == BOOT_CLOCK_MS - 50  # late, of before
+    assert clock.whole_ms(900) == BOOT_CLOCK_MS + 900
 
 
-@pytest.mark.parametrize("before_ms", [500_000, WRAP_MS // 2, WRAP_MS - 200_000])
+@pytest.mark.parametrize("before_ms", [500_000, BOOT_CLOCK_MS // 2, BOOT_CLOCK_MS - 200_000])
 def test_one_that_begins_anew_far_from_its_end_has_restarted(before_ms):
     clock = BootClock()
     clock.whole_ms(before_ms)
@@ -26,7 +28,7 @@ def test_one_that_begins_anew_far_from_its_end_has_restarted(before_ms):
 
 
 def test_a_flight_over_the_wrap_is_one_flight(px4):
-    px4.boot_s = WRAP_MS / 1e3 - 3.0
+    px4.boot_s = BOOT_CLOCK_MS / 1e3 - 3.0
     px4.clock.heard(px4.boot_s)
     px4.run(2.0)
     fields, wrapped = px4._fields, []
@@ -34,8 +36,8 @@ def test_a_flight_over_the_wrap_is_one_flight(px4):
     def wraps(name):
         told = fields(name)
         if "time_boot_ms" in told:
-            wrapped.append(told["time_boot_ms"] >= WRAP_MS)
-            told["time_boot_ms"] %= WRAP_MS
+            wrapped.append(told["time_boot_ms"] >= BOOT_CLOCK_MS)
+            told["time_boot_ms"] %= BOOT_CLOCK_MS
         return told
 
     px4._fields = wraps
@@ -68,7 +70,9 @@ def test_two_clocks_that_take_turns_are_two_vehicles_until_one_is_gone():
         news.append(watch.take(boot_s, arrived_s, 1.0))
     assert news.count(True) == 1
     assert watch.apart_s == pytest.approx(600.0, abs=0.5)
-    over = [watch.take(106.0 + s * 0.1, 106.0 + s * 0.1, 1.0) for s in range(GONE + 1)]
+    over = [
+        watch.take(106.0 + s * 0.1, 106.0 + s * 0.1, 1.0) for s in range(TWIN_GONE_MESSAGES + 1)
+    ]
     assert over.count(True) == 1
     assert watch.apart_s is None
 

@@ -5,21 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
+from air_router.vehicle.px4.limits import SIGNING_NEW_SENDER_S, SIGNING_RESERVED_S
 from air_router.vehicle.px4.mavlink_frame import frames_of, header_of
 from air_router.vehicle.px4.mavlink_signing import (
-    EPOCH_UNIX_S,
-    NEW_SENDER_S,
-    RESERVED_S,
-    UNIT_S,
     MavlinkSigner,
     SignedStream,
     Verdict,
     timestamp_of,
 )
+from air_router.vehicle.px4.mavlink_values import SIGNING_EPOCH_UNIX_S, SIGNING_UNIT_S
 from air_router.vehicle.px4.signing_key import SigningKey
 
 KEY, OTHER = SigningKey(bytes(range(1, 33))), SigningKey(bytes(range(2, 34)))
-NOW_S = EPOCH_UNIX_S + 3.5e8
+NOW_S = SIGNING_EPOCH_UNIX_S + 3.5e8
 VEHICLE = 7  # system id
 
 
@@ -165,7 +163,9 @@ def test_components_and_links_have_times_of_their_own():
             assert ours.received(sender.heartbeat())
 
 
-@pytest.mark.parametrize(("age_s", "taken"), [(NEW_SENDER_S, True), (NEW_SENDER_S + 1.0, False)])
+@pytest.mark.parametrize(
+    ("age_s", "taken"), [(SIGNING_NEW_SENDER_S, True), (SIGNING_NEW_SENDER_S + 1.0, False)]
+)
 def test_a_new_sender_may_be_a_minute_behind(age_s, taken):
     ours = signer()
     assert bool(ours.received(Sender(unix_s=NOW_S - age_s).heartbeat())) is taken
@@ -215,7 +215,7 @@ def test_times_never_go_back_over_restarts_with_a_clock_that_begins_anew():
     assert len(stored) < 10
     killed = signer(last=stored[-1], clock=Clock(0.0))
     assert timestamps(killed.sign(orders()))[0] > used[-1]
-    assert stored[-1] - used[-1] <= RESERVED_S / UNIT_S
+    assert stored[-1] - used[-1] <= SIGNING_RESERVED_S / SIGNING_UNIT_S
     ours.close()
     assert stored[-1] == used[-1]  # it ends without a loss
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from air_router.vehicle.px4.plan_guard import FENCE, MISSION, RALLY, PlanGuard, PlanIds
+from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY
+from air_router.vehicle.px4.plan_guard import PlanGuard, PlanIds
 from air_router.vehicle.vehicle import PlanReplaced, PlanTried
 
 OURS = PlanIds(1, 2, 3)

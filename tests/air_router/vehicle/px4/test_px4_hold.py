@@ -7,8 +7,9 @@ import pytest
 
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4.px4 import TEXT_LIMIT, chunks_of
-from air_router.vehicle.px4.px4_commands import CONFIRM_S
+from air_router.vehicle.px4.limits import ORDER_CONFIRM_S
+from air_router.vehicle.px4.mavlink_values import STATUSTEXT_BYTES
+from air_router.vehicle.px4.px4 import chunks_of
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_order import choose, stop
 from air_router.vehicle.px4.px4_telemetry import PlanIds, Px4Telemetry
@@ -98,12 +99,12 @@ def test_a_jump_that_does_not_show_is_waited_for_in_flight_no_longer_than_outsid
             await jump
         return waited_s
 
-    assert asyncio.run(script()) == pytest.approx(CONFIRM_S, abs=0.5)
+    assert asyncio.run(script()) == pytest.approx(ORDER_CONFIRM_S, abs=0.5)
 
 
 def test_a_text_is_cut_by_bytes_and_not_within_a_letter():
     text = "hands off: breach of Kläranlage Süd and Gärtnerei, not resumed by itself ✈"
     chunks = chunks_of(text)
     assert "".join(chunks) == text
-    assert max(len(chunk.encode()) for chunk in chunks) <= TEXT_LIMIT
+    assert max(len(chunk.encode()) for chunk in chunks) <= STATUSTEXT_BYTES
     assert chunks_of("short") == ["short"]

@@ -7,16 +7,9 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from air_router.vehicle.px4.limits import PEER_PORT_ANEW_S, SOCKET_KEPT_S
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
-from air_router.vehicle.px4.px4_link import (
-    ANEW_S,
-    KEPT_S,
-    RECEIVE_BYTES,
-    PeerFilter,
-    Px4Link,
-    frames,
-    widen,
-)
+from air_router.vehicle.px4.px4_link import RECEIVE_BYTES, PeerFilter, Px4Link, frames, widen
 from air_router.vehicle.px4.signing_key import SigningKey
 
 VEHICLE, INTRUDER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
@@ -59,8 +52,8 @@ def test_the_vehicle_is_learned_by_its_heartbeat_and_others_are_not_heard(caplog
 def test_a_vehicle_that_was_silent_may_come_back_on_another_port_of_its_host():
     found = PeerFilter(system_id=1)
     found.takes(heartbeat(), VEHICLE, 0.0)
-    again, later_s = (VEHICLE[0], 20000), ANEW_S + 1.0
-    assert not found.takes(heartbeat(), again, ANEW_S - 1.0)
+    again, later_s = (VEHICLE[0], 20000), PEER_PORT_ANEW_S + 1.0
+    assert not found.takes(heartbeat(), again, PEER_PORT_ANEW_S - 1.0)
     assert not found.takes(position(5), again, later_s)
     assert not found.takes(heartbeat(), INTRUDER, later_s)
     assert found.takes(heartbeat(), again, later_s)
@@ -180,7 +173,7 @@ class Kernel:
 
 
 def test_a_buffer_that_the_kernel_grants_is_not_worth_a_word(caplog):
-    assert widen(Kernel(1 << 30)) == KEPT_S
+    assert widen(Kernel(1 << 30)) == SOCKET_KEPT_S
     assert caplog.text == ""
 
 

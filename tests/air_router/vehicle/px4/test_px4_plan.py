@@ -11,8 +11,9 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 from air_router.errors import PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_plan, px4_requests
+from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY, MavCmd
 from air_router.vehicle.px4.mavsdk_bridge import to_raw
-from air_router.vehicle.px4.plan_guard import FENCE, MISSION, RALLY, PlanGuard, PlanIds
+from air_router.vehicle.px4.plan_guard import PlanGuard, PlanIds
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_events import (
     ARMING_SUMMARY,
@@ -22,7 +23,6 @@ from air_router.vehicle.px4.px4_events import (
     event_id,
 )
 from air_router.vehicle.px4.px4_plan import OnboardPlan
-from air_router.vehicle.px4.px4_requests import RUN_PREARM_CHECKS
 from air_router.vehicle.vehicle import FlightMode
 
 
@@ -106,7 +106,7 @@ class Board:
         return False
 
     async def ask(self, command, *, limit_s):
-        assert command == RUN_PREARM_CHECKS
+        assert command == MavCmd.RUN_PREARM_CHECKS
         if self.left is not None:
             runs = self.good and self.items and self.left <= 0
             self.left -= 1
@@ -256,8 +256,8 @@ class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
             asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
 
     def test_no_report_is_no_refusal_and_says_so(self, pennovation, monkeypatch):
-        monkeypatch.setattr(px4_plan, "CHECKS_S", 0.01)
-        monkeypatch.setattr(px4_requests, "REPORT_S", 0.001)
+        monkeypatch.setattr(px4_plan, "PLAN_CHECKS_S", 0.01)
+        monkeypatch.setattr(px4_requests, "ARMING_REPORT_S", 0.001)
         board = Board(tells_state=False, judges_after=None)
         with pytest.raises(PlanRefusedError, match="neither MISSION_CURRENT nor a report"):
             asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
@@ -280,11 +280,11 @@ class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
 
         board.ask = ask_then
         asyncio.run(onboard.renew(plan, lambda: None))
-        assert asked_s[0] - sent_s[0] >= px4_plan.RELOAD_S
+        assert asked_s[0] - sent_s[0] >= px4_plan.PLAN_RELOAD_S
 
 
 def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):
-    monkeypatch.setattr(px4_plan, "BUSY_S", 0.0)
+    monkeypatch.setattr(px4_plan, "PLAN_BUSY_S", 0.0)
     plan, board = FlightPlan.of(pennovation), Board()
     take, answers = board.upload_rally_points_async, [MissionRawResult.PROTOCOL_ERROR]
 
@@ -438,7 +438,7 @@ def test_a_plan_that_was_changed_before_its_renewal_is_not_written_over(pennovat
 
 
 def test_that_px4_is_busy_with_a_transfer_of_another_is_told(pennovation, monkeypatch):
-    monkeypatch.setattr(px4_plan, "BUSY_S", 0.0)
+    monkeypatch.setattr(px4_plan, "PLAN_BUSY_S", 0.0)
     plan, board = FlightPlan.of(pennovation), Board()
     onboard = board.onboard()
     upload, refused = onboard.fence.upload, [1]

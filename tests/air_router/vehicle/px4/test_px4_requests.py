@@ -10,9 +10,10 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4 import px4_requests
+from air_router.vehicle.px4.mavlink_values import PREARM_GOOD
 from air_router.vehicle.px4.mavsdk_bridge import Received
 from air_router.vehicle.px4.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
-from air_router.vehicle.px4.px4_telemetry import PREARM_GOOD, Px4Telemetry
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import GpsFix
 
 INT32, REAL32 = 6, 9
@@ -69,7 +70,7 @@ class Autopilot:
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    for name in ("HEALTH_S", "REPORT_S", "PARAMETER_S"):
+    for name in ("INSPECTION_HEALTH_S", "ARMING_REPORT_S", "PARAMETER_ANSWER_S"):
         monkeypatch.setattr(px4_requests, name, 0.01)
 
 

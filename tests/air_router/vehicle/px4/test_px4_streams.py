@@ -5,15 +5,9 @@ import asyncio
 import pytest
 
 from air_router.vehicle.px4 import px4_requests
-from air_router.vehicle.px4.px4_requests import SET_MESSAGE_INTERVAL
-from air_router.vehicle.px4.px4_streams import (
-    MESSAGES,
-    QUIET_S,
-    Continuity,
-    ReportedPosition,
-    Streams,
-    flight_mode,
-)
+from air_router.vehicle.px4.limits import POSITIONS_AGREEING, POSITIONS_QUIET_S
+from air_router.vehicle.px4.mavlink_values import MavCmd
+from air_router.vehicle.px4.px4_streams import Continuity, ReportedPosition, Streams, flight_mode
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
 from tests.air_router.vehicle.px4.conftest import Px4
@@ -329,7 +323,7 @@ def test_a_stream_that_was_turned_off_is_asked_for_again(px4, monkeypatch):
     px4.run(5.0)
     asyncio.run(px4_requests.ask_again(px4.telemetry))
     # At our rate; and at the autopilot's own.
-    assert asked == [(SET_MESSAGE_INTERVAL, 33, 1e5), (SET_MESSAGE_INTERVAL, 1, 0.0)]
+    assert asked == [(MavCmd.SET_MESSAGE_INTERVAL, 33, 1e5), (MavCmd.SET_MESSAGE_INTERVAL, 1, 0.0)]
 
 
 @pytest.mark.parametrize(("most_s", "stale"), [(0.2, False), (10.0, True)])
@@ -399,7 +393,7 @@ def test_a_vehicle_that_restarted_is_believed_once_the_old_one_is_not_heard_any_
     told.boot_s = 2.0
     believed = told.goes_on(20)
     assert believed == sorted(believed)
-    assert believed.count(False) == max(MESSAGES, round(QUIET_S * 10)) - 1
+    assert believed.count(False) == max(POSITIONS_AGREEING, round(POSITIONS_QUIET_S * 10)) - 1
     told.boot_s -= 0.5  # messages may overtake each other
     assert all(told.goes_on(5))
 
@@ -408,12 +402,12 @@ def test_a_link_that_was_lost_and_an_estimate_that_jumped_for_good_are_believed_
     told = Told()
     told.goes_on(20)
     told.now_s, told.boot_s = told.now_s + 30.0, told.boot_s + 30.0
-    assert told.goes_on(MESSAGES) == [False] * (MESSAGES - 1) + [True]
+    assert told.goes_on(POSITIONS_AGREEING) == [False] * (POSITIONS_AGREEING - 1) + [True]
     places = [told.says(told.boot_s, AWAY)]
     for _ in range(9):
         told.now_s, told.boot_s = told.now_s + 0.1, told.boot_s + 0.1
         places.append(told.says(told.boot_s, AWAY))
-    assert places[:MESSAGES] == [False] * MESSAGES
+    assert places[:POSITIONS_AGREEING] == [False] * POSITIONS_AGREEING
     assert places[-1]
 
 
