@@ -36,6 +36,11 @@ DEFINED: Final = {
 }
 """Numbers that tune nothing, by `file` or `file:NAME`, and why: another would be a mistake."""
 
+TAKES_SO: Final = {
+    "configuration": "MAVSDK's, which takes what is not its default so",
+}
+"""What belongs to a library, and is set up by assignments."""
+
 _BUILDERS: Final = frozenset({"__init__", "__post_init__", "__new__"})
 
 
@@ -103,7 +108,7 @@ def _assigned(path: str, holder: str, node: ast.AST) -> Iterator[Assignment]:
         elif isinstance(child, ast.FunctionDef) and child.name in _BUILDERS:
             continue
         else:
-            if _is_set(child):
+            if _is_set(child) and ast.unparse(child.value) not in TAKES_SO:
                 yield Assignment(path, holder, ast.unparse(child.value), child.attr)
             yield from _assigned(path, holder, child)
 

@@ -139,14 +139,14 @@ def fly_mission(mission: Mission, arguments: argparse.Namespace, stem: str) -> F
                 simulated=arguments.pace_from is not None,
             ),
         )
-        web = web_of(arguments)
+        web, page = web_of(arguments), None
         if web is not None:
             with needs_extra("the page", "web", "air-router"):
                 from air_router.live import LivePage  # noqa: PLC0415 - an extra
             told = flight.controller, flight.commands, gossip.links
-            flight.loop.page = LivePage(*told, mapper=mapper, web=web)
+            page = LivePage(*told, mapper=mapper, web=web)
         gc.freeze()  # what is there by now stays: a search of it for garbage blocks the loop
-        result = asyncio.run(flight.run())
+        result = asyncio.run(flight.run(page))
     if recorder.path is not None:
         result.report["record"] = str(recorder.path)
     return result

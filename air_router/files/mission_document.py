@@ -188,6 +188,10 @@ class MissionDocument:
     notes: list[Problem] = field(default_factory=list)  # no reason not to fly it
     refused: list[RefusedRing] = field(default_factory=list)  # rings that bound no area
 
+    def begin_at(self, start: datetime | None, duration_s: float | None) -> None:
+        """Fly it at this time, for so long; see `start` and `duration_s`."""
+        self.start, self.duration_s = start, duration_s
+
     def report(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem with the value at these keys."""
         self.problems.append(self.source.problem(keys, message, code))

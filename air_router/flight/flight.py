@@ -19,7 +19,7 @@ from air_router.controller import Controller
 from air_router.controller.model import Announce, FlightSetup, GoOn, State
 from air_router.errors import AirRouterError, ExitCode, NoVehicleError, RefusedError
 from air_router.flight.flight_line import flight_line
-from air_router.flight.flight_loop import CommandService, FlightLoop
+from air_router.flight.flight_loop import CommandService, FlightLoop, NoPage, Page
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.flight.lag_watch import watch_lag
@@ -149,16 +149,19 @@ class Flight:
         self._admitted = False  # the vehicle may be flown: decisions begin
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
 
-    async def run(self) -> FlightResult:
+    async def run(self, page: Page | None = None) -> FlightResult:
         """Fly.
+
+        Args:
+            page: Told of every event, and served meanwhile.
 
         Raises:
             NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
         """
         running = asyncio.get_running_loop()
-        ended = self.loop.begin()
+        ended = self.loop.begin(page or NoPage())
         self._first = running.create_future()
-        self._recorder.trouble = lambda text: running.call_soon_threadsafe(self._status.say, text)
+        self._recorder.report_to(lambda text: running.call_soon_threadsafe(self._status.say, text))
         for number in (signal.SIGINT, signal.SIGTERM):
             running.add_signal_handler(number, self._on_interrupt)
         say = self._status.say
@@ -339,7 +342,7 @@ class Flight:
     async def _let_go(self) -> None:
         await self.loop.stop()
         ours = self.loop.flies_by_us(starts=self._starts) and self._vehicle_s < math.inf
-        self.loop.leaving = True
+        self.loop.let_go()
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours and self.loop.may_be_taken():

@@ -173,13 +173,14 @@ class FlightLoop:
         status: What the operator sees.
 
     Attributes:
-        page: Told of every event; serves nothing by default.
+        page: Told of every event; from `begin` on.
         motions: Brings the controller's motions to the vehicle.
         reloader: Reads the mission file again, and puts changed zones on board.
         leaving: The vehicle is let go: what still comes is not decided on.
     """
 
-    _finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends; set by `begin`
+    page: Page
+    _finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends; from `begin` on
 
     def __init__(  # noqa: PLR0913 - all that an action can reach
         self,
@@ -201,7 +202,6 @@ class FlightLoop:
         self._recorder = recorder
         self._status = status
         self._repeats = Repeats[str]()  # of what is said on the terminal
-        self.page: Page = NoPage()
         self.motions = MotionSender(
             vehicle,
             plan,
@@ -215,8 +215,13 @@ class FlightLoop:
         self._decided: deque[tuple[Event, list[Action], float]] = deque()
         self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
 
-    def begin(self) -> asyncio.Future[tuple[str, ExitCode]]:
-        """Get ready in the running event loop; the outcome of the flight, once it has one."""
+    def begin(self, page: Page) -> asyncio.Future[tuple[str, ExitCode]]:
+        """Get ready in the running event loop; the outcome of the flight, once it has one.
+
+        Args:
+            page: Shows the flight.
+        """
+        self.page = page
         running = asyncio.get_running_loop()
         running.set_exception_handler(self._on_loop_error)
         self._finish = running.create_future()
@@ -297,6 +302,10 @@ class FlightLoop:
             left_s = latest.timestamp() + mission.duration_s - self._clock.now_s()
             self._controller.home_by(now_s + left_s)
             self._recorder.note("HomeBy", now_s, {"home_by_s": now_s + left_s})
+
+    def let_go(self) -> None:
+        """The vehicle is let go: what still comes is not decided on."""
+        self.leaving = True
 
     async def tell(self, said: Announce) -> None:
         """Tell the operator, here, and the pilot, by the ground station."""

@@ -81,8 +81,7 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
     latest, today = mission.window.latest_start, datetime.now(UTC)
     late = latest is not None and today > latest  # its window may be over before it is
     # The zones of this flight, not of one that begins now.
-    draft.start = today if late else mission.window.start
-    draft.duration_s = mission.duration_s
+    draft.begin_at(today if late else mission.window.start, mission.duration_s)
     now = checked(draft, besides=DRAWN_OVER)
     if late:
         now = now.with_areas(now.fences, _whatever_the_hour(now))

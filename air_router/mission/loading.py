@@ -63,8 +63,7 @@ def load_mission(
     draft = read_draft(path)
     if uav is not None:
         choose(draft, uav)
-    draft.start = start
-    draft.duration_s = draft.duration_s if duration_s is None else duration_s
+    draft.begin_at(start, draft.duration_s if duration_s is None else duration_s)
     return checked(draft, besides=DRAWN_OVER if in_flight else ())
 
 

@@ -77,7 +77,7 @@ class Recorder(Closeable):
         folder: Where the file goes; it is made when it is not there.
         mission: The path of the mission, as the operator wrote it.
         unix_s: The vehicle's Unix time.
-        trouble: Told when nothing more can be recorded; may be exchanged.
+        trouble: Told when nothing more can be recorded; see `report_to`.
         stem: How the file's name begins; `name`: the UAV's, with which it ends.
         must: A folder that cannot be written to is an error.
         viewer: Shows what is recorded while it happens, also where nothing is kept.
@@ -102,7 +102,7 @@ class Recorder(Closeable):
         must: bool = True,
         viewer: RecordViewer | None = None,
     ) -> None:
-        self.trouble, self.folder = trouble, folder
+        self._trouble, self.folder = trouble, folder
         self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
         self._last_ns = 0  # of the newest message; never runs back
@@ -126,6 +126,10 @@ class Recorder(Closeable):
                     raise no_folder(error) from None
                 trouble(f"{folder}: {error.strerror}; the flight is not recorded")
         self.path = None if self._file is None else self._file.path
+
+    def report_to(self, trouble: Callable[[str], object]) -> None:
+        """Call this when nothing more can be recorded, perhaps on another thread."""
+        self._trouble = trouble
 
     # What is recorded.
 
@@ -255,7 +259,7 @@ class Recorder(Closeable):
     def _tell(self, text: str) -> None:
         """On the thread that writes."""
         try:
-            self.trouble(text)
+            self._trouble(text)
         except RuntimeError:  # the listener has gone
             _log.error(text)
 

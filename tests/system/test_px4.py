@@ -170,7 +170,7 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
         await vehicle.jump(plan.item_of(5))
         assert not any(isinstance(event, PlanReplaced) for event in log.events)
         assert log.telemetry.mode is FlightMode.MISSION
-        await log.until(lambda: vehicle.telemetry.guard.newest is not None)  # it is on guard
+        await log.until(lambda: vehicle.telemetry.plan.guard.newest is not None)  # it is on guard
         await put_by_another(vehicle, FlightPlan.of(changed))
         await log.until(lambda: any(isinstance(event, PlanReplaced) for event in log.events))
         return took_off_s
@@ -328,9 +328,9 @@ def test_circles_holes_and_several_fences_read_back_as_they_were_sent(standing):
 
 async def put_by_another(vehicle, plan):
     """Put a plan on board as if the answers had gone to another ground station."""
-    known = vehicle.telemetry.plan_ids
+    known = vehicle.telemetry.plan.ids
     await vehicle._onboard.put(plan)
-    vehicle.telemetry.guard.begin(known)
+    vehicle.telemetry.plan.guard.begin(known)
 
 
 def test_a_plan_that_a_ground_station_uploads_is_noticed(standing):
@@ -342,7 +342,7 @@ def test_a_plan_that_a_ground_station_uploads_is_noticed(standing):
         await vehicle.connect()
         log = Log(vehicle)
         await vehicle.upload(plan)
-        await log.until(lambda: vehicle.telemetry.guard.newest is not None)  # it is on guard
+        await log.until(lambda: vehicle.telemetry.plan.guard.newest is not None)  # it is on guard
         await put_by_another(vehicle, other)
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
         (compared,) = [e for e in log.events if isinstance(e, PlanCompared)]
@@ -368,7 +368,7 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
         await vehicle.connect()
         log = Log(vehicle)
         await vehicle.upload(plan)
-        await log.until(lambda: vehicle.telemetry.guard.newest is not None)  # it is on guard
+        await log.until(lambda: vehicle.telemetry.plan.guard.newest is not None)  # it is on guard
         await put_by_another(vehicle, rounded)
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
         told = [e for e in log.events if isinstance(e, PlanReplaced | PlanCompared)]

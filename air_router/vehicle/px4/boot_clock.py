@@ -45,6 +45,10 @@ class _Track:
     boot_s: float
     arrived_s: float
 
+    def told(self, boot_s: float, arrived_s: float) -> None:
+        """It goes on."""
+        self.boot_s, self.arrived_s = boot_s, arrived_s
+
 
 @dataclass(slots=True, eq=False)
 class TwinWatch:
@@ -90,5 +94,5 @@ class TwinWatch:
             track = _Track(boot_s, arrived_s)
             self._tracks = [*self._tracks[-1:], track]
         else:
-            track.boot_s, track.arrived_s = boot_s, arrived_s
+            track.told(boot_s, arrived_s)
         return track

@@ -103,7 +103,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             )
         if not await telemetry.shows(telemetry.introduced, FIRST_ANSWER_S) and telemetry.in_air:
             await px4_requests.ask_since_when_it_flies(telemetry)
-        if telemetry.version is None:
+        if telemetry.identity.version is None:
             _log.warning(
                 "%s: PX4 does not answer; has it a signing key? Then say --signing-key FILE",
                 self._url,
@@ -113,11 +113,11 @@ class Px4Vehicle(Px4Motions, Vehicle):
         return VehicleInfo(
             system_id=telemetry.system_id,
             autopilot="PX4",
-            version=telemetry.version or "of unknown version",
-            home=telemetry.home,
-            home_altitude_amsl_m=telemetry.home_altitude_amsl_m,
+            version=telemetry.identity.version or "of unknown version",
+            home=telemetry.place.home,
+            home_altitude_amsl_m=telemetry.place.home_altitude_amsl_m,
             took_off_s=telemetry.took_off_s,
-            airframe=telemetry.airframes.airframe,
+            airframe=telemetry.identity.airframes.airframe,
         )
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
@@ -149,7 +149,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         """See `Vehicle.arm`."""
         telemetry = self._telemetry
         before = telemetry.mode
-        if not await telemetry.shows(lambda: telemetry.health_good, ARMING_HEALTH_S):
+        if not await telemetry.shows(lambda: telemetry.status.health_good, ARMING_HEALTH_S):
             raise ArmingRefusedError(
                 f"not ready to arm after {ARMING_HEALTH_S:.0f} s{telemetry.reports.words}"
                 f"{telemetry.said()}; see the arming checks in the ground station"

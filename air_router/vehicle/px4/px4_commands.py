@@ -133,6 +133,22 @@ class SentOrder:
     acked_s: float = math.inf
     refusal: int | None = None
 
+    def leaves(self, now_s: float) -> None:
+        """It leaves, perhaps again."""
+        self.last_s = now_s
+        if self.refusal is not None:  # what was answered was about the time before
+            self.refusal, self.accepted, self.acked_s = None, False, math.inf
+
+    def answered(self, result: int, now_s: float, *, this: bool) -> None:
+        """The vehicle says what has become of it; `this`: of this order, and of none before it."""
+        if result == Result.IN_PROGRESS:
+            self.heard_s = now_s
+        elif result == Result.ACCEPTED:
+            self.accepted |= this
+            self.acked_s = min(self.acked_s, now_s)
+        else:
+            self.refusal = result
+
 
 Shown = Callable[[SentOrder], bool]
 """Whether the vehicle follows an order, by what it says and has acknowledged."""
@@ -154,6 +170,15 @@ class _Attempts:
     unanswered: deque[tuple[float, SentOrder]] = field(default_factory=deque)  # when it left
     newest: SentOrder | None = None  # its answer is waited for
     unsettled_s: float = -math.inf  # when one left last whose answer may yet be taken for another's
+
+    def begin(self, sent: SentOrder) -> None:
+        """This order is the one that is waited for."""
+        self.newest = sent
+        self.unsettled_s = max([self.unsettled_s, *(left_s for left_s, _ in self.unanswered)])
+
+    def left_again(self, sent: SentOrder) -> None:
+        """An order that is over left again, and may be answered, and followed, once more."""
+        self.unsettled_s = sent.last_s
 
 
 class Px4Commands:
@@ -268,10 +293,9 @@ class Px4Commands:
         """
         await self.look(order.words, out_of, objection)
         telemetry = self._telemetry
-        sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan_ids, loop_s())
+        sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan.ids, loop_s())
         tried = self._tried[order.command]
-        tried.newest = sent
-        tried.unsettled_s = max([tried.unsettled_s, *(left_s for left_s, _ in tried.unanswered)])
+        tried.begin(sent)
         verdict = None
         for attempt in range(attempts):
             if attempt:
@@ -288,9 +312,8 @@ class Px4Commands:
             if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
-        # It left again, and may be followed once more.
         if sent.last_s > sent.first_s + ORDER_SETTLED_S:
-            tried.unsettled_s = sent.last_s
+            tried.left_again(sent)
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
@@ -305,9 +328,7 @@ class Px4Commands:
     def _leave(self, sent: SentOrder, attempt: int) -> None:
         if sent.order.moves and not attempt:
             self._unfollowed.append(sent)
-        sent.last_s = loop_s()
-        if sent.refusal is not None:  # what was answered was about the time before
-            sent.refusal, sent.accepted, sent.acked_s = None, False, math.inf
+        sent.leaves(loop_s())
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self._send(sent.order.wire(attempt), sent.order.words)
 
@@ -378,7 +399,7 @@ class Px4Commands:
             and sent.before.told_since(sent.last_s, telemetry)
             and sent.before.same(ObservedState.of(telemetry))
             # Mission mode would fly what a ground station has put on board meanwhile.
-            and (sent.order.leads_to is not FlightMode.MISSION or sent.plan == telemetry.plan_ids)
+            and (sent.order.leads_to is not FlightMode.MISSION or sent.plan == telemetry.plan.ids)
         )
 
     def _why_not(self, sent: SentOrder, verdict: OrderOutcome | None) -> str:
@@ -400,8 +421,9 @@ class Px4Commands:
         ):
             return
         now_s, newest = self._telemetry.arrived_s("COMMAND_ACK"), tried.newest
-        if fields["result"] == Result.IN_PROGRESS:
-            newest.heard_s = now_s
+        result = fields["result"]
+        if result == Result.IN_PROGRESS:
+            newest.answered(result, now_s, this=True)
             return
         while tried.unanswered and tried.unanswered[0][0] < now_s - ACK_LATE_S:
             tried.unanswered.popleft()
@@ -409,13 +431,8 @@ class Px4Commands:
         answered = None
         if tried.unanswered and tried.unanswered[0][0] <= now_s:
             _, answered = tried.unanswered.popleft()
-        if newest.first_s > now_s:
-            return
-        if fields["result"] == Result.ACCEPTED:
-            newest.accepted |= answered is newest
-            newest.acked_s = min(newest.acked_s, now_s)
-        else:
-            newest.refusal = fields["result"]
+        if newest.first_s <= now_s:
+            newest.answered(result, now_s, this=answered is newest)
 
 
 def _name(result: int) -> str:

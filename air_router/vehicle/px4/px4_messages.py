@@ -59,12 +59,11 @@ class Backlog:
     `BACKLOG_S` have passed. The last alone does not prove that a mode is of now.
 
     Attributes:
-        gap_s: How long the latest gap was, on our clock; 0 once it was told.
         proven: A message has come that was sent since the latest gap.
     """
 
     def __init__(self) -> None:
-        self.gap_s = 0.0
+        self._gap_s = 0.0  # how long the latest gap was, on our clock; 0 once it was reported
         self.proven = True
         self._came_s: float | None = None  # when anything came last, monotonic
         self._boot_s = 0.0  # the latest time that the vehicle told
@@ -103,8 +102,13 @@ class Backlog:
 
     def _begin(self, arrived_s: float) -> None:
         """What comes is of before the gap."""
-        self.gap_s, self._suspected_s = self._suspected_s, 0.0
+        self._gap_s, self._suspected_s = self._suspected_s, 0.0
         self.proven, self._until_s = False, arrived_s + BACKLOG_S
+
+    def new_gap_s(self) -> float:
+        """How long a gap was, on our clock, that was not reported before; 0: there is none."""
+        gap_s, self._gap_s = self._gap_s, 0.0
+        return gap_s
 
     def is_read(self) -> None:
         """What comes from now on was sent after the gap."""
@@ -260,8 +264,7 @@ class Px4Messages:
             return False  # the vehicle's time stood still as well
         backlog = self._backlog
         old = backlog.holds(received.fields, received.arrived_s, self.clock.rate)
-        if backlog.gap_s > 0.0:
-            silent_s, backlog.gap_s = backlog.gap_s, 0.0
+        if (silent_s := backlog.new_gap_s()) > 0.0:
             self._came_back(silent_s)
         return old or (name in MODES and not backlog.proven)
 

@@ -97,7 +97,7 @@ class Px4Motions:
             NotConfirmedError: it does not start.
         """
         telemetry = self._telemetry
-        mode, plan = telemetry.mode, telemetry.plan_ids
+        mode, plan = telemetry.mode, telemetry.plan.ids
         self._check_armed()
         await self._commands.look("Mission mode", {mode})
         self._check_armed()
@@ -107,7 +107,7 @@ class Px4Motions:
             _log.warning("%s; it may be taking off", error)
         except NotConfirmedError:
             stays = telemetry.mode is mode and not telemetry.in_air
-            if telemetry.plan_ids == plan or not stays:
+            if telemetry.plan.ids == plan or not stays:
                 raise
             raise PlanRefusedError(
                 "the plan or fence on board was replaced as it took off; it is on the ground: "
@@ -138,7 +138,7 @@ class Px4Motions:
         Both leave once: a leg was checked from where the vehicle was when it was commanded.
         """
         telemetry = self._telemetry
-        if 0 < telemetry.item_total <= item:
+        if 0 < telemetry.plan.item_total <= item:
             raise NotConfirmedError(f"the plan on board has no item {item}")
         words = f"the jump to item {item}"
         await self._commands.send(set_current(item), words, out_of=out_of, objection=objection)
@@ -184,7 +184,7 @@ class Px4Motions:
         telemetry, before = self._telemetry, self._telemetry.target
         latitude_deg, longitude_deg = self._frame.to_geodetic(point)
         self._late = point
-        amsl_m = telemetry.altitude_amsl_m + altitude_m - telemetry.altitude_m
+        amsl_m = telemetry.place.altitude_amsl_m + altitude_m - telemetry.place.altitude_m
 
         def shown(sent: SentOrder) -> bool:
             there = _near(telemetry.target, point)
@@ -244,7 +244,7 @@ class Px4Motions:
         def shown(sent: SentOrder) -> bool:
             if telemetry.mode is not FlightMode.HOLD:
                 return False
-            target, here = telemetry.target, telemetry.position
+            target, here = telemetry.target, telemetry.place.point
             if sent.accepted or target is None or here is None:
                 return sent.accepted
             other = before is not None and not _near(target, before)
@@ -260,7 +260,7 @@ class Px4Motions:
         Not while an order of ours may yet take the vehicle out of Hold: what calls that off has to
         bring it back.
         """
-        version = version_of(self._telemetry.version or "")
+        version = version_of(self._telemetry.identity.version or "")
         if version is None or REPOSITION_CHANGES_MODE.holds_in(version):
             return False
         holds = self._telemetry.mode is FlightMode.HOLD

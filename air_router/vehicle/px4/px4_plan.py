@@ -122,14 +122,14 @@ class OnboardPlan:
         """Put a plan on board, and notice from now on when it is another. See `Vehicle.upload`."""
         async with self.lock:
             self._kept.clear()  # whatever is on board, we replace it
-            self._telemetry.guard.begin(self._telemetry.plan_ids)
+            self._telemetry.plan.guard.begin(self._telemetry.plan.ids)
             try:
                 await self.put(plan)
             finally:
-                self._telemetry.guard.transfer_ends()
+                self._telemetry.plan.guard.transfer_ends()
             self._object()
             self._keep(plan)
-            self._telemetry.watch_plan()
+            self._telemetry.plan.watch()
 
     async def recognise(self, plan: FlightPlan) -> None:
         """Make sure that a plan is on board, and notice when it is another."""
@@ -141,17 +141,17 @@ class OnboardPlan:
         async with self.lock:
             if (why := objection()) is not None:
                 raise PlanRefusedError(why)
-            if self._telemetry.guard.changed:
+            if self._telemetry.plan.guard.changed:
                 # Known, and told, by now: what is there is replaced because the operator wants it.
                 self._kept.clear()
-                self._telemetry.guard_plan(self._telemetry.plan_ids)
+                self._telemetry.guard_plan(self._telemetry.plan.ids)
             self._objection = objection
             try:
                 await self._renew(plan)
                 self._keep(plan)
             finally:
                 self._objection = _none
-                self._telemetry.guard.transfer_ends()
+                self._telemetry.plan.guard.transfer_ends()
 
     def replaced(self) -> None:
         """It changed: compare; once more if that is under way, which may have read the one before.
@@ -200,7 +200,7 @@ class OnboardPlan:
             await self._clear_fence()
         if not plan.rally:
             await self._clear_rally_points()
-        if self._telemetry.mission_reports > 0 and not self._tells_state:
+        if self._telemetry.plan.count > 0 and not self._tells_state:
             # What its arming checks say next is of this mission, and not of the one before.
             await self._clear_mission()
         self._telemetry.forget_words()
@@ -264,7 +264,7 @@ class OnboardPlan:
         Returns which plan the vehicle said that it had before: what comes on board while it is read
         is another. Raises PlanRefusedError: it is another plan.
         """
-        said = self._telemetry.plan_ids
+        said = self._telemetry.plan.ids
         for places, sent in ((self.fence, plan.fence), (self.rally, plan.rally)):
             found = await self.download(places)
             _compare(places.what, [_place(v) for v in sent], [_place(v) for v in found])
@@ -278,7 +278,7 @@ class OnboardPlan:
         result, *_ = await _transfer("no mission", self._plugins.raw.clear_mission_async)
         cleared = result == MissionRawResult.SUCCESS
         if not cleared:  # what follows replaces it
-            self._telemetry.guard.clear_refused(MISSION)
+            self._telemetry.plan.guard.clear_refused(MISSION)
         self._put(MISSION, () if cleared else None)
 
     async def _clear_fence(self) -> None:
@@ -287,7 +287,7 @@ class OnboardPlan:
         clear = self._plugins.geofence.clear_geofence_async
         (result,) = await _transfer("no fence", clear)
         if result != GeofenceResult.SUCCESS:
-            self._telemetry.guard.clear_refused(FENCE)
+            self._telemetry.plan.guard.clear_refused(FENCE)
         self._put(FENCE, () if result == GeofenceResult.SUCCESS else None)
         if result != GeofenceResult.SUCCESS:
             said = self._telemetry.said()
@@ -318,21 +318,21 @@ class OnboardPlan:
         """
         self._object()
         telemetry = self._telemetry
-        fresh = telemetry.mission_reports + 1
-        if not await telemetry.shows(lambda: telemetry.mission_reports >= fresh, PLAN_TOLD_S):
+        fresh = telemetry.plan.count + 1
+        if not await telemetry.shows(lambda: telemetry.plan.count >= fresh, PLAN_TOLD_S):
             raise PlanRefusedError("PX4 does not say which plan is on board")
-        ids = telemetry.plan_ids
+        ids = telemetry.plan.ids
         if ids is None or not ids.told:  # an older PX4, or an empty one
             await self._look_whether_kept()
         if not await self._received():  # of what a pilot flies nothing is changed
             raise PlanRefusedError("nothing is put on board: no flight mode of now was received")
         self._object()
-        telemetry.guard.transfer_begins(kind)
+        telemetry.plan.guard.transfer_begins(kind)
 
     def _object(self) -> None:
         if (why := self._objection()) is not None:
             raise PlanRefusedError(why)
-        if self._telemetry.guard.changed:
+        if self._telemetry.plan.guard.changed:
             raise PlanRefusedError(REPLACED)
 
     async def _look_whether_kept(self) -> None:
@@ -349,7 +349,7 @@ class OnboardPlan:
         """A transfer of ours is over; None: PX4 has not taken it; `lost`: it may have."""
         if items is not None:
             self._kept[kind] = items
-        self._telemetry.guard.transfer_ends(perhaps_stored=lost or items is not None)
+        self._telemetry.plan.guard.transfer_ends(perhaps_stored=lost or items is not None)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
         """Send a list, again where PX4 is busy with one of another sender."""
@@ -388,7 +388,7 @@ class OnboardPlan:
     @property
     def _tells_state(self) -> bool:
         """Whether MISSION_CURRENT says whether the mission can be flown: from PX4 1.17 on."""
-        return self._telemetry.mission_state != MISSION_UNKNOWN
+        return self._telemetry.plan.mission_state != MISSION_UNKNOWN
 
     async def _feasible(self, total: int, *, cleared: bool = False) -> None:
         """Wait until PX4 finds the mission on board feasible.
@@ -402,16 +402,16 @@ class OnboardPlan:
         """
         telemetry = self._telemetry
         # What was said last may be of the plan before; the next report may have been on its way.
-        fresh = telemetry.mission_reports + 2
+        fresh = telemetry.plan.count + 2
 
         def judged() -> bool:
-            if telemetry.mission_reports < fresh or telemetry.item_total != total:
+            if telemetry.plan.count < fresh or telemetry.plan.item_total != total:
                 return False
-            return telemetry.mission_state != MISSION_INVALID or bool(telemetry.refusals)
+            return telemetry.plan.mission_state != MISSION_INVALID or bool(telemetry.refusals)
 
         await telemetry.shows(judged, PLAN_FEASIBLE_S)
-        if telemetry.item_total == total:
-            if telemetry.mission_state > MISSION_INVALID:
+        if telemetry.plan.item_total == total:
+            if telemetry.plan.mission_state > MISSION_INVALID:
                 return
             if not self._tells_state and await self._can_run(cleared=cleared):
                 return
@@ -444,8 +444,9 @@ class OnboardPlan:
             await telemetry.shows(runs, PLAN_CHECKS_AGAIN_S)
         if reports.count > before and reports.mission_can_run is not None:
             return reports.mission_can_run
+        version = telemetry.identity.version or ""
         raise PlanRefusedError(
-            f"PX4 {self._telemetry.version or ''} stored the mission, and neither MISSION_CURRENT "
+            f"PX4 {version} stored the mission, and neither MISSION_CURRENT "
             "nor a report of its arming checks says whether it can be flown: try again; if that "
             "does not help, look whether the link drops EVENT messages"
         )

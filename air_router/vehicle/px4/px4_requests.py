@@ -92,16 +92,16 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
     reports = telemetry.reports
     await asyncio.gather(
         _read_parameters(telemetry, parameters),
-        telemetry.shows(lambda: telemetry.health_good, INSPECTION_HEALTH_S),
+        telemetry.shows(lambda: telemetry.status.health_good, INSPECTION_HEALTH_S),
     )
     await arming_report(telemetry)
     return Inspection(
-        healthy=telemetry.health_good,
+        healthy=telemetry.status.health_good,
         problems=reports.problems,
         warnings=reports.warnings,
-        gps=telemetry.gps,
-        battery=telemetry.battery,
-        voltage_v=telemetry.voltage_v,
+        gps=telemetry.gps.fix,
+        battery=telemetry.status.battery,
+        voltage_v=telemetry.status.voltage_v,
         wind_m_s=telemetry.wind_m_s,
         unix_s=telemetry.unix_s(),
         parameters={name: telemetry.parameters.get(name) for name in parameters},

@@ -128,12 +128,11 @@ class Streams:
 
     Attributes:
         heard_s: How long that was.
-        targets_from_s: A target that was told before this time of the vehicle is another mode's.
     """
 
     def __init__(self) -> None:
         self.heard_s = 0.0
-        self.targets_from_s = 0.0
+        self._targets_from_s = 0.0  # earlier ones, on the vehicle's clock, are another mode's
         self._last_s: float | None = None  # when anything came last, monotonic
         self._at_s: dict[str, tuple[float, float]] = {}  # by message: newest, and the one before
         self._position: _Fields | None = None  # the newest, believed or not
@@ -166,13 +165,17 @@ class Streams:
                     fields["landed_state"] == ON_GROUND and armed and self.moves_above(FLYING_M)
                 )
             case "POSITION_TARGET_GLOBAL_INT":
-                news = fields["time_boot_ms"] / 1e3 >= self.targets_from_s
+                news = fields["time_boot_ms"] / 1e3 >= self._targets_from_s
             case _:
                 news = True
         if news:
             before_s, _ = self._at_s.get(name, (self.heard_s, 0.0))
             self._at_s[name] = (self.heard_s, before_s)
         return news
+
+    def void_targets_before(self, time_s: float) -> None:
+        """A target that was reported before this time of the vehicle is another mode's."""
+        self._targets_from_s = time_s
 
     def void(self, name: str) -> None:
         """The message of this name that came last says nothing that can be used."""

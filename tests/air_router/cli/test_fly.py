@@ -22,7 +22,7 @@ def test_what_is_there_before_a_flight_is_not_searched_for_garbage_in_it(monkeyp
     """A search of all that is loaded blocks the flight loop for as long as 50 ms."""
     frozen = []
 
-    async def run(_flight):
+    async def run(_flight, _page):
         frozen.append(gc.get_freeze_count())
         raise RefusedError("enough was seen")
 
@@ -60,7 +60,7 @@ def resumed(tmp_path, monkeypatch):
                 recorder.begin(FlightSetup(before, ()), arm=True, resume=False, camera=None)
                 recorder.note(PREFLIGHT, 0.0, {})
 
-        async def run(flight):
+        async def run(flight, _page):
             seen.append(flight.controller.context.mission)
             raise RefusedError("enough was seen")
 

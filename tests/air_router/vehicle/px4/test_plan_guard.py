@@ -139,10 +139,10 @@ def test_a_transfer_of_ours_is_no_change_and_one_in_it_is_told_at_once(px4):
     px4.off.add("MISSION_CURRENT")
     px4.says("MISSION_CURRENT", **told)
     px4.telemetry.guard_plan(OURS)
-    px4.telemetry.guard.transfer_begins(FENCE)
+    px4.telemetry.plan.guard.transfer_begins(FENCE)
     ack = {"target_system": 1, "target_component": 191, "mission_type": FENCE, "type": 0}
     px4.says("MISSION_ACK", **ack, opaque_id=7)
-    px4.telemetry.guard.transfer_ends()
+    px4.telemetry.plan.guard.transfer_ends()
     px4.says("MISSION_CURRENT", **told | {"fence_id": 7})
     assert not any(isinstance(event, PlanReplaced) for event in px4.events)
     px4.says("MISSION_CURRENT", **told | {"fence_id": 7, "mission_id": 4})

@@ -6,24 +6,32 @@ from types import SimpleNamespace
 import pytest
 
 from air_router.errors import NotConfirmedError, PlanRefusedError
-from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.limits import ORDER_CONFIRM_S
 from air_router.vehicle.px4.mavlink_values import STATUSTEXT_BYTES
 from air_router.vehicle.px4.px4 import chunks_of
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_order import choose, stop
-from air_router.vehicle.px4.px4_telemetry import PlanIds, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
+from tests.air_router.vehicle.px4.conftest import HOLD, MISSION, ON_GROUND
 
 PLACE = Point(40.0, 30.0)
+POSITION = 0x00030000
+
+
+def flies(px4, mode):
+    """It says so, whatever it said before."""
+    modes = {FlightMode.HOLD: HOLD, FlightMode.MISSION: MISSION, FlightMode.POSITION: POSITION}
+    px4.mode = px4.intended = modes[mode]
+    px4.says("HEARTBEAT")
+    assert px4.telemetry.mode is mode
 
 
 class Told:
     """Follows what it is told at once."""
 
-    def __init__(self, telemetry):
-        self._telemetry = telemetry
+    def __init__(self, px4):
+        self._px4 = px4
         self.told = []
 
     async def look(self, words, out_of=None, objection=None):
@@ -34,7 +42,7 @@ class Told:
 
     async def tell(self, order, shown, *, attempts):
         assert attempts > 1
-        self._telemetry.mode = order.leads_to
+        flies(self._px4, order.leads_to)
         self.told.append(order)
 
 
@@ -46,12 +54,11 @@ class Told:
         (FlightMode.HOLD, None, stop()),
     ],
 )
-def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(pennovation, mode, late, order):
+def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(px4, pennovation, mode, late, order):
     async def script():
-        telemetry = Px4Telemetry(pennovation.frame, VehicleClock())
-        commands = Told(telemetry)
-        motions = Px4Motions(pennovation, telemetry, commands)
-        telemetry.mode = mode
+        commands = Told(px4)
+        motions = Px4Motions(pennovation, px4.telemetry, commands)
+        flies(px4, mode)
         motions._late = late
         await motions.hold()
         assert motions._late is None
@@ -68,27 +75,31 @@ def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(pennovation, mode, l
         (True, FlightMode.POSITION, NotConfirmedError),  # the pilot's choice is what counts
     ],
 )
-def test_a_start_over_which_a_plan_is_put_on_board_is_refused(pennovation, replaced, chosen, error):
+def test_a_start_over_which_a_plan_is_put_on_board_is_refused(
+    px4, pennovation, replaced, chosen, error
+):
     async def script():
-        telemetry = Px4Telemetry(pennovation.frame, VehicleClock())
-        telemetry.mode, telemetry.armed, telemetry.in_air = FlightMode.HOLD, True, False
-        telemetry.plan_ids = PlanIds(1, 1, 1)
+        px4.landed, px4.height_m = ON_GROUND, 0.0
+        px4.run(1.0)
+        flies(px4, FlightMode.HOLD)
+        px4.says("MISSION_CURRENT", mission_id=1, fence_id=1, rally_points_id=1)
 
         async def tell(order, shown, *, attempts):
-            telemetry.plan_ids = PlanIds(2 if replaced else 1, 1, 1)
-            telemetry.mode = chosen
+            identifier = 2 if replaced else 1
+            px4.says("MISSION_CURRENT", mission_id=identifier, fence_id=1, rally_points_id=1)
+            flies(px4, chosen)
             raise NotConfirmedError("Mission mode was asked for and does not show")
 
-        commands = SimpleNamespace(tell=tell, look=Told(telemetry).look)
+        commands = SimpleNamespace(tell=tell, look=Told(px4).look)
         with pytest.raises(error):
-            await Px4Motions(pennovation, telemetry, commands).start()
+            await Px4Motions(pennovation, px4.telemetry, commands).start()
 
     asyncio.run(script())
 
 
 def test_a_jump_that_does_not_show_is_waited_for_in_flight_no_longer_than_outside(px4, pennovation):
     async def script():
-        motions = Px4Motions(pennovation, px4.telemetry, Told(px4.telemetry))
+        motions = Px4Motions(pennovation, px4.telemetry, Told(px4))
         jump = asyncio.create_task(motions.jump(px4.item + 1))
         waited_s = 0.0
         while not jump.done():

@@ -252,14 +252,14 @@ def is_another(px4):
 def test_after_a_standstill_no_state_of_before_is_believed(px4, name, stall_s):
     """What the socket kept tells of the beginning of the gap; it is believed as of now."""
     before = STATES[name](px4.telemetry.snapshot())
-    ids = px4.telemetry.plan_ids
+    ids = px4.telemetry.plan.ids
     px4.wall_s += stall_s
     px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
     is_another(px4)
     if name != "GLOBAL_POSITION_INT":
         px4.says(name, mission_id=99)
     assert STATES[name](px4.telemetry.snapshot()) == before
-    assert px4.telemetry.plan_ids == ids
+    assert px4.telemetry.plan.ids == ids
     px4.boot_s += stall_s
     px4.says("GLOBAL_POSITION_INT")
     px4.says(name, mission_id=99)
@@ -270,11 +270,11 @@ def test_after_a_standstill_no_state_of_before_is_believed(px4, name, stall_s):
 
 @pytest.mark.parametrize("stall_s", STALLS_S)
 def test_a_home_that_was_moved_in_a_standstill_is_told(px4, stall_s):
-    before = px4.telemetry.home
+    before = px4.telemetry.place.home
     px4.wall_s += stall_s
     px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
     px4.says("HOME_POSITION", latitude=399_500_000, longitude=-751_900_000, altitude=9000)
-    assert px4.telemetry.home != before
+    assert px4.telemetry.place.home != before
 
 
 @pytest.mark.parametrize("stall_s", STALLS_S)

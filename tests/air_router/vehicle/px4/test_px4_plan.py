@@ -3,6 +3,7 @@
 import asyncio
 import dataclasses
 import struct
+from types import SimpleNamespace
 
 import pytest
 from mavsdk.plugins.geofence.geofence import GeofenceResult
@@ -13,7 +14,7 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_plan, px4_requests
 from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY, MavCmd
 from air_router.vehicle.px4.mavsdk_bridge import to_raw
-from air_router.vehicle.px4.plan_guard import PlanGuard, PlanIds
+from air_router.vehicle.px4.plan_guard import PlanIds
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_events import (
     ARMING_SUMMARY,
@@ -23,6 +24,7 @@ from air_router.vehicle.px4.px4_events import (
     event_id,
 )
 from air_router.vehicle.px4.px4_plan import OnboardPlan
+from air_router.vehicle.px4.px4_reports import PlanReport
 from air_router.vehicle.vehicle import FlightMode
 
 
@@ -46,8 +48,8 @@ class Board:
         self.tells_state = tells_state  # in MISSION_CURRENT, as from PX4 1.17 on
         self.judges_after = judges_after  # so many reports of its arming checks
         self.reports = ArmingReports()
-        self.version, self.time_s = "1.16.2", 0.0
-        self.mission_state, self.mission_reports, self.item_total = int(tells_state), 1, 0
+        self.identity, self.time_s = SimpleNamespace(version="1.16.2"), 0.0
+        self.mission_state = int(tells_state)
         self.refusals = []
         self.items, self.fence, self.rally = [], [], []
         self.uploads = 0
@@ -57,10 +59,11 @@ class Board:
         self.in_air = False
         self.tells_mode = True
         self.mode = FlightMode.HOLD
-        self.guard = PlanGuard()
-        self.plan_ids = None  # as an older PX4, which tells none
+        self.tells_ids = False  # as an older PX4, which tells none
+        self.plan = PlanReport()
         self.tried = 0
         self.after = lambda _kind: None  # called after each list that was stored
+        self.report()
 
     def onboard(self):
         return OnboardPlan(Plugins(self, self, self), self, self.received, self.told.append)
@@ -75,31 +78,32 @@ class Board:
         return ""
 
     def guard_plan(self, ids):
-        self.guard.begin(ids)
+        self.plan.guard.begin(ids)
         self.guarded = ids
-
-    def watch_plan(self):
-        pass
 
     def plan_refused(self):
         self.tried += 1
 
     def numbered(self):
         """From now on it tells ids, as PX4 does since 1.15."""
-        self.plan_ids = PlanIds(*map(number_of, (self.items, self.fence, self.rally)))
+        self.tells_ids = True
+        self.report()
+
+    def report(self):
+        """Its MISSION_CURRENT."""
+        numbers = map(number_of, (self.items, self.fence, self.rally))
+        ids = zip(PlanIds._fields, numbers, strict=True) if self.tells_ids else ()
+        said = {"seq": 0, "total": len(self.items), "mission_state": self.mission_state}
+        self.plan.take({**said, **dict(ids)})
 
     async def shows(self, condition, _limit_s):
         if condition():
             return True
         for _ in range(10):
-            self.mission_reports += 1
             self.time_s += 1.0
             while self.unread:
-                self.guard.stored(*self.unread.pop(0))
-            if self.plan_ids is not None:
-                self.numbered()
-                self.guard.told(self.plan_ids)
-            self.item_total = len(self.items)
+                self.plan.guard.stored(*self.unread.pop(0))
+            self.report()
             await asyncio.sleep(0)
             if condition():
                 return True
@@ -128,10 +132,10 @@ class Board:
         answer(MissionRawResult.SUCCESS, None)
 
     def _stored(self, kind, items):
-        if self.plan_ids is not None and self.result_first:
+        if self.tells_ids and self.result_first:
             self.unread.append((kind, number_of(items)))
-        elif self.plan_ids is not None:
-            self.guard.stored(kind, number_of(items))
+        elif self.tells_ids:
+            self.plan.guard.stored(kind, number_of(items))
         self.after(kind)
 
     def clear_mission_async(self, answer):
@@ -378,7 +382,7 @@ def test_our_lists_are_ours_whether_their_answer_or_the_result_comes_first(
     shorter = dataclasses.replace(plan, fence=plan.fence[:-4], rally=plan.rally[:-1])
     asyncio.run(onboard.renew(shorter, lambda: None))
     assert len(board.fence) == len(shorter.fence)
-    assert board.guard.changed == frozenset()
+    assert board.plan.guard.changed == frozenset()
 
 
 @pytest.mark.parametrize("result", [MissionRawResult.SUCCESS, MissionRawResult.TIMEOUT])

@@ -79,7 +79,7 @@ def inspect(pennovation, names, *, health=PREARM_GOOD, **autopilot):
         telemetry = Px4Telemetry(pennovation.frame, VehicleClock())
         status = {"battery_remaining": 80, "onboard_control_sensors_health": health}
         telemetry._on_sys_status(status | {"voltage_battery": 15800})
-        telemetry._on_gps(
+        telemetry.gps.take(
             {"fix_type": 3, "satellites_visible": 12, "h_acc": 900, "alt": 0, "time_usec": 0}
         )
         telemetry.system_id = 1

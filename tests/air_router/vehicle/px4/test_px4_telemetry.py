@@ -124,7 +124,7 @@ def test_another_plan_is_told_each_time_and_only_when_guarded(px4):
 
 def test_a_fence_that_came_after_ours_was_read_and_before_anything_was_told_is_another(px4):
     has(px4, 1, fence=7)
-    read = px4.telemetry.plan_ids
+    read = px4.telemetry.plan.ids
     px4.telemetry.guard_plan(read)
     (event,) = has(px4, 1, fence=8)
     assert event.only_fence
