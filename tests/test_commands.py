@@ -180,6 +180,21 @@ def test_what_only_the_program_says_needs_only_python():
         assert len([name for name in found if name.split(".")[0] in OURS]) < 20
 
 
+def test_a_check_loads_only_what_it_needs():
+    """Also of the simulated world, whose file it checks."""
+    mission = ROOT / "missions" / "pennovation" / "mission.yaml"
+    code = (
+        "import json, sys\nfrom air_router.cli.cli import main\n"
+        f"main(['check', {str(mission)!r}])\n"
+        "json.dump([*sys.modules], sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    found = set(json.loads(done.stderr))
+    assert "sitl.world.world_file" in found
+    assert not {"networkx", "scipy", "mavsdk", "pymavlink", "aiohttp", "matplotlib"} & found
+    assert not {"sitl.team.nodes", "sitl.px4sim", "air_router.record", "multiprocessing"} & found
+
+
 def file_of(module):
     path = ROOT / module.replace(".", "/")
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
@@ -306,13 +321,11 @@ def test_commands_that_lack_an_extra_are_completed_by_name():
     assert "the simulator needs pymavlink" in done.stderr
 
 
-@pytest.mark.parametrize("missing", ["pymavlink", "scipy"])
-def test_a_mission_is_checked_where_nothing_can_be_simulated(tmp_path, missing):
-    """Its world is a program of its own, which lacks an extra on a companion."""
+def checked_without(tmp_path, missing, mission):
+    """Where an extra is not installed."""
     (tmp_path / "sitecustomize.py").write_text(f"import sys\nsys.modules[{missing!r}] = None\n")
-    mission = ROOT / "missions" / ("explorers" if missing == "scipy" else "pennovation")
     done = subprocess.run(
-        [sys.executable, "-m", "air_router", "check", str(mission / "mission.yaml")],
+        [sys.executable, "-m", "air_router", "check", f"{ROOT}/missions/{mission}/mission.yaml"],
         env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
         capture_output=True,
         text=True,
@@ -320,5 +333,15 @@ def test_a_mission_is_checked_where_nothing_can_be_simulated(tmp_path, missing):
     )
     assert done.returncode == 0, done.stderr
     assert "waypoints" in done.stdout
-    assert f"needs {missing}, which is not installed" in done.stderr
-    assert done.stderr.startswith("the world file is not checked: ")
+    return done.stderr
+
+
+def test_a_mission_is_checked_where_its_world_cannot_be(tmp_path):
+    """The world's program may lack an extra on a companion."""
+    said = checked_without(tmp_path, "scipy", "explorers")
+    assert "needs scipy, which is not installed" in said
+    assert said.startswith("the world file is not checked: ")
+
+
+def test_a_world_file_is_checked_where_nothing_can_be_simulated(tmp_path):
+    assert checked_without(tmp_path, "pymavlink", "pennovation") == ""

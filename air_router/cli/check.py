@@ -13,8 +13,8 @@ from air_router.files import MissionDocument
 from air_router.mission import Mission, choose, read_draft, unusual, validate
 from air_router.preflight import (
     MissionSurvey,
-    WorldCheck,
     WorldUncheckedError,
+    check_world,
     facts_of,
     summary,
     world_notes,
@@ -60,11 +60,10 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.png is not None and mission is not None:
             _draw_wrong(draft, mission, arguments.png)
         raise refusal
-    world = _world_check(mission)
     mission = replace(mission, notes=(*mission.notes, *world_notes(mission.world)))
     findings = MissionSurvey(WaypointGraph(mission))
     try:
-        _finish(world)
+        _check_world(mission)
     except DocumentError as error:
         raise _refusal(error.problems, draft.notes, arguments) from None
     if arguments.json:
@@ -85,20 +84,17 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
 
 
-def _world_check(mission: Mission) -> WorldCheck | None:
-    """The check of the world file, begun; None without one, or where nothing can be simulated."""
+def _check_world(mission: Mission) -> None:
+    """Check the world file, where there is one and it can be simulated.
+
+    Raises DocumentError or WorldRefusedError: it is wrong.
+    """
     if mission.world is None or importlib.util.find_spec("sitl") is None:
-        return None
-    return WorldCheck(mission.path)
-
-
-def _finish(check: WorldCheck | None) -> None:
-    """Raises DocumentError or WorldRefusedError: the world file is wrong."""
-    if check is not None:
-        try:
-            check.result()
-        except WorldUncheckedError as error:  # the mission can be flown outside all the same
-            sys.stderr.write(f"the world file is not checked: {error}\n")
+        return
+    try:
+        check_world(mission.path)
+    except WorldUncheckedError as error:  # the mission can be flown outside all the same
+        sys.stderr.write(f"the world file is not checked: {error}\n")
 
 
 def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:

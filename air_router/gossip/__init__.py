@@ -7,7 +7,8 @@ __getattr__, __dir__, __all__ = door(
     {
         "gossip": ("Gossip", "MAP_INTERVAL_S"),
         "interactions": ("Interactions",),
-        "mapper": ("MARGIN_M", "Mapper", "RESOLUTION_M", "receive_patches"),
+        "limits": ("MARGIN_M", "RESOLUTION_M"),
+        "mapper": ("Mapper", "receive_patches"),
         "ros_messages": ("Datum", "MAP_FRAME", "occupancy_of", "readers_of", "stamp"),
         "team_messages": ("TeamMessageDecoder",),
     },

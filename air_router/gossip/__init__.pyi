@@ -3,8 +3,8 @@
 from air_router.gossip.gossip import MAP_INTERVAL_S as MAP_INTERVAL_S
 from air_router.gossip.gossip import Gossip as Gossip
 from air_router.gossip.interactions import Interactions as Interactions
-from air_router.gossip.mapper import MARGIN_M as MARGIN_M
-from air_router.gossip.mapper import RESOLUTION_M as RESOLUTION_M
+from air_router.gossip.limits import MARGIN_M as MARGIN_M
+from air_router.gossip.limits import RESOLUTION_M as RESOLUTION_M
 from air_router.gossip.mapper import Mapper as Mapper
 from air_router.gossip.mapper import receive_patches as receive_patches
 from air_router.gossip.ros_messages import MAP_FRAME as MAP_FRAME

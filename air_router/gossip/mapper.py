@@ -11,13 +11,10 @@ import zmq
 import zmq.asyncio
 
 from air_router.errors import RefusedError
+from air_router.gossip.limits import MARGIN_M, RESOLUTION_M
 from air_router.mission import Mission
 from geo.frame import Point
 from geo.grid import MAX_CELLS, GridError, GridPatch, SemanticGrid
-
-RESOLUTION_M: Final = 1.0
-MARGIN_M: Final = 60.0
-"""How far the map reaches beyond what the mission flies over: about one camera footprint."""
 
 _DRAWN_IN: Final = 0.99
 

@@ -9,6 +9,6 @@ __getattr__, __dir__, __all__ = door(
         "check_facts": ("facts_of", "summary"),
         "preflight_survey": ("PreflightSurvey",),
         "survey": ("MissionSurvey", "closest_approach", "route_time_s"),
-        "world_check": ("WorldCheck", "WorldUncheckedError", "world_notes"),
+        "world_check": ("WorldUncheckedError", "check_world", "world_notes"),
     },
 )

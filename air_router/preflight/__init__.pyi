@@ -12,6 +12,6 @@ from air_router.preflight.preflight_survey import PreflightSurvey as PreflightSu
 from air_router.preflight.survey import MissionSurvey as MissionSurvey
 from air_router.preflight.survey import closest_approach as closest_approach
 from air_router.preflight.survey import route_time_s as route_time_s
-from air_router.preflight.world_check import WorldCheck as WorldCheck
 from air_router.preflight.world_check import WorldUncheckedError as WorldUncheckedError
+from air_router.preflight.world_check import check_world as check_world
 from air_router.preflight.world_check import world_notes as world_notes

@@ -3,14 +3,17 @@
 `sitl` reads these; it lies above this package, so it is asked as a program.
 """
 
+import contextlib
+import io
 import json
-import subprocess
+import runpy
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 from air_router.errors import AirRouterError, ExitCode
 from air_router.files import WORLD, notes
+from mocha_link.lifetime import INTERRUPTED, raise_when_interrupted
 from mocha_link.team import Document, DocumentError, Problem
 
 
@@ -36,38 +39,45 @@ def world_notes(path: Path | None) -> tuple[Problem, ...]:
         return ()
 
 
-class WorldCheck:
-    """Checks a mission's world file and team, in a process beside the caller's own work.
+def check_world(mission: Path, rovers: Iterable[tuple[str, str]] = ()) -> None:
+    """Check a mission's world file and team.
+
+    `sitl` runs in this process: what takes a program its time at the start is loaded here.
 
     Args:
         mission: The mission's file.
         rovers: Robots that the user's programs play, and where the node of each is served.
+
+    Raises:
+        DocumentError: the world file is wrong: every problem, with line and column.
+        WorldRefusedError: the team does not fit the mission, or has no such rover.
+        WorldUncheckedError: an extra is missing.
+        KeyboardInterrupt: the operator ends it.
     """
+    words = [word for name, where in rovers for word in ("--rover", f"{name}={where}")]
+    code, stdout, stderr = _sitl("team", str(mission), "--check", *words)
+    if code == ExitCode.DONE:
+        return
+    if code == INTERRUPTED:
+        raise KeyboardInterrupt
+    if code == ExitCode.MISSING_EXTRA:
+        raise WorldUncheckedError(stderr.strip())
+    if stdout.strip():
+        found = json.loads(stdout)["problems"]
+        raise DocumentError(Problem(**each | {"path": Path(each["path"])}) for each in found)
+    raise WorldRefusedError(stderr.strip())
 
-    def __init__(self, mission: Path, rovers: Iterable[tuple[str, str]] = ()) -> None:
-        words = [word for name, where in rovers for word in ("--rover", f"{name}={where}")]
-        self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
-            [sys.executable, "-m", "sitl", "team", str(mission), "--check", *words],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
 
-    def result(self) -> None:
-        """Wait for its end.
-
-        Raises:
-            DocumentError: the world file is wrong: every problem, with line and column.
-            WorldRefusedError: the team does not fit the mission, or has no such rover.
-            WorldUncheckedError: an extra is missing.
-        """
-        stdout, stderr = self._process.communicate()
-        if self._process.returncode == ExitCode.DONE:
-            return
-        if self._process.returncode == ExitCode.MISSING_EXTRA:
-            raise WorldUncheckedError(stderr.strip())
-        if stdout.strip():
-            found = json.loads(stdout)["problems"]
-            raise DocumentError(Problem(**each | {"path": Path(each["path"])}) for each in found)
-        raise WorldRefusedError(stderr.strip())
+def _sitl(*words: str) -> tuple[int, str, str]:
+    """Run the program; returns its exit code, and what it says on stdout and stderr."""
+    said, errors, argv = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["sitl", *words]
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(errors):
+            runpy.run_module("sitl", run_name="__main__", alter_sys=False)
+    except SystemExit as end:
+        return int(end.code or ExitCode.DONE), said.getvalue(), errors.getvalue()
+    finally:
+        sys.argv = argv
+        raise_when_interrupted()
+    return ExitCode.DONE, said.getvalue(), errors.getvalue()

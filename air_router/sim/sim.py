@@ -29,7 +29,7 @@ from air_router.cli import (
 )
 from air_router.errors import UsageError
 from air_router.mission import Mission, load_mission
-from air_router.preflight import WorldCheck, world_notes
+from air_router.preflight import check_world, world_notes
 from air_router.record import ViewerAddress, no_folder
 from air_router.report import several
 from air_router.sim.flights import Flights
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
         raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
-    WorldCheck(arguments.mission, arguments.rover).result()
+    check_world(arguments.mission, arguments.rover)
     note_options(arguments, {"duration": "duration_s"})
     for note in world_notes(mission.world):
         say(f"note: {note}")

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from air_router.cli import add_px4_version, speed_factor
 from air_router.errors import ExitCode, UsageError
 from air_router.vehicle.px4 import FLOWN, NEWEST, OLDEST, Version, name_of
-from sitl.cli.vehicle_command import PX4_HOME, instance
+from sitl.cli.arguments import instance
+from sitl.cli.vehicle_command import PX4_HOME
 from sitl.conformance import (
     Conversation,
     Line,

@@ -5,10 +5,10 @@ import time
 from pathlib import Path
 
 from air_router.errors import ExitCode
+from sitl.cli.arguments import instance
 from sitl.cli.vehicle_command import (
     add_place,
     add_speed_and_parameters,
-    instance,
     parameters_of,
     place_of,
     ready_line,

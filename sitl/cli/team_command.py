@@ -12,18 +12,10 @@ from air_router.mission import Mission, load_mission
 from air_router.vehicle import PaceClient
 from mocha_link.path_safety import new_file
 from mocha_link.team import DocumentError, Team
-from sitl.cli.vehicle_command import epoch, pace_source
+from sitl.cli.arguments import epoch, pace_source
 from sitl.process import stop_signal
-from sitl.team import (
-    Places,
-    TeamError,
-    TeamSimulation,
-    check_rovers,
-    default_team,
-    derive_team,
-    roles_of,
-)
-from sitl.world import load_world
+from sitl.team import TeamError, TeamRoles, check_rovers, default_team, roles_of
+from sitl.world import WorldPlan, load_world
 
 _DEFAULT_TRUTH: Final = "udp://127.0.0.1:19410"
 _DEFAULT_CAMERA: Final = "tcp://127.0.0.1:24600"
@@ -107,6 +99,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise
     if arguments.check:
         return ExitCode.DONE
+    return _simulate(arguments, mission, team, roles, plan)
+
+
+def _simulate(
+    arguments: argparse.Namespace, mission: Mission, team: Team, roles: TeamRoles, plan: WorldPlan
+) -> int:
+    from sitl.team import Places, TeamSimulation, derive_team  # noqa: PLC0415 - no check needs it
+
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
     rovers, epoch_s = dict(arguments.rover), arguments.epoch

@@ -17,9 +17,9 @@ from air_router.cli import (
 )
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import load_mission
-from air_router.vehicle import PaceSource
 from air_router.vehicle.px4 import name_of
 from mocha_link.loopback import is_loopback
+from sitl.cli.arguments import epoch, instance, pace_source
 from sitl.mavlink import VehicleSettings
 from sitl.process import (
     HERE,
@@ -39,11 +39,7 @@ from sitl.px4sim.motion import WindSettings
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts by default."""
 
-_MOST_INSTANCES: Final = 250
 _MOST_WIND_M_S: Final = 25.0
-epoch = number("a time in Unix seconds", MORE_THAN_0, 2.0**32)
-"""Unix seconds of a command line."""
-
 _EPILOG = """\
 Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
 "truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
@@ -294,27 +290,8 @@ def _wind(text: str) -> WindSettings:
     return wind
 
 
-def pace_source(text: str) -> PaceSource:
-    """Where the pace of a simulation is set, of a command line."""
-    try:
-        return PaceSource.of(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not HOST:PORT; write 127.0.0.1:24900"
-        ) from None
-
-
 def _address(text: str) -> Address:
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise argparse.ArgumentTypeError(f"'{text}' is not HOST:PORT; write 127.0.0.1:14540")
     return host, int(port)
-
-
-def instance(text: str) -> int:
-    """A PX4 instance of a command line."""
-    if not text.isdecimal() or int(text) > _MOST_INSTANCES:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
-        )
-    return int(text)

@@ -1,15 +1,13 @@
 """The simulated world as a process: its clock, its links that can be cut, its gossip nodes."""
 
-from sitl.team.roles import TeamError, check_rovers, default_team, derive_team, make_world, roles_of
-from sitl.team.team import Places, TeamSimulation
+from mocha_link.lazy import door
 
-__all__ = [
-    "Places",
-    "TeamError",
-    "TeamSimulation",
-    "check_rovers",
-    "default_team",
-    "derive_team",
-    "make_world",
-    "roles_of",
-]
+__getattr__, __dir__, __all__ = door(
+    __name__,
+    {
+        "derived_team": ("derive_team",),
+        "roles": ("TeamError", "TeamRoles", "check_rovers", "default_team", "roles_of"),
+        "team": ("Places", "TeamSimulation"),
+        "team_world": ("make_world",),
+    },
+)

@@ -22,8 +22,9 @@ from mocha_link.lifetime import Closeable
 from mocha_link.team import Team
 from sitl.team.nodes import GroundNodes, RadioReadings, RosMessages, Rovers
 from sitl.team.relay import Relay, relayed_pairs
-from sitl.team.roles import check_rovers, make_world, roles_of
+from sitl.team.roles import check_rovers, roles_of
 from sitl.team.team_report import TeamPace, report
+from sitl.team.team_world import make_world
 from sitl.team.truth import SimClock, TruthReceiver, VehicleState
 from sitl.world import Step, Truth, WorldPlan
 

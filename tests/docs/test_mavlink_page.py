@@ -16,7 +16,7 @@ def section(title):
 
 
 def test_what_is_read():
-    heard = set(re.findall(r'"([A-Z0-9_]+)": self\._on_', "\n".join(SOURCES.values())))
+    heard = set(re.findall(r'"([A-Z0-9_]+)": self\.[a-z_]', "\n".join(SOURCES.values())))
     assert heard == set(re.findall(r"^\| ([A-Z0-9_]+) \|", section("Read"), re.MULTILINE))
 
 

@@ -25,7 +25,7 @@ import air_router.cli.cli
 import sitl.cli.cli
 from air_router.sim.ports import free_port
 from mocha_link import Team
-from sitl.team.roles import derive_team
+from sitl.team.derived_team import derive_team
 from tests.system.forked import ForkedProgram, ForkServer
 from tests.system.looker import SharedBrowser
 from tests.system.simulated import simulated_vehicle

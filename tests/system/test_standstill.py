@@ -31,7 +31,7 @@ from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.mission_file import MissionFile, hurried
 from sitl.rehearsal.programs.processes import OURS, Companion
 from sitl.rehearsal.stand_ins.stations import Station
-from sitl.team.roles import derive_team
+from sitl.team.derived_team import derive_team
 from tests.system.conftest import PENNOVATION, environment
 
 COUNT = int(os.environ.get("STANDSTILLS", "0"))

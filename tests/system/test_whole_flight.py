@@ -22,7 +22,7 @@ from air_router.record.log import Log
 from air_router.record.replay import replay_record
 from mocha_link import Team
 from mocha_link.links.metrics import Direction, SyncEnded
-from sitl.team.roles import derive_team
+from sitl.team.derived_team import derive_team
 from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker
 from tests.system.page_checks import PIXELS

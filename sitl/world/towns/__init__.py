@@ -7,8 +7,9 @@ __getattr__, __dir__, __all__ = door(
     {
         "terrain": ("Camera", "Raster", "Road", "Scene", "layers"),
         "town": ("Cell", "GRAIN_M", "Lattice", "REACHED_M", "SAME_GOAL_M", "Town", "coarse"),
+        "town_draws": ("drawn_starts", "scatter"),
         "town_file": ("load_town", "mission_over", "mission_text", "town_text"),
-        "town_generator": ("drawn_starts", "generate", "scatter"),
+        "town_generator": ("generate",),
         "ways": ("PASSABLE", "Ways", "length_m"),
     },
 )

@@ -12,13 +12,13 @@ from sitl.world.towns.town import Cell as Cell
 from sitl.world.towns.town import Lattice as Lattice
 from sitl.world.towns.town import Town as Town
 from sitl.world.towns.town import coarse as coarse
+from sitl.world.towns.town_draws import drawn_starts as drawn_starts
+from sitl.world.towns.town_draws import scatter as scatter
 from sitl.world.towns.town_file import load_town as load_town
 from sitl.world.towns.town_file import mission_over as mission_over
 from sitl.world.towns.town_file import mission_text as mission_text
 from sitl.world.towns.town_file import town_text as town_text
-from sitl.world.towns.town_generator import drawn_starts as drawn_starts
 from sitl.world.towns.town_generator import generate as generate
-from sitl.world.towns.town_generator import scatter as scatter
 from sitl.world.towns.ways import PASSABLE as PASSABLE
 from sitl.world.towns.ways import Ways as Ways
 from sitl.world.towns.ways import length_m as length_m

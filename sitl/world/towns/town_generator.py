@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import product
 from typing import Final
 
 import networkx as nx
@@ -16,11 +16,8 @@ import shapely
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import MAX_CELLS
 from sitl.world.towns.terrain import Road
-from sitl.world.towns.town import GRAIN_M, RESOLUTION_M, Bounds, Goal, Ring, Town
-from sitl.world.towns.ways import Ways
-
-APART_M: Final = 25.0
-"""Vehicles are at least so far apart, so that two are not taken for one."""
+from sitl.world.towns.town import GRAIN_M, RESOLUTION_M, Bounds, Ring, Town
+from sitl.world.towns.town_draws import half_metres, scatter
 
 _ORIGIN: Final = Geodetic(38.5, -98.5)  # an open field
 _SPACING_M: Final = (48.0, 80.0)
@@ -30,7 +27,6 @@ _PAVEMENT_M: Final = 3.0
 _WALL_M: Final = 7.0
 _BORDER_M: Final = 4.0
 _START_APART_M: Final = 4.0
-_KERB_M: Final = 2.0
 
 Crossing = tuple[int, int]
 
@@ -93,44 +89,6 @@ def generate(
     return scatter(replace(town, starts=_starts(town, starts)), seed, goals)
 
 
-def scatter(town: Town, seed: int, goals: int) -> Town:
-    """The same town with its vehicles at other places beside its roads, 25 m apart at least.
-
-    Raises:
-        ValueError: there are not so many places, or it is no number of vehicles.
-    """
-    if goals < 0:
-        raise ValueError(f"{goals} vehicles; a town has none at least")
-    chance = random.Random(f"goals {seed}")  # noqa: S311 - places, not a secret
-    empty = replace(town, goals=())
-    costs = Ways(empty.lattice, empty.ground, empty.lattice.cell(town.starts[0])).costs
-    places = [
-        place for place in _kerbs(town.roads) if math.isfinite(costs[town.lattice.cell(place)])
-    ]
-    chance.shuffle(places)
-    chosen: list[Point] = []
-    for place in places:
-        if len(chosen) == goals:
-            break
-        if all(math.dist(place, other) >= APART_M for other in chosen):
-            chosen.append(place)
-    if len(chosen) < goals:
-        raise ValueError(f"only {len(chosen)} vehicles find a place in {town.name}, not {goals}")
-    digits = len(str(goals))
-    return replace(
-        town,
-        goals=tuple(Goal(f"v{n:0{digits}d}", place) for n, place in enumerate(chosen, start=1)),
-    )
-
-
-def drawn_starts(town: Town, seed: int, count: int) -> tuple[Point, ...]:
-    """Some of a town's starts, in a random order; over again if there are too few."""
-    chance = random.Random(f"starts {seed}")  # noqa: S311 - places, not a secret
-    starts = list(town.starts)
-    chance.shuffle(starts)
-    return tuple(starts[number % len(starts)] for number in range(count))
-
-
 @dataclass(frozen=True, slots=True)
 class _Streets:
     """Streets between crossings; some of a full grid are missing."""
@@ -145,8 +103,8 @@ class _Streets:
         columns, rows = _lines(chance, blocks_east), _lines(chance, blocks_north)
         places = {
             (i, j): Point(
-                columns[i] + _half(chance.uniform(-_SWAY_M, _SWAY_M)),
-                rows[j] + _half(chance.uniform(-_SWAY_M, _SWAY_M)),
+                columns[i] + half_metres(chance.uniform(-_SWAY_M, _SWAY_M)),
+                rows[j] + half_metres(chance.uniform(-_SWAY_M, _SWAY_M)),
             )
             for i, j in product(range(len(columns)), range(len(rows)))
         }
@@ -204,8 +162,8 @@ class _Streets:
 
 def _lines(chance: random.Random, blocks: int) -> list[float]:
     """Where the streets of one direction run, around 0."""
-    steps = [_half(chance.uniform(*_SPACING_M)) for _ in range(blocks)]
-    return [sum(steps[:k]) - _half(sum(steps) / 2) for k in range(blocks + 1)]
+    steps = [half_metres(chance.uniform(*_SPACING_M)) for _ in range(blocks)]
+    return [sum(steps[:k]) - half_metres(sum(steps) / 2) for k in range(blocks + 1)]
 
 
 def _fill(
@@ -234,7 +192,7 @@ def _cut(chance: random.Random, low_m: float, high_m: float) -> list[tuple[float
     """One span, or two with a passage between."""
     if high_m - low_m < 30 or chance.random() < 0.4:
         return [(low_m, high_m)]
-    middle_m = _half(low_m + (high_m - low_m) * chance.uniform(0.35, 0.65))
+    middle_m = half_metres(low_m + (high_m - low_m) * chance.uniform(0.35, 0.65))
     return [(low_m, middle_m - 3), (middle_m + 3, high_m)]
 
 
@@ -246,26 +204,11 @@ def _crown(chance: random.Random, middle: Point) -> Ring:
         angle = k * math.tau / 8
         corners.append(
             Point(
-                _half(middle.east_m + reach_m * math.cos(angle)),
-                _half(middle.north_m + reach_m * math.sin(angle)),
+                half_metres(middle.east_m + reach_m * math.cos(angle)),
+                half_metres(middle.north_m + reach_m * math.sin(angle)),
             )
         )
     return tuple(corners)
-
-
-def _kerbs(roads: tuple[Road, ...]) -> Iterator[Point]:
-    """Places where a vehicle stands at the side of a road, every 5 m."""
-    for road in roads:
-        aside_m = max(0.0, road.width_m / 2 - _KERB_M)
-        for a, b in pairwise(road.points):
-            length_m = math.dist(a, b)
-            for k in range(1, int(length_m // 5)):
-                for side in (-1, 1):
-                    part, off = 5 * k / length_m, side * aside_m / length_m
-                    yield Point(
-                        _half(a[0] + part * (b[0] - a[0]) + off * (b[1] - a[1])),
-                        _half(a[1] + part * (b[1] - a[1]) - off * (b[0] - a[0])),
-                    )
 
 
 def _starts(town: Town, count: int) -> tuple[Point, ...]:
@@ -294,8 +237,3 @@ def _box(west_m: float, south_m: float, east_m: float, north_m: float) -> Ring:
         Point(east_m, north_m),
         Point(west_m, north_m),
     )
-
-
-def _half(value: float) -> float:
-    """To half a metre, so that files of towns are short."""
-    return round(value * 2) / 2

@@ -38,7 +38,7 @@ from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
 from mocha_link.service.service_client import watch
 from mocha_link.store.wire import Header
 from mocha_link.team.team import Priority
-from sitl.team.roles import derive_team
+from sitl.team.derived_team import derive_team
 
 TEAM = Path(__file__).parents[3] / "missions" / "pennovation" / "team.yaml"
 

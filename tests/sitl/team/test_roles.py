@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from mocha_link.team.team import Team
+from sitl.team.derived_team import NoFreePortsError, derive_team
 from sitl.team.nodes import RadioReadings
 from sitl.team.relay import relayed_pairs
-from sitl.team.roles import NoFreePortsError, derive_team
 from sitl.world.world import Reading
 
 TEAM = Path(__file__).parents[3] / "missions" / "pennovation" / "team.yaml"
@@ -42,7 +42,7 @@ def test_every_ordered_pair_of_a_team_is_relayed_where_the_client_dials(team):
 
 
 def test_when_nothing_is_free_it_says_so(team, tmp_path, monkeypatch):
-    monkeypatch.setattr("sitl.team.roles.is_free", lambda *_: False)
+    monkeypatch.setattr("sitl.team.derived_team.is_free", lambda *_: False)
     with pytest.raises(NoFreePortsError, match=r"127\.0\.0\.0/8"):
         derive_team(team, tmp_path)
 

@@ -17,7 +17,8 @@ from geo.frame import Point
 from mocha_link.service.service_client import ServiceClient
 from mocha_link.team.team import Team
 from sitl.cli.cli import main
-from sitl.team.roles import derive_team, roles_of
+from sitl.team.derived_team import derive_team
+from sitl.team.roles import roles_of
 from sitl.team.team import TeamSimulation
 from sitl.team.truth import VehicleState
 from sitl.world.world_file import load_world

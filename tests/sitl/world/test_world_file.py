@@ -16,7 +16,8 @@ from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.settings import MissionTimers, RunSettings
-from sitl.team.roles import make_world, roles_of
+from sitl.team.roles import roles_of
+from sitl.team.team_world import make_world
 from sitl.world.ugv import PatrolRobot
 from sitl.world.world_file import load_world
 

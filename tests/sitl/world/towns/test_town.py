@@ -18,8 +18,9 @@ from sitl.cli import cli
 from sitl.experiment.robots.uav import MapPainter
 from sitl.world.towns.terrain import Camera
 from sitl.world.towns.town import Bounds, Lattice, coarse
+from sitl.world.towns.town_draws import APART_M, drawn_starts, scatter
 from sitl.world.towns.town_file import load_town, mission_over, town_text
-from sitl.world.towns.town_generator import APART_M, drawn_starts, generate, scatter
+from sitl.world.towns.town_generator import generate
 from sitl.world.towns.ways import PASSABLE, Ways
 from sitl.world.world_file import load_world
 

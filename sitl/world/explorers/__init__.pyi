@@ -1,0 +1,14 @@
+# What `sitl.world.explorers` gives, for type checkers; `__init__.py` says where it is.
+
+from sitl.world.explorers.exploration import Exploration as Exploration
+from sitl.world.explorers.exploration import first_visits as first_visits
+from sitl.world.explorers.explorer import NO_VEHICLE_M as NO_VEHICLE_M
+from sitl.world.explorers.explorer import GroundRobot as GroundRobot
+from sitl.world.explorers.explorer import Visit as Visit
+from sitl.world.explorers.messages import CLAIMS_TOPIC as CLAIMS_TOPIC
+from sitl.world.explorers.messages import OBJECTS_TOPIC as OBJECTS_TOPIC
+from sitl.world.explorers.messages import REACHABILITY_TOPIC as REACHABILITY_TOPIC
+from sitl.world.explorers.messages import degrees as degrees
+from sitl.world.explorers.settings import ExplorerSettings as ExplorerSettings
+from sitl.world.explorers.settings import PlacedBy as PlacedBy
+from sitl.world.explorers.settings import Positive as Positive
