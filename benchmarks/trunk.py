@@ -1,4 +1,4 @@
-"""`python -m benchmarks.trunk [--json] [ROOT]`: what a reader of the trunk has to keep in mind.
+"""`python -m benchmarks.trunk [--json | --silent] [ROOT]`: what to keep in mind of the trunk.
 
 Read from the source of controller, flight, vehicle and routing, with their rooms:
 
@@ -8,6 +8,8 @@ Read from the source of controller, flight, vehicle and routing, with their room
   A list that grows is not seen.
 * assignments to an attribute of anything but `self`: state that is written from outside.
 * imports of a room's inside from another room.
+* returns of the controller without the motion that is wanted, and without a word:
+  `benchmarks.silence` says what counts. `--silent` lists them.
 * numbers at the top of a file that is not called `limits.py`, but for those of `DEFINED`.
 
 ROOT is another checkout, to compare with. The exit code is always 0: this measures, tests judge.
@@ -21,6 +23,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeGuard
+
+from benchmarks.silence import silences
 
 ROOT = Path(__file__).parents[1]
 ROOMS: Final = ("controller", "flight", "vehicle", "routing")
@@ -196,7 +200,14 @@ def measured(root: Path) -> dict[str, Any]:
         "assigned_from_outside": sum(each.target != "self" for each in found),
         "names_past_doors": past_doors(root),
         "numbers": numbers(trees),
+        "silent_returns": [
+            f"{each.file}:{each.line} {each.function}" for each in silences(_controller(trees))
+        ],
     }
+
+
+def _controller(trees: Mapping[str, ast.Module]) -> dict[str, ast.Module]:
+    return {path: tree for path, tree in trees.items() if "/controller/" in path}
 
 
 def main() -> int:
@@ -204,10 +215,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="What a reader of the trunk has to keep in mind.")
     parser.add_argument("root", nargs="?", type=Path, default=ROOT, metavar="ROOT")
     parser.add_argument("--json", action="store_true", help="one JSON object instead")
+    parser.add_argument("--silent", action="store_true", help="list the silent returns instead")
     arguments = parser.parse_args()
     result = measured(arguments.root.resolve())
     if arguments.json:
         print(json.dumps(result))
+        return 0
+    if arguments.silent:
+        print("\n".join(result["silent_returns"]))
         return 0
     classes, counts = result["classes"], result["numbers"]
     print(f"{'class':24} {'attributes that change':>22} {'of several files':>16} {'files':>5}")
@@ -219,6 +234,7 @@ def main() -> int:
     print(f"assignments to an attribute of anything but self: {result['assigned_from_outside']}")
     print(f"names imported past a door: {result['names_past_doors']}")
     print(f"numbers outside limits.py: {sum(counts.values())} in {len(counts)} files")
+    print(f"silent returns of a wanted motion: {len(result['silent_returns'])}")
     return 0
 
 

@@ -1,8 +1,10 @@
-from textwrap import dedent
+import ast
+from textwrap import dedent, indent
 
 import pytest
 
-from benchmarks.trunk import DEFINED, ROOT, measured
+from benchmarks.silence import ASKED, HANDLER, HANDLES, silences
+from benchmarks.trunk import DEFINED, ROOT, files_of, measured
 
 FILES = {
     "geo/__init__.py": "",
@@ -77,3 +79,60 @@ def test_rooms_are_entered_past_their_doors_and_numbers_stand_outside_limits(fig
 def test_a_number_that_tunes_nothing_is_there(number):
     path, _, name = number.partition(":")
     assert f"\n{name}" in (ROOT / path).read_text("utf-8")
+
+
+HANDLERS = """
+class Gate:
+    def _go(self):
+        if self.near:
+            return self.navigator.fly_to(self.goal)
+        self.navigator.fly_to(self.goal)
+        return True
+
+    def _say_once(self):
+        if not self.said:
+            self.context.say("once")
+
+
+class State(StateHandler):
+    def begin(self):
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "silent"),
+    [
+        ("self.navigator.fly_to(self.goal)", []),
+        ("self.gate.stop()", ["self.gate.stop()"]),
+        ("if self.near:\n    self.context.signal(1)", ["self.context.signal(1)"]),
+        ("if self.near:\n    return\nself.context.say('x')", ["return"]),
+        ("if self.near:\n    return self.verdict\nself.context.say('x')", []),
+        ("if self.near:\n    self.retry()\nelse:\n    self.context.warn('x', Y)", []),
+        ("for each in self.goals:\n    self.gate.send(each)", ["self.gate.send(each)"]),
+        ("match self.x:\n    case 1:\n        return\n    case _:\n        raise E", ["return"]),
+        ("self._go()", []),
+        ("self._say_once()\nreturn None", ["return None"]),
+        ("try:\n    self._go()\nexcept E:\n    pass", ["pass"]),
+        ("self.context.actions.append(motion)", []),
+    ],
+)
+def test_a_return_is_silent_unless_every_way_to_it_says_something(body, silent):
+    text = HANDLERS + indent(body, " " * 8)
+    lines = text.splitlines()
+    found = silences({"a.py": ast.parse(text)})
+    assert [lines[each.line - 1].strip() for each in found] == silent
+    assert {each.function for each in found} <= {"State.begin"}
+
+
+def test_what_is_asked_for_a_motion_is_there():
+    """Else nothing that it does would be silent."""
+    found = {
+        node.name: ({each.name for each in node.body if isinstance(each, ast.FunctionDef)}, node)
+        for tree in files_of(ROOT).values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    }
+    assert [name for name, names in ASKED.items() if not {*names} <= found[name][0]] == []
+    heirs = [node for _, node in found.values() if HANDLER in map(ast.unparse, node.bases)]
+    assert len(heirs) > 5
+    assert {*HANDLES} <= found[HANDLER][0]
