@@ -23,7 +23,7 @@ from air_router.controller.model import (
     StateChanged,
 )
 from air_router.errors import ExitCode
-from air_router.flight.limits import OFF_GROUND_M, TRACK_STEP_M, WAY_STEP_M
+from air_router.flight.limits import CHANGES_KEPT, OFF_GROUND_M, TRACK_STEP_M, WAY_STEP_M
 from air_router.gossip import Interactions, Mapper
 from air_router.mission import Mission
 from air_router.vehicle import REBOOT_S, Telemetry
@@ -51,7 +51,7 @@ class FlightStats:
     states: list[State] = field(default_factory=list)  # in the order of their first time
     # robot, and where the vehicle was
     meetings: list[tuple[str, Point]] = field(default_factory=list)
-    changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=16))
+    changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=CHANGES_KEPT))
     changed: int = 0
     waited_s: dict[str, list[float]] = field(default_factory=dict)  # by the row that decided
     _waits: MissionWaits = _GOES_ON

@@ -25,6 +25,9 @@ OFF_GROUND_M: Final = 2.0
 WAY_STEP_M: Final = 2.0
 """What is flown counts in steps of this: a position estimate wanders by less while hovering."""
 
+CHANGES_KEPT: Final = 16
+"""So many changes of state, the newest, are shown while it flies; the record has all."""
+
 TRACK_STEP_M: Final = 0.05
 """Positions closer than this to the last one add nothing to a track but noise."""
 

@@ -12,6 +12,9 @@ from collections.abc import Callable
 
 from air_router.vehicle.limits import (
     CLOCK_CARRIED_S,
+    CLOCK_RATE_LOOK_S,
+    CLOCK_RATE_LOOKS,
+    CLOCK_RATE_MOST,
     CLOCK_RATE_WINDOW_S,
     CLOCK_RATES_ALIKE,
     PACE_ALLOWANCE_S,
@@ -80,7 +83,7 @@ class VehicleClock:
                 self._mark = (boot_s, wall_s)
             elif wall_s - self._mark[1] >= CLOCK_RATE_WINDOW_S:
                 rate = (boot_s - self._mark[0]) / (wall_s - self._mark[1])
-                self._measured(min(max(rate, 0.0), 200.0))
+                self._measured(min(max(rate, 0.0), CLOCK_RATE_MOST))
                 self._mark = (boot_s, wall_s)
 
     def _measured(self, rate: float) -> None:
@@ -145,11 +148,10 @@ class VehicleClock:
 
     async def measured_rate(self) -> float:
         """The rate, once it was measured; a vehicle that says no time is not waited for."""
-        waits = CLOCK_RATE_WINDOW_S / 10
-        for _ in range(30):
+        for _ in range(CLOCK_RATE_LOOKS):
             if self._rate is not None or self._ceiling is not None:
                 break
-            await asyncio.sleep(waits)
+            await asyncio.sleep(CLOCK_RATE_LOOK_S)
         return self.rate
 
     @property

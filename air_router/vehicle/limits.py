@@ -32,6 +32,14 @@ PACE_ALLOWANCE_S: Final = 0.2
 CLOCK_RATE_WINDOW_S: Final = 0.3
 """Wall time over which the clock's rate against ours is measured: three positions, at 10 Hz."""
 
+CLOCK_RATE_MOST: Final = 200.0
+"""Seconds of the vehicle a second: twice as fast as a simulation is asked to run at most. A window
+with more is of messages that had waited."""
+
+CLOCK_RATE_LOOKS: Final = 30
+CLOCK_RATE_LOOK_S: Final = 0.03
+"""How often, and how long apart, it is looked whether a rate is measured: over three windows."""
+
 CLOCK_RATES_ALIKE: Final = 0.25
 """Two windows that differ by no more than this share of the larger rate measure the same one."""
 

@@ -8,7 +8,7 @@ from typing import Any
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.errors import NotConfirmedError, NoVehicleError, RefusedError
-from air_router.vehicle.px4.limits import KEY_ANSWER_S
+from air_router.vehicle.px4.limits import KEY_ANSWER_S, KEY_STORED_S
 from air_router.vehicle.px4.mavlink_signing import timestamp_of
 from air_router.vehicle.px4.mavlink_values import ARMED, AUTOPILOT, KEY_BYTES, MavCmd, MessageId
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
@@ -83,7 +83,7 @@ async def _set_up(
             "initial_timestamp": timestamp,
         }
         plugins.direct.send_message(message("SETUP_SIGNING", fields))
-        await asyncio.sleep(1.0)  # it has left, and PX4's other links have read the key
+        await asyncio.sleep(KEY_STORED_S)
     finally:
         await connection.close()
 

@@ -39,6 +39,9 @@ READ_BYTES: Final = 65535
 
 # For key_provisioning.py
 
+KEY_STORED_S: Final = 1.0
+"""How long the link is kept that a key left by, until PX4's other links have read it."""
+
 KEY_ANSWER_S: Final = 5.0
 """Wall-clock limit for a HEARTBEAT, which comes at 1 Hz, and for the answer to a command."""
 
@@ -110,6 +113,9 @@ FIND_OTHERS_S: Final = 1.5
 FIND_ELSEWHERE_S: Final = 1.5
 """For how long other ports are listened on, at last, when nothing is received: one HEARTBEAT."""
 
+FIND_LOOK_S: Final = 0.05
+"""How often it is looked whether the wanted vehicle is among those that MAVSDK has found."""
+
 FIND_DATAGRAMS: Final = 100
 """So many datagrams of a port are looked at: a busy stranger must not keep the search."""
 
@@ -131,6 +137,12 @@ DATAGRAM_KEPT_BYTES: Final = 832
 
 LINK_SILENT_S: Final = 3.0
 """A vehicle that is not heard for so long, wall-clock time, counts as silent: three HEARTBEATs."""
+
+LINK_SILENT_LOOKS: Final = 3
+"""How often within that time it is looked: silence is reported no later than by a third of it."""
+
+TEXTS_KEPT: Final = 3
+"""So many of PX4's latest words are added to an error: a refusal has a line or two."""
 
 LINK_GAP_S: Final = 0.2
 """After a longer gap in what comes the first messages may be of its beginning, if this program
@@ -229,6 +241,11 @@ PARAMETER_ANSWER_S: Final = 0.5
 PARAMETER_ATTEMPTS: Final = 5
 """Wall-clock time for what was requested at once, and how often what is missing is requested again.
 MAVSDK would wait three seconds for each that PX4 does not have."""
+
+PARAMETERS_ABSENT: Final = 0.25
+PARAMETERS_ABSENT_ATTEMPTS: Final = 2
+"""Where less than this share is missing after so many attempts, PX4 does not have these: before
+1.18 it answers nothing for what it does not have."""
 
 FLIGHT_INFORMATION_ATTEMPTS: Final = 5
 """How often a vehicle in the air is asked since when it flies: one lost datagram must not cost the

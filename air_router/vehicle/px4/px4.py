@@ -29,6 +29,7 @@ from air_router.vehicle.px4.limits import (
     ARMING_HEALTH_S,
     FIRST_ANSWER_S,
     FIRST_POSITIONS_S,
+    LINK_SILENT_LOOKS,
     LINK_SILENT_S,
     SPOOFED_MESSAGES,
 )
@@ -230,7 +231,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         loop = asyncio.get_running_loop()
         while True:
             began_s = loop.time()
-            await asyncio.sleep(LINK_SILENT_S / 3)
+            await asyncio.sleep(LINK_SILENT_S / LINK_SILENT_LOOKS)
             self._tell_spoofs()
             if loop.time() - began_s > LINK_SILENT_S:
                 continue  # this program stood still, and what was said meanwhile waits

@@ -26,6 +26,7 @@ from air_router.vehicle.px4.direct_link import DirectLink
 from air_router.vehicle.px4.limits import (
     FIND_DATAGRAMS,
     FIND_ELSEWHERE_S,
+    FIND_LOOK_S,
     FIND_OTHERS_S,
     FIND_S,
     READ_BYTES,
@@ -154,7 +155,7 @@ class Px4Connection:
             for other in mavsdk.get_systems():
                 if other.get_system_id() == self.system_id and other.has_autopilot():
                     return other
-            await asyncio.sleep(0.05)
+            await asyncio.sleep(FIND_LOOK_S)
         found_id = first.get_system_id()
         raise NoVehicleError(
             f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "

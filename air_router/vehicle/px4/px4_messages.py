@@ -24,6 +24,7 @@ from air_router.vehicle.px4.limits import (
     BACKLOG_S,
     LINK_GAP_S,
     LINK_PAUSE_S,
+    TEXTS_KEPT,
 )
 from air_router.vehicle.px4.mavlink_values import AUTOPILOT, EVENT_WARNING, INT32, NO_SUCH_PARAMETER
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
@@ -145,7 +146,7 @@ class Px4Messages:
         self._watchers: list[Watcher] = []  # of all that is said, in order
         self._backlog = Backlog()
         self._boot_clock = BootClock()
-        self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
+        self._texts: deque[str] = deque(maxlen=TEXTS_KEPT)  # newest STATUSTEXTs
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
         """Send through this, and take the words of the autopilot with this system id."""

@@ -16,6 +16,8 @@ from air_router.vehicle.px4.limits import (
     INSPECTION_HEALTH_S,
     PARAMETER_ANSWER_S,
     PARAMETER_ATTEMPTS,
+    PARAMETERS_ABSENT,
+    PARAMETERS_ABSENT_ATTEMPTS,
     STREAM_MISSING_S,
     STREAM_RATES_HZ,
     STREAM_REQUESTED_EVERY_S,
@@ -132,7 +134,8 @@ async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> Non
 
     for attempt in range(PARAMETER_ATTEMPTS):
         wanted = missing()
-        if not wanted or (attempt > 1 and len(wanted) < len(names) // 4):
+        few = len(wanted) < int(PARAMETERS_ABSENT * len(names))
+        if not wanted or (few and attempt >= PARAMETERS_ABSENT_ATTEMPTS):
             return
         for name in wanted:
             fault = telemetry.send("PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
