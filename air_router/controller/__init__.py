@@ -5,7 +5,7 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "airspace_change": ("widened_router",),
+        "airspace_change": ("counted",),
         "controller": ("Controller",),
         "flight_status": ("FlightStatus", "Waiting"),
         "limits": ("LAG_HOLD_S", "VEHICLE_SILENT_S"),

@@ -1,6 +1,6 @@
 # What `air_router.controller` gives, for type checkers; `__init__.py` says where it is.
 
-from air_router.controller.airspace_change import widened_router as widened_router
+from air_router.controller.airspace_change import counted as counted
 from air_router.controller.controller import Controller as Controller
 from air_router.controller.flight_status import FlightStatus as FlightStatus
 from air_router.controller.flight_status import Waiting as Waiting

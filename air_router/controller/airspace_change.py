@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from air_router.controller.limits import ALL_ZONES_ABOVE_M
 from air_router.mission import Mission
-from air_router.routing import Router, WaypointGraph
-from geo.airspace import FENCE, Airspace
+from air_router.routing import Router
+from geo.airspace import FENCE
+
+
+def counted(mission: Mission, *, all_zones: bool) -> Mission:
+    """A mission with its zones as they count: as drawn, or with the altitude in doubt all."""
+    return mission.with_all_zones(ALL_ZONES_ABOVE_M) if all_zones else mission.as_drawn()
 
 
 def among(router: Router, mission: Mission) -> bool:
     """Whether a router plans among the fences and zones of a mission."""
     made = router.graph.mission
-    return (made.fences, made.zones) == (mission.fences, mission.zones)
+    return (made.fences, made.zones, made.drawn) == (mission.fences, mission.zones, mission.drawn)
 
 
 def names_of_new(before: Mission, now: Mission) -> frozenset[str]:
@@ -23,7 +27,7 @@ def names_of_new(before: Mission, now: Mission) -> frozenset[str]:
 
 def difference(before: Mission, now: Mission) -> str:
     """What has changed, in words; perhaps nothing since an upload that failed."""
-    old, new = set(before.zones), set(now.zones)
+    old, new = set(before.drawn), set(now.drawn)
     names = {"new": new - old, "gone": old - new}
     changed = {zone.name for zone in new - old} & {zone.name for zone in old - new}
     words = [f"'{name}' is another" for name in sorted(changed)]
@@ -31,26 +35,8 @@ def difference(before: Mission, now: Mission) -> str:
         words += [f"'{name}' is {word}" for name in sorted({z.name for z in zones} - changed)]
     if before.fences != now.fences:
         words.append("the fence is another")
+    if now.all_zones and not before.all_zones:
+        words.append("each counts whatever its height")
+    elif before.all_zones and not now.all_zones:
+        words.append("each counts at its height again")
     return ", ".join(words) or "to those that are not on board yet"
-
-
-def among_both(router: Router, mission: Mission, off_m: float) -> bool:
-    """Whether a router plans also among what applies so far above, or below, the cruise."""
-    kept = _names(router.graph.mission.planning_airspace)
-    return _names(_at_both(mission, off_m)) <= kept
-
-
-def widened_router(mission: Mission, off_m: float) -> Router:
-    """Plans among what applies from the cruise altitudes to so far above or below them."""
-    planning = _at_both(mission, off_m).with_margin(mission.tracking.planned_m)
-    return Router(WaypointGraph(replace(mission, planning_airspace=planning)))
-
-
-def _at_both(mission: Mission, off_m: float) -> Airspace:
-    edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
-    return mission.airspace_at(edge_m + off_m)
-
-
-def _names(airspace: Airspace) -> frozenset[str]:
-    """Its zones: as many may be others."""
-    return frozenset(zone.name for zone in airspace.zones)

@@ -5,7 +5,7 @@ vehicle that is in a new zone leaves it; the autopilot gets its new fence, which
 on a vehicle inside; and only when that is read back the mission goes on, by ways planned anew. A
 return that the battery demands does not wait for that.
 
-With its altitude in doubt the vehicle holds until there are ways that are clear at both altitudes.
+With the altitude in doubt zones change as well: then every zone counts, whatever its height.
 """
 
 from __future__ import annotations
@@ -14,15 +14,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.controller.airspace_change import (
-    among,
-    among_both,
-    difference,
-    names_of_new,
-    widened_router,
-)
+from air_router.controller.airspace_change import among, counted, difference, names_of_new
 from air_router.controller.envelope import ReturnMonitor
-from air_router.controller.limits import ALTITUDE_DOUBT_STEP_M, BRAKING_OVERSHOOT, WAY_OUT_RETRY_S
+from air_router.controller.limits import BRAKING_OVERSHOOT, WAY_OUT_RETRY_S
 from air_router.controller.model import (
     AirspaceChanged,
     FlyToNode,
@@ -34,10 +28,9 @@ from air_router.controller.model import (
     PlanRenewed,
     Progress,
     RenewPlan,
-    RoutesWidened,
+    ReplanAirspace,
     Signal,
     State,
-    WidenRoutes,
     ZoneChange,
 )
 from air_router.controller.motion import CommandGate, Navigator, nearest_way_out
@@ -46,9 +39,11 @@ from air_router.mission import Mission
 from air_router.routing import BRAKING_M_S2, STANDING_M_S, Router, WaypointGraph, names_of
 from air_router.vehicle import (
     BE_READY_AT_HOME,
+    BRING_HOME_BY_HEIGHT,
     FLY_OUT,
     OUT_OF_ITS_WAY,
     RELOAD_AGAIN,
+    WATCH_HEIGHT,
     Telemetry,
 )
 from geo.airspace import FENCE, Airspace
@@ -70,6 +65,7 @@ class AirspaceUpdate:
 
     Attributes:
         prepared: The router among other zones, if it was made elsewhere.
+        replans: One is being made elsewhere, for an altitude that is in doubt or trusted again.
     """
 
     _context: MissionContext
@@ -78,12 +74,15 @@ class AirspaceUpdate:
     _exploration: Exploration
     _returns: ReturnMonitor
     prepared: Router | None = None
+    replans: bool = False
     _new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
     _way_out: Goal | None = None  # where it leaves a zone drawn over it
     _what: str = ""  # what is being uploaded, in announcements
     _stuck_until_s: float = -math.inf  # no way out is looked for before
-    _off_m: float = 0.0  # how far off the altitude may be, as far as that counts
-    _looked: Router | None = None  # plans among what applies there, or is replaced by one that does
+    _doubted: bool = False  # the altitude
+    _trusts: bool = False  # the autopilot's altitude counts though it is in doubt
+    _looked: Mission | None = None  # its zones count as they should
+    _lifts: bool = False  # zones are taken off the fence on board: it would hold what flies there
 
     # Other zones.
 
@@ -91,18 +90,24 @@ class AirspaceUpdate:
         """Heed other zones and fences at once."""
         context = self._context
         router, self.prepared = self.prepared, None
+        replans, self.replans = self.replans, False
         if context.state is State.DONE:
             context.say("zones not changed: the flight is over")
             return
         if self._context.zones is ZoneChange.UPLOADING:
-            context.warn("zones not changed: others are being put on board just now", RELOAD_AGAIN)
+            if not replans:  # it is asked for again
+                what = "zones not changed: others are being put on board just now"
+                context.warn(what, RELOAD_AGAIN)
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
+        mission = counted(mission, all_zones=self.all_zones)
+        if replans and mission.zones == before.zones:
+            return  # it lands by now
         if router is None or not among(router, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         context.mission, context.router = mission, router
-        context.by_one_altitude = None
+        self._lifts |= before.all_zones and not mission.all_zones
         self._begin_clearing()
         self._what = "the changed fence"
         when = "; they go on board when the mission is resumed" if self._put_off else ""
@@ -194,7 +199,7 @@ class AirspaceUpdate:
 
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
-        gate, in_haste = self._gate, self._in_haste(telemetry)
+        gate, in_haste = self._gate, not self._lifts and self._in_haste(telemetry)
         if in_haste and self._context.zones is ZoneChange.UPLOADING:
             self._go_without()
             return
@@ -207,7 +212,7 @@ class AirspaceUpdate:
         if not stopping and (self._context.has_to_stop or (taken_back and moves)):
             gate.hold("it did not stop")  # it flies on to where zones are now
             return
-        if self._context.zones in {ZoneChange.UPLOADING, ZoneChange.PLANNING}:
+        if self._context.zones is ZoneChange.UPLOADING:
             if self._navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return
@@ -283,10 +288,11 @@ class AirspaceUpdate:
     def _no_way_out(self, inside: tuple[str, ...], why: str) -> None:
         """Hover, alarm until it is over, and look again in a moment."""
         context, now_s = self._context, self._context.heard.time_s
+        instruction = BRING_HOME_BY_HEIGHT if context.mission.all_zones else FLY_OUT
         context.alarm_until_over(
             NO_WAY_OUT,
             f"no way out of {names_of(inside)}: {why}",
-            FLY_OUT,
+            instruction,
             lasting=f"no way out of {names_of(inside)}",
             since_s=context.now_s,
         )
@@ -304,6 +310,7 @@ class AirspaceUpdate:
         if self._context.zones is not ZoneChange.UPLOADING:
             return
         self._context.zones = None
+        self._lifts = False
         self._context.leaving = self._new = frozenset()
         self._context.has_to_stop = False
         # Who knows what plan is on board if it was not renewed.
@@ -319,44 +326,41 @@ class AirspaceUpdate:
             if self._context.knows(Signal.COME_HOME):
                 self._context.come_home(f"{self._what} is not on board", BE_READY_AT_HOME)
                 return
-        if self._context.in_air and not self._widen():
+        if self._context.in_air:
             self._context.handler.replan()
 
     # The altitude in doubt.
 
-    def altitude_doubted(self, off_m: float) -> None:
-        """Keep clear of what applies up, or down, to an altitude so far off the autopilot's."""
-        if (
-            self._looked is not self._context.router
-            or abs(off_m - self._off_m) >= ALTITUDE_DOUBT_STEP_M
-        ):
-            self._off_m = off_m
-            self._widen()
+    @property
+    def all_zones(self) -> bool:
+        """Whether every zone is to count whatever its height; a landing goes on as it was begun."""
+        return self._doubted and not self._trusts and self._context.state is not State.LAND
 
-    def _widen(self) -> bool:
-        """Hold, and have ways planned, where they are not clear there yet; whether that is so."""
-        context, router, off_m = self._context, self._context.router, self._off_m
-        if not context.spec.cruises:  # a pilot has it, or it lands; it is looked at in cruise again
-            return False
-        self._looked = router
-        doubted = off_m != 0.0 and not context.trusts_altitude
-        if not doubted or among_both(router, context.mission, off_m):
-            return False
-        context.zones = ZoneChange.PLANNING
-        context.actions.append(WidenRoutes(off_m))
-        self._stop("ways are planned that are clear at both altitudes")
-        return True
+    def altitude_doubted(self, telemetry: Telemetry) -> None:
+        """Have every zone count whatever its height, as long as the battery lets it wait for ways.
 
-    def routes_widened(self, event: RoutesWidened) -> None:
-        """Go on by ways that are clear at both altitudes."""
-        context = self._context
-        router, self.prepared = self.prepared, None
-        if context.zones is not ZoneChange.PLANNING or event.off_m != self._off_m:
-            self._looked = None  # the zones have changed since, or another had the vehicle
+        The autopilot's own return would be clear of nothing.
+        """
+        context, mission = self._context, self._context.mission
+        self._doubted = True
+        charge = telemetry.battery
+        if charge is not None and charge <= mission.battery_reserve:
+            self.trust_altitude("the battery is at its reserve")
+        waits = self.replans or context.zones is ZoneChange.UPLOADING
+        if waits or context.jumped or mission is self._looked:  # a jump is held for first
             return
-        if router is None or not among(router, context.mission):
-            router = widened_router(context.mission, event.off_m)
-        context.by_one_altitude = context.by_one_altitude or context.router
-        context.router = router
-        context.zones, context.has_to_stop = None, False
-        context.handler.replan()
+        if counted(mission, all_zones=self.all_zones).zones == mission.zones:
+            self._looked = mission
+            return
+        self.replans = True
+        context.actions.append(ReplanAirspace())
+
+    def trust_altitude(self, why: str) -> bool:
+        """Where zones leave no way, have them count at their heights again; whether that is new."""
+        context = self._context
+        no_way = context.way.progress is Progress.NO_ROUTE or NO_WAY_OUT in context.alarms.shown
+        if self._trusts or not (context.mission.all_zones and no_way):
+            return False
+        self._trusts, self._looked = True, None
+        context.warn(f"coming home clear at the autopilot's altitude alone: {why}", WATCH_HEIGHT)
+        return True

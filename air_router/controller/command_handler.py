@@ -93,9 +93,7 @@ class CommandHandler:
         moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude | LandNow
         sets_out = isinstance(request, moves) or (isinstance(request, GoOn) and not request.upload)
         if sets_out and context.zones is not None and context.in_air:
-            plans = context.zones is ZoneChange.PLANNING
-            once = "ways are planned anew" if plans else "the changed zones are on board"
-            what = f"{what}; it sets out once {once}"
+            what = f"{what}; it sets out once the changed zones are on board"
         context.actions.append(CommandAck(number, by, True, what, None, points))
 
     def refusals(self) -> dict[str, str]:
@@ -353,8 +351,9 @@ class CommandHandler:
     def _asked_to_come_home(self, request: ComeHome) -> Accepted:
         context, state = self._context, self._context.state
         self._check_may_come_home()
-        if state is State.HOME and self._states.home.go_by_one_altitude(request.by):
-            return Accepted("it comes home by a way that is clear at the autopilot's altitude")
+        if state is State.HOME and self._airspace_update.trust_altitude(f"{request.by} asked"):
+            how = "by a way that is clear at the autopilot's altitude"
+            return Accepted(f"it comes home {how}; it sets out once the changed zones are on board")
         if state in {State.HOME, State.LAND}:
             does = "comes home" if state is State.HOME else "lands"
             return Accepted(self._unless_it_stands(f"it {does} already"))

@@ -49,7 +49,6 @@ from air_router.controller.model import (
     RobotPath,
     RobotPose,
     RobotSought,
-    RoutesWidened,
     Seeking,
     Signal,
     State,
@@ -157,7 +156,6 @@ class Controller:
         self._deviations = Deviations(context, gate, self.returns, self._lag)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
-        self._home.doubted = self.airspace_update.altitude_doubted
         commands = self._commands = CommandHandler(
             context,
             self.returns,
@@ -186,7 +184,6 @@ class Controller:
             SyncEnded: states.comm.sync_ended,
             AirspaceChanged: self.airspace_update.airspace_changed,
             PlanRenewed: self.airspace_update.plan_renewed,
-            RoutesWidened: self.airspace_update.routes_widened,
             FlownBefore: self._flown_before,
             CompanionLagged: self._lag.lagged,
             PeerFault: lambda event: context.warn(event.words, CHECK_PEER),
@@ -307,13 +304,7 @@ class Controller:
         if status is not CALM and self._deviations.inputs_missing(status, telemetry):
             self.gate.mission_waits()
             return
-        cruises = context.spec.cruises and context.zones is None and self._climb.climb is None
-        if moved is not None:
-            self._deviations.home_moved(moved, cruises=cruises)
-        if not cruises:
-            self._envelope.forget()
-        elif not context.doubts:
-            self._deviations.follow(self._lag.look(telemetry) + self._envelope.look(telemetry))
+        self._keep_to_plan(telemetry, moved)
         here = exploration.here = telemetry.position
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, context.now_s)
@@ -332,6 +323,19 @@ class Controller:
             self.navigator.advance(motion)
         if context.retry_at_s is not None and not self.gate.pending and context.take_retry():
             context.handler.retry()
+
+    def _keep_to_plan(self, telemetry: Telemetry, moved: Response | None) -> None:
+        """What is off what was planned, and what follows."""
+        context = self.context
+        cruises = context.spec.cruises and context.zones is None and self._climb.climb is None
+        if moved is not None:
+            self._deviations.home_moved(moved, cruises=cruises)
+        if not cruises:
+            self._envelope.forget()
+        elif not context.doubts:
+            self._deviations.follow(self._lag.look(telemetry) + self._envelope.look(telemetry))
+        if self._home.in_doubt and context.spec.cruises:
+            self.airspace_update.altitude_doubted(telemetry)
 
     def _waits(self, telemetry: Telemetry) -> bool:
         """Whether the mission waits: zones change, it climbs first, or is off what was planned."""
@@ -549,6 +553,16 @@ class Controller:
     def why_no_upload(self) -> str | None:
         """Why nothing may be put on board any more; None: it may."""
         return self.airspace_update.objection()
+
+    @property
+    def all_zones(self) -> bool:
+        """Whether every zone is to count whatever its height: the altitude is in doubt."""
+        return self.airspace_update.all_zones
+
+    @property
+    def replans(self) -> bool:
+        """Whether a router among the zones as they count now is waited for."""
+        return self.airspace_update.replans
 
     def prepare(self, router: Router) -> None:
         """Use this router, made elsewhere, for the zones that come next, if it is among them."""

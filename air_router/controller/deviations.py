@@ -11,7 +11,7 @@ flies, zones are being changed, or the vehicle lands.
 | the altitude jumps: within them, or off them | at once | hold, then on; hold until it is back |
 | one of the last two | 30 s | home |
 | the satellites' altitude leaves the autopilot's by 3.5 m | for some seconds | it is told |
-| by 6 m | for some seconds | home, by ways that are clear at both: which is right? |
+| by 6 m | for some seconds | home, and every zone counts whatever its height |
 | nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
 | satellites (h_acc) or wind worse than planned for | for 3 s | hold until they are good for 5 s |
 | that | 30 s | home |
@@ -24,8 +24,8 @@ flies, zones are being changed, or the vehicle lands.
 | the charge jumps by more than 5 % | at once | it counts after 3 s, or if the voltage fell |
 | the mission's duration, or the hours that its zones were chosen for, are over | at once | home |
 
-Where no way home is clear at both altitudes it hovers; asked for `home` once more, or with the
-battery at its reserve, it comes home by a way that is clear at the autopilot's.
+Where no way home is clear of zones whatever their height it hovers; asked for `home` once more, or
+with the battery at its reserve, it comes home by a way that is clear at the autopilot's altitude.
 
 For a fix, a position or the battery that is missing, `InputLimit` has what follows.
 """

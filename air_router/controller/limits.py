@@ -7,8 +7,12 @@ from typing import Final
 WAY_OUT_RETRY_S: Final = 3.0
 """How long after no way led out of a new zone it is looked for again."""
 
-ALTITUDE_DOUBT_STEP_M: Final = 0.5
-"""An altitude in doubt that is off by so much more may be another zone's."""
+ALL_ZONES_ABOVE_M: Final = 50.0
+"""With the altitude in doubt zones count that begin up to so far above the cruise altitudes.
+
+A barometer that drifts by 0.3 m/s is off by less in the two or three minutes that a way home takes.
+The files of whole countries have classes of airspace that begin higher, over everything: among
+those no way would be left."""
 
 BRAKING_OVERSHOOT: Final = 1.5
 """A vehicle that brakes may come so much farther than is reckoned with."""

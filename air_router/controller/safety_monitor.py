@@ -6,7 +6,7 @@ Pure; each sentence that comes back is for the pilot and the operator.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from enum import Enum
 from statistics import median
@@ -194,12 +194,12 @@ class HomeWatch:
     Attributes:
         receiver_off_m: How far the altitude of the satellite receiver has drifted from the
             autopilot's since the take-off, smoothed.
-        doubted: Told how far off the altitude may be, while it is not known which is right.
+        in_doubt: One of the two altitudes is far off, and it is not known which; that stays so.
     """
 
     _context: MissionContext
     receiver_off_m: float = 0.0
-    doubted: Callable[[float], None] = lambda _off_m: None
+    in_doubt: bool = False
     _first: list[float] = field(default_factory=list)  # how far off in the first seconds
     _first_at_s: float = math.inf
     _receiver_at_s: float = 0.0  # of the telemetry before
@@ -247,7 +247,7 @@ class HomeWatch:
     def doubt(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the satellites' altitude has left the autopilot's, by more than was told."""
         if abs(self.receiver_off_m) >= ALTITUDE_DOUBT_HOME_M:
-            self.doubted(self.receiver_off_m)
+            self.in_doubt = True
         for limit_m, response in (
             (ALTITUDE_DOUBT_HOME_M, Response.HOME),
             (ALTITUDE_DOUBT_M, Response.TELL),

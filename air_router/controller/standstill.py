@@ -106,7 +106,7 @@ def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
 def _waits_for_plan(context: MissionContext, telemetry: Telemetry) -> str | None:
     """A plan is put on board, or compared, which has an end of its own."""
     del telemetry
-    waits = context.zones in {ZoneChange.UPLOADING, ZoneChange.PLANNING} or context.compares
+    waits = context.zones is ZoneChange.UPLOADING or context.compares
     return "" if waits else None
 
 

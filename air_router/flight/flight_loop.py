@@ -30,10 +30,10 @@ from air_router.controller.model import (
     ReadAgain,
     Refusal,
     RenewPlan,
+    ReplanAirspace,
     Seeking,
     State,
     StateChanged,
-    WidenRoutes,
 )
 from air_router.controller.motion import REACTION_S
 from air_router.errors import ExitCode
@@ -264,7 +264,7 @@ class FlightLoop:
                 self._gossip.exchange()
             case Seeking(robot=robot):
                 self._gossip.tell_sought(robot, now_s)
-            case ReadAgain() | RenewPlan() | WidenRoutes():
+            case ReadAgain() | RenewPlan() | ReplanAirspace():
                 self.start(self.reloader.work(action))
             case Announce():
                 self._show(action, now_s)

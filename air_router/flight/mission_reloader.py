@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from air_router.controller import Controller, widened_router
+from air_router.controller import Controller, counted
 from air_router.controller.model import (
     AirspaceChanged,
     Event,
     PlanRenewed,
     ReadAgain,
     RenewPlan,
-    RoutesWidened,
-    WidenRoutes,
+    ReplanAirspace,
 )
 from air_router.errors import (
     AirRouterError,
@@ -50,7 +49,7 @@ _log = logging.getLogger(__name__)
 
 _AREAS: Final = frozenset(
     {"fences", "zones", "idle_zones", "airspace", "planning_airspace", "climb_airspace"}
-    | {"above_airspace", "window", "notes", "path", "name"}
+    | {"above_airspace", "drawn_zones", "window", "notes", "path", "name"}
 )
 """Fields of a mission that follow from its fences and zones, or that nothing flies by."""
 
@@ -98,7 +97,7 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
         raise NotReloadedError(
             f"{mission.path}: {names} changed as well; in flight only fences and no-fly zones can"
         )
-    same = (now.fences, now.zones) == (mission.fences, mission.zones)
+    same = (now.fences, now.zones) == (mission.fences, mission.drawn)
     if same and on_board in {None, FlightPlan.of(mission)}:
         raise NotReloadedError(f"{mission.path}: its fences and no-fly zones are as they were")
     points = len(FlightPlan.of(now).fence)
@@ -137,7 +136,7 @@ class ReloadReport:
 
 
 class MissionReloader:
-    """Carries out what the controller wants done when zones change, or count at other altitudes.
+    """Carries out what the controller wants done when zones change.
 
     Before the plan itself is on board nothing else is put there: what changes meanwhile waits.
 
@@ -192,15 +191,15 @@ class MissionReloader:
         """Wait until nothing is being read or put on board."""
         await self._idle.wait()
 
-    def work(self, action: ReadAgain | RenewPlan | WidenRoutes) -> Coroutine[Any, Any, None]:
+    def work(self, action: ReadAgain | RenewPlan | ReplanAirspace) -> Coroutine[Any, Any, None]:
         """What the controller wants done, to be awaited."""
         self._at_work += 1
         self._idle.clear()
         if isinstance(action, ReadAgain):
             self.latest = ReloadReport()
             return self._done_when(self.read())
-        if isinstance(action, WidenRoutes):
-            return self._done_when(self.widen(action.off_m))
+        if isinstance(action, ReplanAirspace):
+            return self._done_when(self.replan())
         return self._done_when(self.board())
 
     async def _done_when(self, work: Coroutine[Any, Any, None]) -> None:
@@ -228,7 +227,9 @@ class MissionReloader:
 
     async def _read(self) -> ReloadReport:
         try:
-            event, router = await asyncio.to_thread(_read, self._controller.mission, self._on_board)
+            event, router = await asyncio.to_thread(
+                _read, self._controller.mission, self._on_board, self._controller.all_zones
+            )
         except (AirRouterError, DocumentError) as error:
             return self._failed(f"not reloaded: {error}")
         except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
@@ -237,7 +238,7 @@ class MissionReloader:
         self._controller.prepare(router)
         self._deliver(event)
         now = self._controller.mission
-        good = (now.fences, now.zones) == (event.fences, event.zones)
+        good = (now.fences, now.drawn) == (event.fences, event.zones)
         keeps = "the flight keeps to the changed fences and zones"
         why = keeps if good else "not reloaded: the flight did not take the zones"
         return ReloadReport(under_way=False, good=good, why=why)
@@ -271,11 +272,14 @@ class MissionReloader:
         if number == self._uploads:
             self._deliver(PlanRenewed(why_not))
 
-    async def widen(self, off_m: float) -> None:
-        """Make the router among the zones of two altitudes, beside the flight."""
-        mission = self._controller.mission
-        self._controller.prepare(await asyncio.to_thread(widened_router, mission, off_m))
-        self._deliver(RoutesWidened(off_m))
+    async def replan(self) -> None:
+        """Make the router among the zones as they count now, beside the flight."""
+        controller = self._controller
+        router = await asyncio.to_thread(_router, controller.mission, controller.all_zones)
+        if controller.replans:  # no other change has come first
+            controller.prepare(router)
+            now = controller.mission
+            self._deliver(AirspaceChanged(now.fences, now.drawn))
 
     async def _renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> str | None:
         """Put a plan on board; returns why that failed, if it did."""
@@ -287,6 +291,12 @@ class MissionReloader:
         return None
 
 
-def _read(mission: Mission, on_board: FlightPlan) -> tuple[AirspaceChanged, Router]:
+def _read(
+    mission: Mission, on_board: FlightPlan, all_zones: bool
+) -> tuple[AirspaceChanged, Router]:
     event = changed_areas(mission, on_board)
-    return event, Router(WaypointGraph(mission.with_areas(event.fences, event.zones)))
+    return event, _router(mission.with_areas(event.fences, event.zones), all_zones)
+
+
+def _router(mission: Mission, all_zones: bool) -> Router:
+    return Router(WaypointGraph(counted(mission, all_zones=all_zones)))

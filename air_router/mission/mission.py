@@ -14,6 +14,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
+from shapely import Point as ShapelyPoint
+
 from air_router.files import (
     Accepted,
     Area,
@@ -249,6 +251,8 @@ class Mission(MissionAreas):
         endurance_s: How long a full battery lasts in cruise flight, if that is known.
         window: When it flies.
         notes: What the operator should know.
+        drawn_zones: The zones as the file has them, while `zones` count whatever their height;
+            None: `zones` are.
     """
 
     name: str
@@ -277,6 +281,7 @@ class Mission(MissionAreas):
     window: FlightWindow
     notes: tuple[Problem, ...]
     accepts: tuple[Accepted, ...] = ()
+    drawn_zones: tuple[Zone, ...] | None = None
 
     def airspace_at(self, altitude_m: float) -> Airspace:
         """The airspace that counts at an altitude above home, with its clearance.
@@ -349,7 +354,44 @@ class Mission(MissionAreas):
         areas = _areas(
             fences, zones, self.climb_corridors, self.planner, margin_m, window, self.cruise
         )
-        return replace(self, **areas.parts())
+        return replace(self, **areas.parts(), drawn_zones=None)
+
+    def with_all_zones(self, above_m: float) -> Mission:
+        """The same mission with its zones at every height: for an altitude that is in doubt.
+
+        Zones above home keep their heights: it took off below them, and no way would lead home.
+
+        Args:
+            above_m: So do zones that begin farther above the cruise altitudes.
+        """
+        drawn, top_m = self.drawn, self.cruise.upper_m + above_m
+        home, margin_m = ShapelyPoint(self.home), self.tracking.planned_m
+
+        def stays(zone: Zone) -> bool:
+            if zone.band is None or zone.band.lower_m > top_m:
+                return True
+            clearance_m = self.planner.clearance_m if zone.clearance_m is None else zone.clearance_m
+            above = zone.band.lower_m > self.cruise.upper_m
+            return above and zone.polygon.distance(home) < clearance_m + margin_m
+
+        zones = tuple(zone if stays(zone) else replace(zone, band=None) for zone in drawn)
+        if zones == drawn:
+            return self.as_drawn()
+        return replace(self.with_areas(self.fences, zones), drawn_zones=drawn)
+
+    def as_drawn(self) -> Mission:
+        """The same mission with its zones at the heights that the file has."""
+        return self.with_areas(self.fences, self.drawn) if self.all_zones else self
+
+    @property
+    def all_zones(self) -> bool:
+        """Whether zones count whatever their height."""
+        return self.drawn_zones is not None
+
+    @property
+    def drawn(self) -> tuple[Zone, ...]:
+        """The zones as the file has them."""
+        return self.zones if self.drawn_zones is None else self.drawn_zones
 
     @property
     def skipped(self) -> frozenset[int]:

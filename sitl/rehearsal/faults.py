@@ -209,6 +209,12 @@ class Fault(Enum):
         "near a zone that it has left, without its plan", 8, takeovers.left_behind, "SEARCH"
     )
     DOUBTED = Kind("zones change, and the altitude is in doubt", 8, takeovers.doubted, "INIT")
+    DOUBTED_AMONG = Kind(
+        *("altitude in doubt among zones below and above", 8, takeovers.doubted_among, "INIT")
+    )
+    DOUBTED_WALLED = Kind(
+        "altitude in doubt within walls that begin above it", 6, takeovers.doubted_walled, "INIT"
+    )
     TWO_STATIONS = Kind("two stations command at once", 16, takeovers.two_stations)
     DISARMED = Kind("disarmed by a station right after the arming", 8, takeovers.disarmed, "armed")
     KILLED_IN_AIR = Kind("disarmed by force in the air", 12, one("disarm", value=True))
@@ -443,7 +449,8 @@ _ALONE: Final = frozenset(
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
         *(Fault.STALL_TAKEN, Fault.CHOSEN_BACK, Fault.HELD_IN_HASTE, Fault.START_LOST),
         *(Fault.FAST_CORNERS, Fault.NEARED),
-        *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
+        *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.DOUBTED_AMONG, Fault.DOUBTED_WALLED),
+        *(Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
         *(Fault.JUMPING_POSES, Fault.POOR_FIX),
         *(Fault.MAP_FILES, Fault.LOCAL_METRES, Fault.WINDY, Fault.DAILY_HOURS),

@@ -179,8 +179,10 @@ class MissionFile:
         self._draw({f"added {len(self._document['no_fly_zones'])}": shape})
         return True
 
-    def wall(self, vehicle: Point, sides: Iterable[int]) -> bool:
+    def wall(self, vehicle: Point, sides: Iterable[int], **limits_m: float) -> bool:
         """Draw some of four walls around where the vehicle was at the first of them.
+
+        They may have limits of their altitude above home.
 
         Returns whether they are drawn: not where one of them would be refused, nor all at once
         around home.
@@ -192,7 +194,8 @@ class MissionFile:
         if None in shapes.values() or (inside and len(shapes) == len(SIDES)):
             return False
         self._walls += shapes
-        self._draw(shapes)
+        limits = {"altitude": limits_m} if limits_m else {}
+        self._draw({name: {**shape, **limits} for name, shape in shapes.items() if shape})
         return True
 
     def _wall(self, around: Point, side: int) -> dict[str, Any] | None:

@@ -222,6 +222,25 @@ def doubted(dice: random.Random) -> Iterator[Row]:
     yield dice.uniform(2.0, 5.0), "pilot", dice.choice(("AUTO_LOITER", "POSCTL")), "HOME"
 
 
+def doubted_among(dice: random.Random) -> Iterator[Row]:
+    """Its altitude is in doubt, and zones below or above it lie around it and on its way home."""
+    up_m_s = dice.choice((-0.3, 0.3))
+    yield from ((float(second), "drift", (0.0, 0.0, up_m_s)) for second in range(30))
+    yield 1.0, "zone homeward", dice.choice(("below", "above"))
+    yield 9.0, "ask", "hold"
+    yield dice.uniform(13.0, 16.0), "zone at", ("hold", dice.choice(("below", "above")))
+
+
+def doubted_walled(dice: random.Random) -> Iterator[Row]:
+    """Its altitude is in doubt, and walls all around begin above it: no way is clear of those."""
+    yield 0.0, "enclose above"
+    yield from ((25.0 + second, "drift", (0.0, 0.0, -0.3)) for second in range(22))
+    if dice.randrange(2):
+        yield 85.0, "ask", "home"
+    else:
+        yield 0.0, "battery", dice.uniform(500.0, 540.0)
+
+
 def two_stations(dice: random.Random) -> Iterator[Row]:
     """Two stations choose different modes, shortly one after the other."""
     first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)

@@ -22,6 +22,7 @@ _READ_S: Final = 4.0
 """What reading a changed file may take."""
 
 _ABOVE_M, _BELOW_M, _CLIMBS_M_S = 8.0, 8.0, 0.5
+_HOMEWARD_M, _FAR_M = 9.0, 55.0
 """Zones begin, or end, so far above or below a vehicle that climbs or lands."""
 
 _LANDING_M: Final = 15.0
@@ -163,6 +164,21 @@ class ZoneDrawing:
         place, above_m = self._flight.place, self._flight.mission.altitude_above_home_m + _ABOVE_M
         self._draw_circle(Point(place.east_m, place.north_m + away_m), 5.0, lower_m=above_m)
 
+    def do_zone_homeward(self, kind: str) -> None:
+        """Draw a zone halfway home that ends below where it cruises, or begins above."""
+
+        def draw() -> bool:
+            here, level_m = self._operator.here, self._flight.mission.altitude_above_home_m
+            if math.hypot(*here) < 4 * _HOMEWARD_M:
+                return False
+            above = {"lower_m": level_m + _ABOVE_M}
+            limits_m = above if kind == "above" else {"upper_m": level_m - _BELOW_M}
+            centre = self._operator.point((here[0] / 2, here[1] / 2))
+            self._draw_circle(centre, _HOMEWARD_M, **limits_m)
+            return True
+
+        self._operator.wait_for(draw)
+
     def do_wall(self, *sides: int) -> None:
         """The operator walls the vehicle in, zone by zone."""
         file, place = self._flight.file, self._flight.place
@@ -171,6 +187,19 @@ class ZoneDrawing:
     def do_enclose(self, _: None) -> None:
         """Draw all four walls at once."""
         self.do_wall(*SIDES)
+
+    def do_enclose_above(self, _: None) -> None:
+        """Draw all four walls at once, which begin above where it cruises, and have it hold."""
+        file, above_m = self._flight.file, self._flight.mission.altitude_above_home_m + _ABOVE_M
+
+        def draw() -> bool:
+            if math.hypot(*self._operator.here) < _FAR_M or self._reading is not None:
+                return False
+            self.change(lambda: file.wall(self._flight.place, SIDES, lower_m=above_m))
+            self._operator.do_ask("hold")
+            return True
+
+        self._operator.wait_for(draw)
 
     def do_open(self, _: None) -> None:
         """Take the last wall away."""

@@ -24,9 +24,9 @@ from air_router.controller.model.actions import (
     PublishMap,
     ReadAgain,
     RenewPlan,
+    ReplanAirspace,
     Seeking,
     StateChanged,
-    WidenRoutes,
 )
 from air_router.controller.model.events import (
     CommandConfirmed,
@@ -281,7 +281,7 @@ class PretendFlight(Airframe):
         match action:
             case StateChanged() | Announce() | PublishMap() | Seeking() | ReadAgain() | RenewPlan():
                 return
-            case WidenRoutes() | CommandAck() | MissionWaits():
+            case ReplanAirspace() | CommandAck() | MissionWaits():
                 return
             case Finish():
                 self.finished = action

@@ -21,9 +21,9 @@ __getattr__, __dir__, __all__ = door(
             "ReadAgain",
             "Refusal",
             "RenewPlan",
+            "ReplanAirspace",
             "Seeking",
             "StateChanged",
-            "WidenRoutes",
         ),
         "events": (
             "AirspaceChanged",
@@ -37,7 +37,6 @@ __getattr__, __dir__, __all__ = door(
             "RobotPath",
             "RobotPose",
             "RobotSought",
-            "RoutesWidened",
         ),
         "flight_setup": ("FlightSetup",),
         "mission_context": (

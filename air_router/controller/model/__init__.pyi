@@ -15,9 +15,9 @@ from air_router.controller.model.actions import PublishMap as PublishMap
 from air_router.controller.model.actions import ReadAgain as ReadAgain
 from air_router.controller.model.actions import Refusal as Refusal
 from air_router.controller.model.actions import RenewPlan as RenewPlan
+from air_router.controller.model.actions import ReplanAirspace as ReplanAirspace
 from air_router.controller.model.actions import Seeking as Seeking
 from air_router.controller.model.actions import StateChanged as StateChanged
-from air_router.controller.model.actions import WidenRoutes as WidenRoutes
 from air_router.controller.model.events import AirspaceChanged as AirspaceChanged
 from air_router.controller.model.events import CommandConfirmed as CommandConfirmed
 from air_router.controller.model.events import CommandFailed as CommandFailed
@@ -29,7 +29,6 @@ from air_router.controller.model.events import PlanRenewed as PlanRenewed
 from air_router.controller.model.events import RobotPath as RobotPath
 from air_router.controller.model.events import RobotPose as RobotPose
 from air_router.controller.model.events import RobotSought as RobotSought
-from air_router.controller.model.events import RoutesWidened as RoutesWidened
 from air_router.controller.model.flight_setup import FlightSetup as FlightSetup
 from air_router.controller.model.mission_context import Ending as Ending
 from air_router.controller.model.mission_context import Goal as Goal

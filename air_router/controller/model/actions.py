@@ -64,10 +64,8 @@ class RenewPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class WidenRoutes:
-    """Plan among the zones of two altitudes, and tell when the ways are there."""
-
-    off_m: float  # how far above the cruise altitudes, or below, the other one is
+class ReplanAirspace:
+    """Plan ways among the same zones as they count now, and tell by an `AirspaceChanged`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +182,7 @@ Action = (
     | Seeking
     | ReadAgain
     | RenewPlan
-    | WidenRoutes
+    | ReplanAirspace
     | Announce
     | StateChanged
     | MissionWaits

@@ -94,6 +94,8 @@ class CommandFailed:
 class AirspaceChanged:
     """Fences and zones are others from now on: the operator has drawn the mission's anew.
 
+    With the altitude in doubt it is the same zones, which count whatever their height.
+
     Attributes:
         fences: All fences.
         zones: All zones, also those that do not apply to this flight.
@@ -108,13 +110,6 @@ class PlanRenewed:
     """The plan with the changed fence is on board and read back; or not, and why."""
 
     why_not: str | None = None  # None: it is on board
-
-
-@dataclass(frozen=True, slots=True)
-class RoutesWidened:
-    """The ways among the zones of two altitudes are there."""
-
-    off_m: float  # as it was asked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +138,6 @@ Event = (
     | AnyRequest
     | AirspaceChanged
     | PlanRenewed
-    | RoutesWidened
     | FlownBefore
     | CommandConfirmed
     | CommandFailed

@@ -50,7 +50,6 @@ class ZoneChange(Enum):
     CLEARING = "the vehicle stops where it may not go on any more"
     LEAVING = "the vehicle flies out of what was drawn over it"
     UPLOADING = "the new fence is being put on board"
-    PLANNING = "the vehicle holds while ways are planned among the zones of two altitudes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,11 +149,9 @@ class MissionContext:
 
     Attributes:
         mission: With the zones and fences of now.
-        router: Plans among these; with the altitude in doubt, among those of the other one too.
+        router: Plans among these.
         way_out_router: Plans the way out of a zone among what applies from the vehicle's height to
             the cruise altitudes; None: `router` does.
-        by_one_altitude: Plans by the autopilot's altitude alone while `router` does not.
-        trusts_altitude: The autopilot's altitude counts, whatever the satellites say.
         signal: Tells the state machine that something has happened to the mission.
         state: What the mission is doing; the state machine enters it.
         spec: The row of the table of states for it.
@@ -200,8 +197,6 @@ class MissionContext:
     router: Router
     signal: Callable[[Signal], None] = _no_machine
     way_out_router: Router | None = None
-    by_one_altitude: Router | None = None
-    trusts_altitude: bool = False
     state: State = State.READY
     spec: Spec = field(default_factory=Spec)
     handler: StateHandler = field(default_factory=StateHandler)
@@ -313,14 +308,6 @@ class MissionContext:
         else:
             self.stayed_why = why
             self.signal(Signal.GROUNDED)
-
-    def trust_altitude(self) -> bool:
-        """Where no way is clear at both altitudes, plan by the autopilot's; whether that is new."""
-        if self.by_one_altitude is None or self.way.progress is not Progress.NO_ROUTE:
-            return False
-        self.router, self.by_one_altitude = self.by_one_altitude, None
-        self.trusts_altitude = True
-        return True
 
     def say(self, text: str) -> None:
         """Announce what the pilot and the operator need to do nothing about."""

@@ -22,12 +22,7 @@ from air_router.controller.states.limits import (
 )
 from air_router.mission import HOME_NODE, Mission
 from air_router.routing import Route, Router, names_of
-from air_router.vehicle import (
-    BRING_HOME_BY_HEIGHT,
-    FLY_OUT_OR_RELOAD,
-    WATCH_HEIGHT,
-    Telemetry,
-)
+from air_router.vehicle import BRING_HOME_BY_HEIGHT, FLY_OUT_OR_RELOAD, Telemetry
 from geo.frame import Point
 from geo.paths import barriers
 
@@ -105,9 +100,9 @@ class HomeReachability:
         named = names_of(walls[::-1][:NAMED]) or "zones"  # the newest are last
         more = f" and {len(walls) - NAMED} more" if len(walls) > NAMED else ""
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
-        if due and context.by_one_altitude is not None:
+        if due and context.mission.all_zones:
             context.alarm(
-                f"no way home is clear at both altitudes{charge}, for {named}{more}: it hovers, "
+                f"no way home is clear at every altitude{charge}, for {named}{more}: it hovers, "
                 "and comes home by the autopilot's altitude at the battery's reserve",
                 BRING_HOME_BY_HEIGHT,
             )
@@ -158,32 +153,10 @@ class ReturnState(StateHandler):
         self._gate.wait_for_way(refusal)
 
     def retry(self) -> None:
-        """By another way, perhaps; at its reserve by one that is clear at the autopilot's altitude.
-
-        It hovers as long as none is clear at the other one, too, but the autopilot's own return
-        would be clear of nothing.
-        """
-        charge = self._context.heard.battery
-        if charge is not None and charge <= self._context.mission.battery_reserve:
-            self._trust_altitude("the battery is at its reserve")
+        """By another way, perhaps."""
         self._go()
 
     replan = retry
-
-    def go_by_one_altitude(self, by: str) -> bool:
-        """Come home though no way is clear at both altitudes, as `by` asked; whether that is so."""
-        trusts = self._trust_altitude(f"{by} asked")
-        if trusts:
-            self._go()
-        return trusts
-
-    def _trust_altitude(self, why: str) -> bool:
-        trusts = self._context.trust_altitude()
-        if trusts:
-            self._context.warn(
-                f"coming home clear at the autopilot's altitude alone: {why}", WATCH_HEIGHT
-            )
-        return trusts
 
     def _go(self) -> None:
         self._navigator.fly_to(Goal(self._context.mission.home, HOME_NODE))

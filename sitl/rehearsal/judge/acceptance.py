@@ -193,6 +193,10 @@ ACCEPTED: Final = MappingProxyType(
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "LEFT_BEHIND": _row(End.LANDED, End.PILOT, notice_s=3.0),
         "DOUBTED": _row(End.LANDED, End.PILOT, height_m=9.0),
+        "DOUBTED_AMONG": _row(End.LANDED, height_m=9.0, says="altitude is in doubt"),
+        "DOUBTED_WALLED": _row(
+            End.LANDED, height_m=9.0, says="clear at the autopilot's altitude alone"
+        ),
         "DIVERTED_CLOSE": _row(End.PILOT, End.FAILSAFE, End.LANDED, notice_s=2.0),
         "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),

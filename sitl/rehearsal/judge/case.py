@@ -70,6 +70,10 @@ _ANSWERED_S: Final = 1.0
 _LANDS_HERE: Final = ": accepted: it lands where it hovers"
 _STATUS: Final = re.compile(r"^[A-Z]+ *\|")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
+_DOUBTED: Final = re.compile(
+    r"coming home: the altitude is in doubt|the altitude is in doubt: .*(: holding|cannot)"
+)
+_TRUSTED: Final = "coming home clear at the autopilot's altitude alone"
 _LABEL: Final = re.compile(r"^( *[0-9.]+ s  )?(WARNING|ALARM): ")
 _INSTRUCTION: Final = re.compile(r"\. ((?:Pilot|Operator): .+)$")
 """How a line begins that asks for something, and how it ends with what it asks for."""
@@ -152,7 +156,8 @@ class Case:
 
     Attributes:
         evidence: The same.
-        versions: Mission files in order of time; the first from the beginning.
+        versions: Mission files in order of time; the first from the beginning. While the altitude
+            is in doubt, by 6 m as it says, zones count whatever their height.
         mission: The first of them.
         ground_m: Of the ground at home, above mean sea level.
         time_s: Of each sample.
@@ -183,9 +188,13 @@ class Case:
         self._first_m = samples[0].altitude_amsl_m  # home's AMSL, unless the file says
         texts = [(-math.inf, evidence.mission_text)]
         texts += [(h.time_s, str(h.value)) for h in evidence.told(SceneEventKind.MISSION_FILE)]
+        lines = (line for line in evidence.lines if not _STATUS.match(line.text))
+        self.announced = [Announced.of(line.time_s, line.text) for line in lines]
+        self.said = [(each.time_s, each.text) for each in self.announced]
         self.versions = [
-            MissionVersion(from_s, until_s, self.read(text))
+            piece
             for (from_s, text), (until_s, _) in pairwise([*texts, (math.inf, "")])
+            for piece in self._in_doubt(MissionVersion(from_s, until_s, self.read(text)))
         ]
         self.mission = self.versions[0].mission
         stated_m = self.mission.ground_amsl_m
@@ -201,9 +210,6 @@ class Case:
         self.level = (self.above_m >= low_m) & (self.above_m <= high_m + _TOO_HIGH_M)
         self.off_m = self._estimate_off()
         self.commands = [m for m in evidence.messages if m.component == COMPANION]
-        lines = (line for line in evidence.lines if not _STATUS.match(line.text))
-        self.announced = [Announced.of(line.time_s, line.text) for line in lines]
-        self.said = [(each.time_s, each.text) for each in self.announced]
         self.given = list(self._given())
         self.by = [self._responsible(sample.time_s) for sample in evidence.samples]
         pilot = any(given.by is Responsible.PILOT for given in self.given)
@@ -223,6 +229,24 @@ class Case:
             flown = (evidence.epoch_s, evidence.epoch_s + evidence.samples[-1].time_s)
         where = evidence.mission_path, text, evidence.uav, self._first_m
         return read_mission(*where, flown, evidence.map_files)
+
+    def _in_doubt(self, version: MissionVersion) -> Iterator[MissionVersion]:
+        """A version, in which zones count whatever their height while the altitude is in doubt.
+
+        That ends where they leave no way home, for the battery or for an operator, and with the
+        companion that doubts.
+        """
+        flat = version.mission.at_every_height
+        begin_s = next((at_s for at_s, text in self.said if _DOUBTED.search(text)), math.inf)
+        ends_s = [at_s for at_s, text in self.said if _TRUSTED in text]
+        ends_s += [h.time_s for h in self.evidence.told(SceneEventKind.STARTED)]
+        end_s = min((at_s for at_s in ends_s if at_s > begin_s), default=math.inf)
+        same = flat.zones == version.mission.zones
+        limits_s = [] if same else [at_s for at_s in (begin_s, end_s) if at_s < math.inf]
+        within_s = [at_s for at_s in limits_s if version.from_s < at_s < version.until_s]
+        for piece in pairwise([version.from_s, *within_s, version.until_s]):
+            doubted = not same and begin_s <= piece[0] < end_s
+            yield MissionVersion(*piece, flat if doubted else version.mission)
 
     def at(self, time_s: float) -> int:
         """The sample that was taken last before."""

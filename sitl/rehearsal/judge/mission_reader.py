@@ -36,6 +36,9 @@ _TRACKING_M, _SEPARATION_M = 1.5, 10.0
 _WIND_M_S, _BREEZE_M_S, _ACCURACY_M = 5.0, 5.0, 1.0
 _ESTIMATE, _STILL_M, _SWING_S2_M, _TURN_M, _GUST_S, _MORE_M = 0.63, 0.35, 0.0145, 0.3, 0.2, 0.04
 """What a vehicle may be off its legs, as docs/routes.md says."""
+_FAR_ABOVE_M: Final = 50.0
+"""With the altitude in doubt zones count up to so far above the cruise."""
+
 _LATER_S: Final = 4500.0
 """A flight may begin an hour later than it is to, and come home some minutes after its end."""
 
@@ -151,6 +154,22 @@ class RawMission:
         """From where to where it may fly between take-off and landing, above mean sea level."""
         low_m, high_m = (self.altitudes_m[end] + (self.ground_amsl_m or 0.0) for end in (0, -1))
         return low_m - self.vertical_margin_m, high_m + self.vertical_margin_m
+
+    @property
+    def at_every_height(self) -> RawMission:
+        """With zones whatever their height, but for those far above, or above home."""
+        top_m = self.cruise_m[1]
+
+        def stays(zone: Area) -> bool:
+            near_m = zone.clearance_m + self.tracking_margin_m + zone.radius_m
+            home = zone.lower_m > top_m and zone.outline.distance(shapely.Point(0.0, 0.0)) < near_m
+            return home or zone.lower_m > top_m + _FAR_ABOVE_M
+
+        zones = (
+            zone if stays(zone) else replace(zone, lower_m=-math.inf, upper_m=math.inf)
+            for zone in self.zones
+        )
+        return replace(self, zones=tuple(zones))
 
     @property
     def cruised(self) -> tuple[Area, ...]:

@@ -5,23 +5,25 @@ import math
 
 import pytest
 
+from air_router.controller.airspace_change import among, counted
 from air_router.controller.envelope import ClearanceWatch, ReturnMonitor
 from air_router.controller.limits import OFF_ALTITUDE_HOME_S, OFF_ALTITUDE_S, OVERSPEED_S
 from air_router.controller.model.actions import (
-    Announce,
-    CommandAck,
     FlyToNode,
     FlyToPoint,
     HoldHere,
     Refusal,
-    WidenRoutes,
+    RenewPlan,
+    ReplanAirspace,
 )
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RoutesWidened
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.states.return_state import HomeReachability
 from air_router.routing.departure import names_of
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.instructions import BRING_HOME_BY_HEIGHT, Severity
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -258,18 +260,18 @@ def test_an_altitude_that_is_off_for_good_is_told_within_seconds(off_by, off, so
 ABOVE, BELOW = Band(48.0, 70.0), Band(20.0, 32.0)
 
 
-def in_doubt(off_by, off, zone_between):
-    """A vehicle that holds away from home, its altitude in doubt; and that zone on its way home."""
+def in_doubt(off_by, off, *zones_between):
+    """A vehicle that holds away from home, its altitude in doubt; and the first of those zones."""
     flight, off_m = off_by
     flight.hold_away()
     mission = flight.mission
-    zone = zone_between(flight.position, mission.home)
-    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    zones = [between(flight.position, mission.home) for between in zones_between]
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, *zones)))
     fly(flight, 1.0)
     flight.give(PlanRenewed())
     off_m.append(off)
     flight.fly_until(lambda: told(flight, "coming home: the altitude is in doubt"), 10.0)
-    return flight, zone
+    return flight, zones[0]
 
 
 def beside(band):
@@ -288,114 +290,236 @@ def around(_here, home):
     return Zone("ring", Outline(ring, (hole,)), band=ABOVE)
 
 
-def planned_among(flight):
-    router = flight.controller.context.router
-    return {zone.name for zone in router.graph.mission.planning_airspace.zones}
+def asked(flight, action):
+    return [each for each in flight.actions if isinstance(each, action)]
 
 
-def widens(flight):
-    return [action for action in flight.actions if isinstance(action, WidenRoutes)]
+def replanned(flight):
+    """The ways that were asked for are there."""
+    mission = flight.controller.context.mission
+    flight.give(AirspaceChanged(mission.fences, mission.drawn))
 
 
-@pytest.mark.parametrize(("off", "band"), [(8.0, ABOVE), (-8.0, BELOW)])
-def test_with_its_altitude_in_doubt_the_way_home_is_clear_at_both(off_by, off, band):
+def on_board(flight):
+    """What is put on board is there."""
+    before = len(asked(flight, RenewPlan))
+    flight.fly_until(lambda: len(asked(flight, RenewPlan)) > before, 30.0)
+    flight.give(PlanRenewed())
+
+
+@pytest.mark.parametrize(("off", "band"), [(8.0, ABOVE), (-8.0, ABOVE), (8.0, BELOW)])
+def test_with_its_altitude_in_doubt_it_comes_home_clear_of_zones_at_every_height(off_by, off, band):
     flight, zone = in_doubt(off_by, off, beside(band))
     since, router = len(flight.track), flight.controller.context.router
-    fly(flight, 3.0)
+    flight.step()
     assert flight.controller.context.router is router  # it is replaced by one made elsewhere
-    assert isinstance(flight.motions[-1], HoldHere)
-    (widen,) = widens(flight)
-    flight.give(RoutesWidened(widen.off_m - 1.0))  # of zones that were others
-    assert flight.controller.context.router is router
-    flight.give(RoutesWidened(widen.off_m))
+    replanned(flight)
+    assert "zones changed: each counts whatever its height" in flight.said
+    on_board(flight)
     flight.lands()
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
-    assert len(widens(flight)) == 1
+    assert len(asked(flight, ReplanAirspace)) == 1
 
 
-def test_zones_that_change_while_its_altitude_is_in_doubt_count_at_both_too(off_by):
-    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
-    since = len(flight.track)
-    mission = flight.mission
-    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+def test_with_its_altitude_in_doubt_it_leaves_a_zone_that_ends_below_it(off_by):
+    flight, zone = in_doubt(off_by, 8.0, lambda here, _: Zone("low", Circle(here, 9.0), band=BELOW))
+    replanned(flight)
+    assert Airspace(None, [zone], 0.0).holders(flight.position)
     fly(flight, 1.0)
-    flight.give(RoutesWidened(widens(flight)[0].off_m))  # of before: void
-    flight.give(PlanRenewed())
-    assert isinstance(flight.motions[-1], HoldHere)
-    flight.give(RoutesWidened(widens(flight)[-1].off_m))
-    flight.ends()
-    assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+    assert told(flight, "leaving no-fly zone 'low'")
+    on_board(flight)
+    assert not Airspace(None, [zone], 0.0).holders(flight.position)
+    flight.lands()
+
+
+@pytest.mark.parametrize(("lower_m", "counts"), [(95.0, True), (96.0, False)])
+def test_zones_that_begin_far_above_are_none_with_the_altitude_in_doubt_either(
+    off_by, lower_m, counts
+):
+    """The cruise ends at 45 m, and airspace classes of whole countries begin some way above it."""
+    band = Band(lower_m, 900.0)
+    flight, _ = in_doubt(off_by, 8.0, lambda here, _: Zone("class", Circle(here, 30.0), band=band))
+    fly(flight, 1.0)
+    assert bool(asked(flight, ReplanAirspace)) == counts
+    if not counts:
+        flight.lands()
+
+
+def test_zones_above_home_are_none_with_the_altitude_in_doubt_either(off_by):
+    """It took off below them: if they counted, no way would lead home."""
+    flight, _ = in_doubt(off_by, 8.0, lambda _, home: Zone("over", Circle(home, 900.0), band=ABOVE))
+    flight.lands()
+    assert not asked(flight, ReplanAirspace)
+
+
+def test_zones_that_are_reloaded_with_the_altitude_in_doubt_count_at_every_height_too(off_by):
+    flight, _ = in_doubt(off_by, 8.0, beside(ABOVE))
+    mission = flight.controller.context.mission
+    another = Zone("another", Circle(Point(500.0, 500.0), 9.0), band=BELOW)
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, another)))
+    now = flight.controller.context.mission
+    assert {"doubtful", "another"} <= {zone.name for zone in now.airspace.zones}
+    assert now.drawn[-1] == another
+    on_board(flight)
+    fly(flight, 3.0)
+    assert len(asked(flight, ReplanAirspace)) == 1  # which came too late
+    assert told(flight, "zones changed: 'another' is new, each counts whatever its height")
 
 
 @pytest.mark.parametrize("taken", [True, False])
-def test_zones_that_come_on_board_in_doubt_hold_no_vehicle_of_a_pilot_and_no_landing(off_by, taken):
-    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
-    flight.give(RoutesWidened(widens(flight)[-1].off_m))
-    if not taken:
-        flight.fly_to_state(State.LAND)
-    mission = flight.mission
-    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
-    fly(flight, 1.0)
+def test_zones_that_count_at_every_height_hold_no_vehicle_of_a_pilot_and_no_landing(off_by, taken):
+    flight, _ = in_doubt(off_by, 8.0, beside(ABOVE))
     if taken:
         flight.pilot_chooses(FlightMode.POSITION)
-    before = len(flight.motions)
-    flight.give(PlanRenewed())
+    else:
+        flight.fly_to_state(State.LAND)
+    before, uploads = len(flight.motions), len(asked(flight, RenewPlan))
+    replanned(flight)
+    fly(flight, 1.0)
     assert flight.motions[before:] == []
+    assert len(asked(flight, RenewPlan)) == uploads
     assert flight.controller.state is (State.PASSIVE if taken else State.LAND)
+    if not taken:
+        flight.lands()
 
 
-def test_zones_that_came_on_board_with_a_pilot_count_at_both_altitudes_once_it_is_resumed(off_by):
-    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
-    mission = flight.mission
-    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
-    fly(flight, 1.0)
-    flight.pilot_chooses(FlightMode.POSITION)
-    flight.give(PlanRenewed())
-    flight.pilot_chooses(FlightMode.HOLD)
-    before = len(widens(flight))
-    assert flight.operator_asks(GoOn()).accepted
-    fly(flight, 1.0)
-    assert isinstance(flight.motions[-1], HoldHere)
-    assert len(widens(flight)) == before + 1
-
-
-def test_a_doubt_that_turns_round_is_heeded_though_as_many_zones_count(off_by):
-    flight, high = in_doubt(off_by, 8.0, beside(ABOVE))
-    mission = flight.mission
-    low = dataclasses.replace(beside(BELOW)(flight.position, mission.home), name="low")
-    flight.give(AirspaceChanged(mission.fences, (*mission.zones, high, low)))
-    fly(flight, 1.0)
-    flight.give(PlanRenewed())
-    flight.give(RoutesWidened(widens(flight)[-1].off_m))
-    assert planned_among(flight) >= {"doubtful"}
-    _, off_m = off_by
-    off_m.append(-8.0)
-    flight.fly_until(lambda: widens(flight)[-1].off_m < 0.0, 20.0)
-    assert isinstance(flight.motions[-1], HoldHere)
-    flight.give(RoutesWidened(widens(flight)[-1].off_m))
-    assert planned_among(flight) >= {"low"}
-
-
-@pytest.mark.parametrize("asked", [True, False])
-def test_where_no_way_home_is_clear_at_both_altitudes_the_operator_or_the_reserve_decides(
-    off_by, asked
+def test_zones_that_counted_at_every_height_while_a_pilot_had_it_go_on_board_once_it_is_resumed(
+    off_by,
 ):
-    flight, _ = in_doubt(off_by, 8.0, around)
-    flight.give(RoutesWidened(widens(flight)[-1].off_m))
+    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
+    flight.pilot_chooses(FlightMode.POSITION)
+    replanned(flight)
+    flight.pilot_chooses(FlightMode.HOLD)
+    since = len(flight.track)
+    assert flight.operator_asks(GoOn()).accepted
+    on_board(flight)
+    flight.give(ComeHome())
+    flight.lands()
+    assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+
+
+def test_ways_that_are_planned_while_a_plan_is_put_on_board_are_asked_for_again(off_by):
+    flight, _ = in_doubt(off_by, 8.0, beside(ABOVE))
+    flight.controller.airspace_update.upload_again()
+    before = len(asked(flight, RenewPlan))
+    flight.fly_until(lambda: len(asked(flight, RenewPlan)) > before, 30.0)
+    replanned(flight)
+    assert not told(flight, "zones not changed")
     fly(flight, 1.0)
-    (words,) = told(flight, "no way home is clear at both altitudes")
-    assert "no-fly zone 'ring'" in words
-    assert Announce(words, Severity.ALARM, BRING_HOME_BY_HEIGHT) in flight.announced
+    assert len(asked(flight, ReplanAirspace)) == 1
+    flight.give(PlanRenewed())
+    flight.step()
+    assert len(asked(flight, ReplanAirspace)) == 2
+
+
+def test_with_its_altitude_in_doubt_by_a_jump_that_is_held_for_before_zones_change(off_by):
+    flight, _ = off_by
+    flight.hold_away()
+    mission, reads = flight.mission, flight.telemetry
+    zone = beside(ABOVE)(flight.position, mission.home)
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    on_board(flight)
+    fly(flight, 1.0)
+
+    def reads_low():
+        told = reads()
+        low_m, low_amsl_m = told.altitude_m - 8.0, told.altitude_amsl_m - 8.0
+        return dataclasses.replace(told, altitude_m=low_m, altitude_amsl_m=low_amsl_m)
+
+    flight.telemetry = reads_low
+    flight.fly_until(lambda: told(flight, "coming home: the altitude is in doubt"), 10.0)
+    fly(flight, 5.0)
+    assert not asked(flight, ReplanAirspace)
+    flight.telemetry = reads
+    fly(flight, 4.0)
+    assert len(told(flight, "the altitude jumped")) == 2
+    assert len(asked(flight, ReplanAirspace)) == 1
+
+
+def test_in_haste_it_comes_home_clear_of_zones_at_every_height_without_them_on_board(off_by):
+    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
+    since = len(flight.track)
+    flight.battery = flight.mission.battery_reserve
+    replanned(flight)
+    flight.lands()
+    assert told(flight, "not on board: it comes home at once, for its battery")
+    assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+
+
+def covers(_here, home):
+    """What is above everything but home."""
+    ring, hole = (Circle(home, radius_m).corners for radius_m in (900.0, 25.0))
+    return Zone("shelf", Outline(ring, (hole,)), band=ABOVE)
+
+
+@pytest.mark.parametrize(
+    ("zones", "alarm"),
+    [
+        ((around,), "no way home is clear at every altitude"),
+        ((covers, around), "no way out of no-fly zone 'shelf'"),
+    ],
+)
+@pytest.mark.parametrize("by_request", [True, False])
+def test_where_no_way_is_clear_at_every_height_the_operator_or_the_reserve_decides(
+    off_by, by_request, zones, alarm
+):
+    flight, _ = in_doubt(off_by, 8.0, *zones)
+    replanned(flight)
+    if covers not in zones:
+        on_board(flight)
+    flight.fly_until(lambda: told(flight, alarm), 10.0)
+    said = [each for each in flight.announced if alarm in each.text]
+    assert {(each.severity, each.instruction) for each in said} == {
+        (Severity.ALARM, BRING_HOME_BY_HEIGHT)
+    }
     fly(flight, 25.0)
     assert isinstance(flight.motions[-1], HoldHere)
-    if asked:
-        flight.give(ComeHome())
-        (answer,) = (a for a in flight.actions if isinstance(a, CommandAck) and "clear at" in a.why)
+    if by_request:
+        answer = flight.operator_asks(ComeHome())
         assert answer.accepted
+        assert "clear at the autopilot's altitude" in answer.why
     else:
         flight.battery = flight.mission.battery_reserve
-    flight.lands(200.0)
+    fly(flight, 1.0)
     assert told(flight, "coming home clear at the autopilot's altitude alone")
+    assert len(asked(flight, ReplanAirspace)) == 2
+    replanned(flight)
+    assert "zones changed: each counts at its height again" in flight.said
+    before = len(flight.motions)
+    fly(flight, 3.0)
+    # PX4 would hold it at the fence on board: also at the reserve that is lifted first.
+    assert all(isinstance(motion, HoldHere) for motion in flight.motions[before:])
+    flight.give(PlanRenewed())
+    flight.lands(200.0)
+    assert len(asked(flight, ReplanAirspace)) == 2
+
+
+def test_while_a_way_is_opened_home_once_more_trusts_no_altitude_that_is_in_doubt(off_by):
+    flight, _ = in_doubt(off_by, 8.0, around, beside(ABOVE))
+    replanned(flight)
+    on_board(flight)
+    flight.fly_until(lambda: told(flight, "no way home is clear at every altitude"), 10.0)
+    mission = flight.controller.context.mission
+    zones = tuple(zone for zone in mission.drawn if zone.name != "ring")
+    flight.give(AirspaceChanged(mission.fences, zones))
+    fly(flight, 3.0)
+    assert "already" in flight.operator_asks(ComeHome()).why
+    flight.give(PlanRenewed())
+    flight.lands()
+    assert not told(flight, "coming home clear at the autopilot's altitude alone")
+
+
+def test_a_router_among_zones_of_other_heights_is_another_though_they_count_at_all(pennovation):
+    def drawn(band):
+        zone = Zone("doubtful", Circle(Point(90.0, 60.0), 5.0), band=band)
+        mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, zone))
+        return counted(mission, all_zones=True)
+
+    above, below = drawn(ABOVE), drawn(BELOW)
+    assert above.zones == below.zones
+    router = Router(WaypointGraph(above))
+    assert (among(router, above), among(router, below)) == (True, False)
+    assert counted(below, all_zones=False).zones[-1].band == BELOW
 
 
 def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off(off_by):

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import ReadAgain, RenewPlan
-from air_router.controller.model.events import PlanRenewed
+from air_router.controller.model.actions import ReadAgain, RenewPlan, ReplanAirspace
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import OnBoard
 from air_router.controller.model.requests import Reload
@@ -141,17 +141,19 @@ def test_a_fence_that_does_not_fit_on_board_is_not_taken(file):
         changed_areas(mission)
 
 
-def test_ways_that_are_clear_at_two_altitudes_are_planned_beside_the_flight(
+def test_ways_among_zones_of_every_height_are_planned_beside_the_flight_and_go_on_board(
     file, pretend_vehicle, tmp_path, monkeypatch
 ):
     mission = load_mission(file, duration_s=90.0)
     high = Zone("high", Circle(Point(300.0, 300.0), 8.0), band=Band(48.0, 90.0))
     mission = mission.with_areas(mission.fences, (*mission.zones, high))
     flight = WholeFlight(mission, pretend_vehicle, tmp_path / "log")
-    airframe, made = flight.vehicle.airframe, []
+    airframe, made, is_made = flight.vehicle.airframe, [], threading.Event()
     telemetry, make = airframe.telemetry, Router.__init__
 
     def reads():
+        if "coming home: the altitude is in doubt" in flight.out.getvalue():
+            is_made.wait()  # in a flight as fast as this one it would have landed before
         far = math.dist(airframe.position, mission.home) > 30.0
         amsl_m = 489.0 + airframe.altitude_m
         gps_m = amsl_m + (20.0 if far or made else 0.0)
@@ -160,6 +162,7 @@ def test_ways_that_are_clear_at_two_altitudes_are_planned_beside_the_flight(
     def makes(*arguments):
         made.append(threading.current_thread())
         make(*arguments)
+        is_made.set()
 
     airframe.telemetry = reads
     monkeypatch.setattr(Router, "__init__", makes)
@@ -167,7 +170,39 @@ def test_ways_that_are_clear_at_two_altitudes_are_planned_beside_the_flight(
     assert "the altitude is in doubt" in flight.out.getvalue()
     assert made
     assert threading.main_thread() not in made
+    assert "zones changed: each counts whatever its height" in flight.out.getvalue()
     assert replay_record([*Log(flight.recorder.path)]).difference is None
+
+
+LOW = """
+  - name: low
+    circle: {centre: [39.94160, -75.19930], radius_m: 5}
+    altitude: {upper_m: 20}
+"""
+
+
+def test_with_the_altitude_in_doubt_the_file_is_compared_as_it_is_drawn(file):
+    add_zone(file, LOW)
+    mission = load_mission(file)
+    in_doubt = mission.with_all_zones(50.0)
+    assert in_doubt.zones != mission.zones
+    with pytest.raises(NotReloadedError, match="are as they were"):
+        changed_areas(in_doubt)
+    add_zone(file)
+    assert changed_areas(in_doubt).zones == load_mission(file).zones
+
+
+@pytest.mark.parametrize("replans", [True, False])
+def test_ways_that_another_change_came_before_are_not_flown(file, replans):
+    """They were planned for what counted before that."""
+    events, prepared, mission = [], [], load_mission(file)
+    controller = SimpleNamespace(
+        mission=mission, all_zones=True, replans=replans, prepare=prepared.append
+    )
+    reader = rereading.MissionReloader(controller, None, events.append, events.append)
+    asyncio.run(reader.work(ReplanAirspace()))
+    assert events == [AirspaceChanged(mission.fences, mission.zones)] * replans
+    assert len(prepared) == replans
 
 
 class Field(WholeFlight):
@@ -221,7 +256,7 @@ def test_an_error_in_the_file_is_told_and_changes_nothing(field, file):
 
 
 def test_a_fault_in_reading_it_is_told_and_the_flight_goes_on(field, file, monkeypatch):
-    def broken(mission, on_board):
+    def broken(mission, on_board, all_zones):
         raise ZeroDivisionError(str(mission.path))
 
     monkeypatch.setattr(rereading, "_read", broken)
@@ -236,7 +271,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
         said, began = [], asyncio.Event()
         loop = asyncio.get_running_loop()
 
-        def read(mission, on_board):
+        def read(mission, on_board, all_zones):
             gate = next(reads)
             loop.call_soon_threadsafe(began.set)
             gate.wait()
@@ -244,7 +279,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rereading, "_read", read)
-            controller = SimpleNamespace(mission=mission)
+            controller = SimpleNamespace(mission=mission, all_zones=False)
             reader = rereading.MissionReloader(controller, None, events.append, said.append)
             first = asyncio.ensure_future(reader.work(ReadAgain()))
             assert reader.latest == ReloadReport()

@@ -49,8 +49,32 @@ def test_the_zones_of_a_rehearsal_are_read_alike(tmp_path, drawn_into):
     ]
     assert {idle.zone.name for idle in mission.idle_zones} == {"under it", "expired", "over it"}
     assert mission.cruise.lower_m + 550.0 == raw.cruise_m[0]
+    assert {zone.name for zone in mission.with_all_zones(50.0).airspace.zones} == {
+        area.name for area in raw.at_every_height.cruised if not area.fence
+    }
     wide = [area.name for area in raw.zones if area.clearance_m > raw.clearance_m]
     assert wide == ([] if drawn_into else ["zone 8"])
+
+
+DOUBTED = "coming home: the altitude is in doubt: 40 m by the autopilot, 48 m by the satellites"
+TRUSTED = "coming home clear at the autopilot's altitude alone: the battery is at its reserve"
+
+
+@pytest.mark.parametrize(
+    ("said", "limits", "wrong"),
+    [
+        ([], {"lower_m": 60}, False),
+        ([(30.0, DOUBTED)], {"lower_m": 60}, True),
+        ([(30.0, DOUBTED)], {"upper_m": 20}, True),
+        ([(30.0, DOUBTED)], {"lower_m": 96}, False),
+        ([(30.0, DOUBTED), (31.0, TRUSTED)], {"lower_m": 60}, False),
+        ([(58.0, DOUBTED)], {"lower_m": 60}, False),  # it has passed by
+    ],
+)
+def test_with_the_altitude_in_doubt_room_is_kept_whatever_the_height(said, limits, wrong):
+    zone = {"name": "more", "polygon": [[57, 30], [63, 30], [63, 36], [57, 36]], "altitude": limits}
+    text = yaml.safe_dump({**FILE, "no_fly_zones": [*FILE["no_fly_zones"], zone]})
+    assert ("room" in kinds(evidence(text=text, said=said))) == wrong
 
 
 def test_what_is_drawn_takes_a_rally_point(tmp_path):
