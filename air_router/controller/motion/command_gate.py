@@ -121,18 +121,31 @@ class PendingSetpoints:
     def _before(self, jump: FlyToNode) -> list[Motion]:
         return self._sent[:-1] if self._sent and self._sent[-1] == jump else self._sent
 
-    def open(self, telemetry: Telemetry) -> list[Point]:
-        """Where it was sent by us and has not arrived: there it is flying, or begins to."""
+    def open(self, telemetry: Telemetry, unsent: Motion | None = None) -> list[Point]:
+        """Where it was sent by us and has not arrived: there it is flying, or begins to.
+
+        Args:
+            telemetry: Where it is.
+            unsent: Was decided on, and has not left for the vehicle. An equal one may have.
+        """
         return [
             motion.position
             for motion in self._sent
             if isinstance(motion, FlyToNode | FlyToPoint)
+            and motion is not unsent
             and math.dist(motion.position, telemetry.position) > self.near_m
         ]
 
-    def pending(self, telemetry: Telemetry) -> tuple[PendingSetpoint, ...]:
-        """Everywhere that it may be flying to now: by our commands, and by its own telemetry."""
-        here, target, places = telemetry.position, telemetry.target, self.open(telemetry)
+    def pending(
+        self, telemetry: Telemetry, unsent: Motion | None = None
+    ) -> tuple[PendingSetpoint, ...]:
+        """Everywhere that it may be flying to now: by our commands, and by its own telemetry.
+
+        Args:
+            telemetry: Where it is, and its target.
+            unsent: Was decided on, and has not left for the vehicle. An equal one may have.
+        """
+        here, target, places = telemetry.position, telemetry.target, self.open(telemetry, unsent)
         if target is not None and math.dist(target, here) > FAR_M:
             places.append(target)
         if not places:

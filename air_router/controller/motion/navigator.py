@@ -314,25 +314,37 @@ class Navigator:
         if isinstance(motion, FlyToNode) and moved is not None and moved.changes_heights:
             return "home was moved, and the plan's items with it"
         flies_it = [*self._gate.setpoints.all_known] == [motion]  # already, whatever is said
-        if not flies_it and not self.clear(telemetry, motion.position, age_s):
+        if not flies_it and not self.clear(telemetry, motion.position, age_s, unsent=motion):
             return "the leg was no longer clear in its turn"
         return None
 
-    def clear(self, telemetry: Telemetry, target: Point, age_s: float = 0.0) -> bool:
+    def clear(
+        self,
+        telemetry: Telemetry,
+        target: Point,
+        age_s: float = 0.0,
+        *,
+        unsent: Motion | None = None,
+    ) -> bool:
         """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance.
 
         However late the command arrives: until then it may fly all the rest of its present leg.
-        In `age_s` it has flown on from where it was when it said so.
+        In `age_s` it has flown on from where it was when it said so. The motion that is to leave
+        only now, `unsent`, it does not fly yet: a leg out of a hover begins as it was planned.
         """
         momentum = self._gate.momentum(telemetry, age_s)
-        pending = self._gate.setpoints.pending(telemetry)
+        pending = self._gate.setpoints.pending(telemetry, unsent)
         return (
             self._context.flown_router.check_leg(telemetry.position, target, momentum, pending)
-            and self._height_refusal(telemetry, target, age_s) is None
+            and self._height_refusal(telemetry, target, age_s, unsent) is None
         )
 
     def _height_refusal(
-        self, telemetry: Telemetry, target: Point, age_s: float = 0.0
+        self,
+        telemetry: Telemetry,
+        target: Point,
+        age_s: float = 0.0,
+        unsent: Motion | None = None,
     ) -> NoRoute | None:
         """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
 
@@ -344,6 +356,6 @@ class Navigator:
         if cruises or context.flown_router is context.way_out_router:
             return None
         here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)
-        places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry)]
+        places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry, unsent)]
         swept = (here, momentum.rest, momentum.turn(here, target), *places, target)
         return self._context.router.off_cruise(altitude_m, swept)

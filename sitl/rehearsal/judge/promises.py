@@ -66,6 +66,9 @@ _NO_WAY: Final = "no way|left out|no clear way|no robot"
 _CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "IDLE", "LANDED_HERE", "ALTITUDES"})
 """Faults in which nothing keeps the vehicle from its mission."""
 
+_UNCLEAR: Final = "no longer clear in its turn"
+"""A leg was decided on, and then kept back: what it was checked for was another place, or speed."""
+
 _RECORD_S, _TAKE_OFF_S = 60.0, 8.0
 """What a record, and the autopilot's time of the take-off, may lack of the time in the air."""
 
@@ -361,6 +364,13 @@ def what_is_said_to_hover_over_a_robot_does(case: Case) -> Iterator[Violation]:
     for at_s, text in case.said:
         if _HOVERS_ALREADY.search(text) and case.state(at_s) != "COMM":
             yield Violation(at_s, "request", f"'{text.strip()}' in {case.state(at_s)}")
+
+
+def no_leg_is_kept_back_in_a_calm_flight(case: Case) -> Iterator[Violation]:
+    """Where nothing disturbs it, what was decided on is sent: its leg is as clear as it was."""
+    for at_s, text in case.said if case.evidence.faults <= _CALM else ():
+        if _UNCLEAR in text:
+            yield Violation(at_s, "told", f"'{text.strip()}', in a flight without a disturbance")
 
 
 def motors_that_run_are_not_said_to_stand_still(case: Case) -> Iterator[Violation]:

@@ -189,3 +189,26 @@ def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
     gate.pending = down = FlyToPoint(Point(22.0, -60.0), 40.0)
     assert navigator.objection(down, 1.0) is None
     assert navigator.objection(down, 2.9) is not None
+
+
+def test_a_leg_out_of_a_hover_is_not_refused_for_being_its_own_setpoint(bend):
+    """What has not left is not flown: it is checked in its turn as it was when it was planned."""
+    tracking, box = bend.mission.tracking, -15.0  # the zone's northern edge
+    kept_m = bend.mission.planner.clearance_m + (tracking.flown_m + tracking.turned_m) / 2
+    beside = box + kept_m
+    assert tracking.flown_m < tracking.turned_m < bend.mission.planning_airspace.margin_m
+    context, gate, navigator = navigating(bend, at(20.0, beside))
+    here, order = context.heard, FlyToPoint(Point(80.0, beside), 40.0)
+    assert navigator.clear(here, order.position)
+    gate.command(order)
+    assert navigator.objection(order, 1.0) is None
+    # Flown already, or at speed, such a leg needs more room.
+    assert not navigator.clear(here, order.position)
+    context.telemetry = dataclasses.replace(here, velocity_m_s=(1.0, 0.0))
+    assert "no longer clear" in navigator.objection(order, 1.0)
+    # One alike that left before may be flown by now.
+    context.telemetry = here
+    gate.failed(CommandFailed(order, "no answer"))
+    again = dataclasses.replace(order)
+    gate.command(again)
+    assert "no longer clear" in navigator.objection(again, 1.0)

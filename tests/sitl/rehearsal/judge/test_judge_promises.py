@@ -229,3 +229,11 @@ def test_a_vehicle_that_no_pilot_takes_is_alarmed_of(alarmed_s, flagged):
     states += [states[-1]] * 400
     verdict = judge(flight(states, said=said))
     assert any("no pilot takes it" in str(v) for v in verdict.violations) is flagged
+
+
+@pytest.mark.parametrize(("fault", "kept_back"), [("NONE", True), ("GUSTS", False)])
+def test_in_a_calm_flight_no_leg_is_kept_back(fault, kept_back):
+    line = (70.0, "70.0 s  not sent: the leg was no longer clear in its turn")
+    verdict = judge(flight(said=[line], faults=frozenset({fault})))
+    told = [str(each) for each in verdict.violations if "without a disturbance" in str(each)]
+    assert len(told) == kept_back
