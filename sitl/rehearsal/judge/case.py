@@ -314,15 +314,18 @@ class Case:
     def _shows(self, taking: SceneEvent) -> bool:
         """Whether anything changed: of two choices at once the second may undo the first.
 
-        So may a command of ours that leaves before another item or place could be heard of.
+        So may a command of ours that leaves before another item or place could be heard of. And no
+        other plan takes a vehicle that is to land by then: a landing needs none.
         """
         if tells_elsewhere(taking):
-            known_s = heard_of_s(self.evidence.heard, taking) + _HEEDED_S
-            known_s = min(known_s, taking.time_s + _HEARD_S)
+            known_s = self._known_s(taking)
             ours = (m.time_s for m in self.commands if is_motion(m))
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
-        if not str(taking.value).isupper():  # sticks; another plan, but a landing needs none
-            return taking.value != "plan" or not was_to_land(self.commands, taking.time_s)
+        if taking.value == "plan":
+            known_s = self._known_s(taking) if self.evidence.heard else taking.time_s
+            return not was_to_land(self.commands, known_s)
+        if not str(taking.value).isupper():
+            return True  # the sticks
         if taking.value == "AUTO_LAND" and any(
             command_of(m) == LAND and abs(m.time_s - taking.time_s) < _CROSSES_S
             for m in self.commands
@@ -332,6 +335,11 @@ class Case:
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
         return any(sample.custom_mode != before for sample in after)
+
+    def _known_s(self, taking: SceneEvent) -> float:
+        """By when the companion knows of another item, place or plan."""
+        heard_s = heard_of_s(self.evidence.heard, taking) + _HEEDED_S
+        return min(heard_s, taking.time_s + _HEARD_S)
 
     def _given_back_s(self, since_s: float, *, restarted: bool) -> float:
         """When we moved it first after an operator had asked for that; infinite: never."""

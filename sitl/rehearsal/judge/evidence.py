@@ -211,20 +211,26 @@ class Evidence(FlightRecord):
 
 # What MAVLink says.
 
-_TELLS: Final = {
+_ELSEWHERE: Final = {
     "item": ("MISSION_CURRENT", ("seq",)),
     "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
 }
 """Which message, and which of its fields, tells that the vehicle goes elsewhere, by the choice."""
 
+_TELLS: Final = {
+    **_ELSEWHERE,
+    "plan": ("MISSION_CURRENT", ("mission_id", "fence_id", "rally_points_id")),
+}
+"""The same of whatever no mode tells."""
+
 
 def tells_elsewhere(choice: SceneEvent) -> bool:
     """Whether no mode tells of a choice, but where the vehicle goes."""
-    return choice.value in _TELLS
+    return choice.value in _ELSEWHERE
 
 
 def heard_of_s(heard: Sequence[WireMessage], choice: SceneEvent) -> float:
-    """When the companion heard that the vehicle goes elsewhere by a choice; infinite: never."""
+    """When the companion heard of another place, item or plan by a choice; infinite: never."""
     name, fields = _TELLS[str(choice.value)]
     told = [(m.time_s, [m.fields.get(f) for f in fields]) for m in heard if m.name == name]
     before = next((to for time_s, to in reversed(told) if time_s < choice.time_s), None)

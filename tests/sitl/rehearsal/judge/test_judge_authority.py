@@ -164,6 +164,27 @@ def test_a_landing_that_we_have_ordered_needs_no_plan(at_s, delivered, end):
     assert judge(flown).end is End[end]
 
 
+@pytest.mark.parametrize(
+    ("ordered_s", "heard_s", "end"),
+    [
+        (69.01, 70.9, "LANDED"),  # it had been decided on
+        (70.8, 70.9, "LANDED"),
+        (70.8, 69.2, "PILOT"),
+        (71.2, 90.0, "PILOT"),  # whatever is late: so late is nothing
+    ],
+)
+def test_a_landing_of_before_another_plan_could_be_heard_of_needs_none(ordered_s, heard_s, end):
+    def spoil(message):
+        fields = {**message.fields, "mission_id": 7 if message.time_s < heard_s else 8}
+        told = message.name == "MISSION_CURRENT"
+        return dataclasses.replace(message, fields=fields) if told else message
+
+    replaced = (SceneEvent(69.0, SceneEventKind.PILOT, "plan"),)
+    order, faults = command(ordered_s, 21), ("PLAN_DELETED",)
+    flown = flight(spoil=spoil, more=[order], happenings=replaced, faults=faults)
+    assert judge(flown).end is End[end]
+
+
 RETURN = 0x05040000
 STANDS = (
     SceneEvent(40.0, SceneEventKind.STOPPED, None),
