@@ -17,6 +17,7 @@ from air_router.controller.limits import (
     LINK_SILENCE_BY_HAND_S,
     LINK_SILENCE_SAID_S,
     PLAN_COMPARED_S,
+    POSITION_UNKNOWN_S,
     RELEASE_HOLDS,
     REPEATED_AFTER_S,
 )
@@ -44,6 +45,7 @@ from air_router.vehicle import (
     NO_UPLOADS,
     RESUME_AGAIN,
     SEPARATE_TWINS,
+    TAKE_OVER_BLIND,
     TAKE_OVER_NOW,
     TAKE_WHERE_IT_HOLDS,
     UPLOAD_OURS,
@@ -61,6 +63,12 @@ from air_router.vehicle import (
 
 NOT_TAKEN: Final = "not flown by hand"
 """What is alarmed of after hands off for a reason of ours, until a pilot chooses a mode."""
+
+POSITION_UNKNOWN: Final = "position unknown"
+"""What is alarmed of while the autopilot flies a vehicle without knowing where it is."""
+
+_BY_HAND: Final = frozenset({FlightMode.POSITION, FlightMode.ALTITUDE, FlightMode.OTHER})
+"""In these the pilot flies by sight."""
 
 
 def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
@@ -117,6 +125,8 @@ class ControlAuthority:
     _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
     _crossing: FlightMode | None = None  # to which an order of ours led that had left before that
     _breaches: Reminder = field(default_factory=Reminder)  # while another flies
+    _failsafe: FlightMode | None = None  # the mode of PX4's failsafe that was announced last
+    _unknown_since_s: float | None = None  # its position is not known since, vehicle's clock
     _silence_told_s: float = -math.inf  # how long it was when it was told last
     _mode_s: float | None = None  # age of its mode after a silence; None: nothing came since
 
@@ -189,6 +199,7 @@ class ControlAuthority:
         who = ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT
         self._chosen = (telemetry.mode, self._context.now_s)
         failsafe = who is ControlHolder.FAILSAFE
+        self._failsafe = telemetry.mode if failsafe else None
         instruction = WATCH_FAILSAFE if failsafe else IN_YOUR_HANDS
         self.take_over(who, f"{who.value} chose {telemetry.mode.value} mode", instruction)
 
@@ -199,10 +210,12 @@ class ControlAuthority:
         late = telemetry.mode is mode and context.now_s - taken_s <= FAILSAFE_LATE_S
         if telemetry.failsafe and late and context.taken_by is ControlHolder.PILOT:
             context.taken_by = ControlHolder.FAILSAFE
+            self._failsafe = mode
             context.warn(
                 f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode",
                 WATCH_FAILSAFE,
             )
+        self._look_at_failsafe(telemetry)
         if telemetry.mode is not FlightMode.HOLD:
             context.over(NOT_TAKEN)  # a pilot or a failsafe flies it
         if (
@@ -216,12 +229,49 @@ class ControlAuthority:
                 CHOOSE_AGAIN,
             )
         self._look_at_inputs(telemetry)
+        if self._is_lost(telemetry):
+            return  # nor is it known whether it is in a zone
         breach = self._monitor.breach(telemetry)
         news = self._breaches.news(breach, context.now_s)
         if news is not None and breach is not None:
             context.alarm(news, FLY_OUT)
         elif news is not None:
             context.say(news)
+
+    def _look_at_failsafe(self, telemetry: Telemetry) -> None:
+        """A failsafe acts, or goes on to another mode: PX4 holds for some seconds, then returns."""
+        mode, before = telemetry.mode, self._failsafe
+        if not telemetry.failsafe:
+            self._failsafe = before if mode is before else None  # one that flickers is no other
+        elif telemetry.in_air and mode is not before and mode not in _BY_HAND:
+            self._failsafe = mode
+            failsafe = ControlHolder.FAILSAFE.value
+            text = f"{failsafe} chose {mode.value} mode"
+            if before is not None:
+                text = f"{failsafe} goes on from {before.value} to {mode.value} mode"
+            self._context.alarm(text, WATCH_FAILSAFE)
+
+    def _is_lost(self, telemetry: Telemetry) -> bool:
+        """Whether it is not known where it is; that is alarmed of while the autopilot flies it."""
+        context, why = self._context, self._monitor.position_doubt(telemetry)
+        if why is None:
+            self._unknown_since_s = None
+            again = "the vehicle's position is known again"
+            context.over(POSITION_UNKNOWN, again if telemetry.in_air else "")
+            return False
+        since_s = self._unknown_since_s
+        since_s = self._unknown_since_s = telemetry.told_s if since_s is None else since_s
+        if telemetry.mode in _BY_HAND:
+            context.over(POSITION_UNKNOWN)
+        elif telemetry.told_s - since_s >= POSITION_UNKNOWN_S:
+            context.alarm_until_over(
+                POSITION_UNKNOWN,
+                f"the vehicle's position is not known: {why}; it may be in a zone",
+                TAKE_OVER_BLIND,
+                lasting="the vehicle's position has not been known",
+                since_s=since_s,
+            )
+        return True
 
     def wait(self, telemetry: Telemetry) -> None:
         """Hands will be off, or the plan is compared: on with that, as far as it is heard."""
@@ -456,6 +506,7 @@ class ControlAuthority:
 
     def _take_back(self) -> None:
         self._context.alarms.end_all()
+        self._failsafe = None
         self._gate.ours_in_the_air()
         self._context.taken_by = None
         self._gate.assume(self._context.heard.mode)

@@ -233,6 +233,7 @@ class Controller:
         context.telemetry = telemetry = self._with_believed_charge(telemetry)
         phase.note(telemetry)
         self._lag.note(telemetry)
+        self._home.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
         ours = context.handed_over if context.state is State.READY else context.spec.ours
         # On the ground the autopilot changes its mode by itself, when it disarms. A failsafe may

@@ -135,6 +135,13 @@ TWINS_S: Final = 5.0
 HOME_MOVED_AGAIN_M: Final = 2.0
 """A home that was told to be moved is told again when it is so much elsewhere."""
 
+PX4_SETS_HOME_S: Final = 5.0
+"""PX4 sets home itself at each lift-off, and may without satellites: what shows so soon after that
+is no station's doing."""
+
+POSITION_UNKNOWN_S: Final = 2.0
+"""It is alarmed of once it was not known for so long where a vehicle is that another flies."""
+
 ALTITUDE_DOUBT_M: Final = 3.5
 ALTITUDE_DOUBT_HOME_M: Final = 6.0
 """The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""

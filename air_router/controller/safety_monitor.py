@@ -29,6 +29,7 @@ from air_router.controller.limits import (
     KILLED_M,
     OLD_POSITION_S,
     ORDER_STALE_S,
+    PX4_SETS_HOME_S,
     REST_M,
     REST_S,
     TWINS_S,
@@ -45,7 +46,9 @@ from air_router.controller.model import (
 from air_router.controller.motion import MODES, CommandGate
 from air_router.mission import FlightPlan, Mission
 from air_router.vehicle import (
+    NO_FIX,
     NO_OTHER_HOME,
+    RETURN_ELSEWHERE,
     WATCH_HEIGHT,
     FlightMode,
     HomeMove,
@@ -205,6 +208,18 @@ class HomeWatch:
     _receiver_at_s: float = 0.0  # of the telemetry before
     _receiver_told_m: float = 0.0  # the greatest limit announced
     _told: HomeMove | None = None  # where home was moved to, as announced
+    # When PX4 had a reason last to set home anew itself, and which; vehicle's clock.
+    _px4_sets: tuple[float, str] = (-math.inf, "")
+
+    def note(self, telemetry: Telemetry) -> None:
+        """Take in whether PX4 itself may set home: it does at each lift-off, and corrects it.
+
+        One that has touched down and is up again counts as lifted off.
+        """
+        if not telemetry.in_air or not telemetry.armed:
+            self._px4_sets = (telemetry.time_s, "as it lifted off or touched down")
+        elif not telemetry.fix:
+            self._px4_sets = (telemetry.time_s, "while GPS has no fix")
 
     def look(self, telemetry: Telemetry) -> Response | None:
         """Whether home was moved since it was told last, in any state; says so."""
@@ -234,14 +249,22 @@ class HomeWatch:
         self._told = moved
         amsl_m = telemetry.altitude_amsl_m
         before_m = None if amsl_m is None else amsl_m - telemetry.altitude_m
-        words = f"home was moved: {moved.words(before_m)}"
+        sets_s, reason = self._px4_sets
+        again = told is not None and abs(moved.up_m - told.up_m) < HOME_MOVED_AGAIN_M
+        more = "; heights count from the take-off as before"
         if not moved.changes_heights:
-            context.warn(f"{words}; the autopilot's own Return flies there", NO_OTHER_HOME)
+            more = "; the autopilot's own Return flies there"
+        elif again:
+            more = ""  # its place is told in a message of its own
+        where = moved.words(before_m)
+        if telemetry.time_s - sets_s < PX4_SETS_HOME_S:
+            context.warn(
+                f"home was set anew {reason}, as PX4 does itself: {where}{more}", RETURN_ELSEWHERE
+            )
+        else:
+            context.warn(f"home was moved: {where}{more}", NO_OTHER_HOME)
+        if again or not moved.changes_heights:
             return Response.TELL
-        if told is not None and abs(moved.up_m - told.up_m) < HOME_MOVED_AGAIN_M:
-            context.warn(words, NO_OTHER_HOME)  # its place is told in a message of its own
-            return Response.TELL
-        context.warn(f"{words}; heights count from the take-off as before", NO_OTHER_HOME)
         return Response.HOLD
 
     def doubt(self, telemetry: Telemetry) -> Deviation | None:
@@ -341,10 +364,31 @@ class SafetyMonitor:
                 self._held = (hold, since_s, target, telemetry.target_altitude_m)
         return None
 
-    def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
-        """Whether the vehicle in the air is in a no-fly zone or outside a fence."""
-        here, mission, clear = telemetry.position, self._context.mission, self._clear
+    def position_doubt(self, telemetry: Telemetry) -> str | None:
+        """Why it is not known where the vehicle in the air is; None if it is.
+
+        Without satellites PX4 goes on with what it makes of its other sensors, which drifts by
+        hundreds of metres a minute.
+        """
+        accuracy_m, kept_m = telemetry.accuracy_m or 0.0, self._context.mission.planner.clearance_m
+        position_s = telemetry.ages.position_s
         if not telemetry.in_air:
+            return None
+        if not telemetry.fix:
+            return NO_FIX
+        if accuracy_m > kept_m:
+            return f"satellites good to {accuracy_m:.0f} m only, and zones are kept from {kept_m:g}"
+        if position_s >= OLD_POSITION_S:
+            return f"position not heard for {position_s:.0f} s"
+        return None
+
+    def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
+        """Whether the vehicle in the air is in a no-fly zone or outside a fence, as far as known.
+
+        Where it is not known where it is, an input is missing, which is held for and alarmed of.
+        """
+        here, mission, clear = telemetry.position, self._context.mission, self._clear
+        if not telemetry.in_air or self.position_doubt(telemetry) is not None:
             return None
         if clear is not None and clear[2] is mission and math.dist(here, clear[0]) < clear[1]:
             return None

@@ -93,6 +93,8 @@ class Watch(NamedTuple):
 
 
 def _in_zone(context: MissionContext, telemetry: Telemetry) -> str | None:
+    if not telemetry.fix:
+        return None  # by a position that drifts
     holders = context.mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
     return names_of(holders) if holders else None
 

@@ -42,9 +42,11 @@ from air_router.vehicle.instructions import OUT_OF_ITS_WAY as OUT_OF_ITS_WAY
 from air_router.vehicle.instructions import READ_PX4 as READ_PX4
 from air_router.vehicle.instructions import RELOAD_AGAIN as RELOAD_AGAIN
 from air_router.vehicle.instructions import RESUME_AGAIN as RESUME_AGAIN
+from air_router.vehicle.instructions import RETURN_ELSEWHERE as RETURN_ELSEWHERE
 from air_router.vehicle.instructions import SEPARATE_TWINS as SEPARATE_TWINS
 from air_router.vehicle.instructions import TAKE_FROM_HERE as TAKE_FROM_HERE
 from air_router.vehicle.instructions import TAKE_OVER as TAKE_OVER
+from air_router.vehicle.instructions import TAKE_OVER_BLIND as TAKE_OVER_BLIND
 from air_router.vehicle.instructions import TAKE_OVER_NOW as TAKE_OVER_NOW
 from air_router.vehicle.instructions import TAKE_WHERE_IT_HOLDS as TAKE_WHERE_IT_HOLDS
 from air_router.vehicle.instructions import TOO_MUCH_WIND as TOO_MUCH_WIND

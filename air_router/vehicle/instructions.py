@@ -80,6 +80,9 @@ UPLOAD_OURS: Final = Instruction("Operator: 'resume upload' restores this missio
 NO_OTHER_HOME: Final = Instruction(
     "Operator: set no home in flight. Pilot: PX4's own Return flies to the new one"
 )
+RETURN_ELSEWHERE: Final = Instruction(
+    "Pilot: PX4's own Return flies to the new home; take over rather than choose it"
+)
 NO_OTHER_SPEED: Final = Instruction(
     "Operator: set no speed in flight. Pilot: take over if it does not slow down"
 )

@@ -234,6 +234,17 @@ blind_and_empty: Final = steps(
 )
 """No position comes any more, and the battery reaches its reserve meanwhile."""
 
+satellites_gone: Final = steps(
+    (0.0, "satellites", 0),
+    (uniform(7.0, 10.0), "stray", uniform(3.0, 20.0)),
+    (uniform(11.0, 14.0), "home itself", uniform(15.0, 40.0)),
+)
+"""For good: PX4's failsafe lands, by a position that drifts, and home is set anew by PX4 itself."""
+
+sticks_lost: Final = steps(
+    (0.0, "transmitter", choice(2, 3)), (uniform(5.0, 15.0), "transmitter", 0)
+)
+
 altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math.inf)), MISSION))
 """Which item, for how long its place is altered on the way, and of which list it is."""
 

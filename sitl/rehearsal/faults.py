@@ -125,6 +125,9 @@ class Fault(Enum):
     LOST_ITEM = Kind("current item lost, frozen, late or wrong", 24, stream(*ITEM))
     LOST_MODE = Kind("mode lost, frozen, late or wrong", 24, stream(*MODE))
     NO_FIX = Kind("GPS without a fix for 2 to 20 s", 12, courses.no_fix)
+    SATELLITES_GONE = Kind(
+        "satellites lost for good, and PX4 sets home anew", 8, courses.satellites_gone
+    )
     FOREIGN = Kind(
         *("a gimbal, another companion and another vehicle speak on its link", 12),
         one("foreign", uniform(5.0, 40.0)),
@@ -163,6 +166,7 @@ class Fault(Enum):
     STICKS_ONLY = Kind(
         "pilot moves the sticks, which take nothing over", 8, one("sticks", value=False)
     )
+    STICKS_LOST = Kind("the pilot's transmitter is lost: PX4 acts", 8, courses.sticks_lost)
     HAND_BACK = Kind("pilot takes over and hands back", 20, takeovers.hand_back)
     HANDED_BACK_LOW = Kind(
         "pilot lands it, stops that low, and hands back", 8, takeovers.hand_back_low
@@ -452,7 +456,7 @@ _ALONE: Final = frozenset(
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.DOUBTED_AMONG, Fault.DOUBTED_WALLED),
         *(Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
-        *(Fault.JUMPING_POSES, Fault.POOR_FIX),
+        *(Fault.JUMPING_POSES, Fault.POOR_FIX, Fault.SATELLITES_GONE, Fault.STICKS_LOST),
         *(Fault.MAP_FILES, Fault.LOCAL_METRES, Fault.WINDY, Fault.DAILY_HOURS),
         *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),

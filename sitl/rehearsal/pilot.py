@@ -173,6 +173,17 @@ class Pilot:
         self._moved_until_s = flight.now_s + STICKS_S
         self._overrides = override
 
+    def do_transmitter(self, acts: int) -> None:
+        """The pilot's transmitter is on, with that to be done once it is lost; 0: it is lost.
+
+        NAV_RCL_ACT: 2 returns, 3 lands, both after some seconds in Hold.
+        """
+        if acts:
+            self._flight.autopilot.parameters.change("NAV_RCL_ACT", acts)
+            self._sticks_from_s = self._flight.now_s
+        else:
+            self._sticks_from_s = math.inf
+
     def do_hand_back(self, _: None) -> None:
         """The pilot lets it hold, and the operator asks for it."""
         if self._operator.pilot and self._operator.flies:

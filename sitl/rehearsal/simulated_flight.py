@@ -128,6 +128,23 @@ class SimulatedFlight(Scenario):
 
         operator.wait_for(mislead)
 
+    def do_stray(self, deep_m: float) -> None:
+        """Dead reckoning: the estimate drifts so deep into what is nearest, a zone or the outside.
+
+        The vehicle stays where it is.
+        """
+        operator = self._operator
+        away_m, (east, north) = operator.space.nearest(operator.here)
+        size_m = away_m + deep_m
+        self._shift(size_m * north, size_m * east)
+        self.happened(SceneEventKind.ESTIMATE_OFF, size_m)
+
+    def do_home_itself(self, up_m: float) -> None:
+        """PX4 sets home anew, so much higher: no station has asked for it."""
+        situation = self.autopilot.situation
+        if situation.home is not None:
+            self.autopilot.set_home(situation.home, situation.home_altitude_m + up_m)
+
     def do_near(self, left_m: float) -> None:
         """The position estimate jumps until only so much is left to a zone or fence that is near.
 

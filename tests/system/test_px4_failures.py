@@ -142,6 +142,9 @@ def test_a_lost_fix_is_landed_by_px4_and_left_to_it(place, command, short_missio
     assert (code, report["outcome"]) == (1, "failsafe"), flight.said
     assert "WARNING: GPS has lost its fix: holding" in flight.said
     assert "ALARM: hands off: an autopilot failsafe chose Land mode" in flight.said
+    assert "ALARM: the vehicle's position is not known: GPS has no fix" in flight.said
+    assert "breach of" not in flight.said  # by a position that drifts
+    assert "home was moved" not in flight.said  # PX4 may set it anew as it lands
     flown = [one for one in station.shown if one.armed]
     assert flown[-1][:2] == (AUTO, LAND), station.shown  # no order of ours came after it
     assert flown[-1].status == FAILSAFE
@@ -154,6 +157,7 @@ def test_lost_sticks_return_it_and_it_is_left_to_px4(place, command, short_missi
     report = json.loads(out)
     assert (code, report["outcome"]) == (1, "failsafe"), flight.said
     assert "ALARM: hands off: an autopilot failsafe chose Hold mode" in flight.said
+    assert "ALARM: an autopilot failsafe goes on from Hold to Return mode" in flight.said
     flown = [one for one in station.shown if one.armed]
     assert flown[-1][:2] == (AUTO, RETURN), station.shown  # no order of ours came after it
     assert flown[-1].status == FAILSAFE

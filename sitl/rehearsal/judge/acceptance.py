@@ -156,6 +156,8 @@ ACCEPTED: Final = MappingProxyType(
         "OLD": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "NO_FIX": _HOME_OR_FAILSAFE,
         "POOR_FIX": _HOME,
+        "SATELLITES_GONE": _HOME_OR_FAILSAFE,  # it may be landing already
+        "STICKS_LOST": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "ALTERED": _row(End.LANDED, End.STAYED),
         "BY_HAND": _row(End.PILOT, says="is not on board"),

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from sitl.rehearsal.judge.acceptance import End
-from sitl.rehearsal.judge.case import Case, Floats, Violation
+from sitl.rehearsal.judge.case import Case, Floats, Responsible, Violation
 from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
 from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
 from sitl.rehearsal.judge.mission_reader import Area
@@ -52,6 +52,21 @@ _CLIMB_S: Final = 60.0
 
 _FLICKERS_S: Final = 2.5
 """A fix that is back for no longer is not back: 3 s are, and what stood may go on."""
+
+_LOST_S, _KNOWN_S = 1.0, 1.0
+"""A fix that was lost for so long makes no position known; nor is what is said so soon after it."""
+
+_AUTOPILOTS: Final = frozenset({2, 3, 4, 5, 6})
+"""Sub-modes of AUTO in which the autopilot flies: take-off, Hold, Mission, Return, Land."""
+
+_NAMES: Final = {3: "Hold", 5: "Return", 6: "Land"}
+"""Those that a failsafe chooses."""
+
+_SPOILT: Final = frozenset({"LOST_POSITION", "TWINS", "REBOOT", "CLAIMS"})
+"""Faults in which heights reach the companion that the vehicle never sent."""
+
+_UNKNOWN_S: Final = 4.0
+"""Within this it is said that the position is not known."""
 
 _BREACH_M: Final = 0.5
 _NEARS_S: Final = 10.0
@@ -364,6 +379,75 @@ def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
             yield from says(case, news, "hands off" if flies else "failsafe|hands off", due_s)
 
 
+def a_failsafe_that_goes_on_to_another_mode_is_told(case: Case) -> Iterator[Violation]:
+    """PX4 holds for some seconds, and then returns or lands: that is said, whoever has it."""
+    messages = case.heard("HEARTBEAT")
+    acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
+    for begin_s, end_s in _spans(messages, acts):
+        told = [m for m in messages if begin_s <= m.time_s <= end_s]
+        modes = [int(number(m.fields, "custom_mode")) for m in told]
+        for at, (before, mode) in enumerate(itertools.pairwise(modes), 1):
+            name, from_s = _NAMES.get(mode >> 24), told[at].time_s
+            due_s = from_s + case.reacts_s
+            if before == mode or name is None or due_s > end_s or set(modes[at:]) != {mode}:
+                continue
+            if case.answers(from_s, due_s, ours=False):
+                news = News(from_s, f"the failsafe went on to {name}")
+                yield from says(case, news, f"failsafe .*{name} mode", due_s, _NEARS_S)
+
+
+def _lost_fixes(case: Case) -> list[Span]:
+    """When its satellites made no position known, as it heard."""
+    messages = case.heard("GPS_RAW_INT")
+    clearance_mm = case.mission.clearance_m * 1e3
+    bad = [
+        number(m.fields, "fix_type") < _FIX_3D or number(m.fields, "h_acc") > clearance_mm
+        for m in messages
+    ]
+    return [(begin_s + _LOST_S, end_s) for begin_s, end_s in _spans(messages, bad)]
+
+
+def no_breach_is_claimed_without_a_position(case: Case) -> Iterator[Violation]:
+    """Without satellites it is not known whether it is in a zone: it says just that."""
+    lost = _lost_fixes(case)
+    for at_s, text in case.said:
+        if "breach of" in text and any(begin_s <= at_s <= end_s for begin_s, end_s in lost):
+            yield Violation(at_s, "told", f"'{text.strip()}', and its position is not known")
+
+
+def an_unknown_position_is_alarmed_of(case: Case) -> Iterator[Violation]:
+    """While the autopilot flies a vehicle that is not ours, without knowing where it is."""
+    for lost_s, end_s in _lost_fixes(case):
+        given_s = [g.begin_s for g in case.given if g.begin_s < end_s and g.end_s > lost_s]
+        begin_s = max([lost_s, *given_s])
+        due_s = begin_s + _UNKNOWN_S + case.reacts_s
+        about = case.evidence.samples[case.at(begin_s) : case.at(due_s) + 1]
+        auto = all(
+            (s.custom_mode >> 16) & 0xFF == 4 and s.custom_mode >> 24 in _AUTOPILOTS for s in about
+        )
+        if not given_s or due_s > end_s or not auto or not case.answers(begin_s, due_s, ours=False):
+            continue
+        if case.by[case.at(begin_s)] is Responsible.OURS:
+            continue
+        yield from says(
+            case,
+            News(begin_s, "its position is not known"),
+            "position is not known",
+            due_s,
+            _NEARS_S,
+        )
+
+
+def no_station_is_blamed_for_home(case: Case) -> Iterator[Violation]:
+    """Home that no station has moved was set by PX4 itself, and is not said to be moved."""
+    spoilt = case.evidence.faults & _SPOILT or not case.evidence.heard
+    if any(case.evidence.told(SceneEventKind.HOME_MOVED)) or spoilt:
+        return
+    for at_s, text in case.said:
+        if "home was moved" in text:
+            yield Violation(at_s, "told", f"'{text.strip()}', and no station has moved it")
+
+
 def a_companion_that_stood_still_says_so(case: Case) -> Iterator[Violation]:
     """It measures that itself: what it then decides on is old."""
     told = case.evidence.told
@@ -380,11 +464,17 @@ def a_companion_that_stood_still_says_so(case: Case) -> Iterator[Violation]:
 
 def breaches_are_told(case: Case) -> Iterator[Violation]:
     """By its own report it was in a zone or outside of a fence, whatever flew it there."""
+    lost = _lost_fixes(case)
     for area, drawn_s, spans in near(case, -_BREACH_M):
         for begin_s, end_s in spans:
             due_s = begin_s + _BREACH_S + case.reacts_s
             drawn = begin_s < drawn_s + _LEAVES_S  # over it: it leaves, and says that
             lasts = end_s - begin_s >= _BREACH_S and not drawn
+            # Without satellites it says that its position is not known.
+            lasts &= not any(
+                since_s - _LOST_S < due_s and until_s + _KNOWN_S > begin_s
+                for since_s, until_s in lost
+            )
             if lasts and case.answers(begin_s, due_s, ours=False):
                 news = News(begin_s, f"a breach of {area.name}")
                 yield from says(case, news, "breach|too near", due_s, _NEARS_S)

@@ -25,8 +25,10 @@ from air_router.vehicle.instructions import (
     CHECK_SENDERS,
     CHOOSE_AGAIN,
     LAND_BY_HAND,
+    TAKE_OVER_BLIND,
     TAKE_OVER_NOW,
     TAKE_WHERE_IT_HOLDS,
+    WATCH_FAILSAFE,
     Severity,
 )
 from air_router.vehicle.vehicle import (
@@ -678,6 +680,84 @@ def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(
     flight.mode = FlightMode.LAND
     flight.ends()
     assert flight.finished.taken_by is ControlHolder.FAILSAFE
+
+
+def test_a_failsafe_that_goes_on_to_another_mode_is_alarmed_of(away):
+    """A lost RC link: PX4 holds for some seconds, then returns, straight."""
+    flight = away()
+    flight.mode, flight.failsafe = FlightMode.HOLD, True
+    flight.fly_for(3.0)
+    assert flight.said[-1] == "hands off: an autopilot failsafe chose Hold mode"
+    flight.mode = FlightMode.RETURN
+    flight.fly_for(3.0)
+    (alarm,) = [a for a in flight.announced if "goes on" in a.text]
+    assert alarm.text == "an autopilot failsafe goes on from Hold to Return mode"
+    assert (alarm.severity, alarm.instruction) == (Severity.ALARM, WATCH_FAILSAFE)
+    flight.failsafe = False  # as a HEARTBEAT may flicker
+    flight.step()
+    flight.failsafe = True
+    flight.fly_for(1.0)
+    flight.mode = FlightMode.LAND
+    flight.fly_for(1.0)
+    assert flight.said[-1] == "an autopilot failsafe goes on from Return to Land mode"
+    assert len([text for text in flight.said if "an autopilot failsafe" in text]) == 3
+
+
+def test_a_failsafe_while_the_pilot_has_the_vehicle_is_alarmed_of(away):
+    flight = away()
+    flight.pilot_chooses(FlightMode.POSITION)
+    flight.fly_for(10.0)
+    flight.mode, flight.failsafe = FlightMode.RETURN, True
+    flight.fly_for(1.0)
+    assert flight.said[-1] == "an autopilot failsafe chose Return mode"
+    flight.pilot_chooses(FlightMode.POSITION)
+    flight.failsafe = False
+    flight.fly_for(1.0)
+    flight.mode, flight.failsafe = FlightMode.RETURN, True
+    flight.fly_for(1.0)
+    assert [text for text in flight.said if "chose Return" in text] == [flight.said[-1]] * 2
+
+
+def dead_reckoned(flight):
+    """In PX4's failsafe without satellites, by a position that drifts into a zone."""
+    zone = flight.mission.climb_airspace.zones[0]
+    flight.mode, flight.failsafe, flight.fix = FlightMode.LAND, True, False
+    flight.shown["position"] = Point(*zone.polygon.representative_point().coords[0])
+    flight.shown["altitude_m"] = 40.0
+
+
+def test_without_a_fix_no_breach_is_claimed_and_the_unknown_position_is_alarmed_of(away):
+    flight = away()
+    dead_reckoned(flight)
+    flight.fly_for(25.0)
+    assert not [text for text in flight.said if "breach" in text]
+    known = "the vehicle's position is not known: GPS has no fix; it may be in a zone"
+    alarms = [a for a in flight.announced if a.about == "position unknown"]
+    assert [a.text for a in alarms] == [known, "the vehicle's position has not been known for 12 s"]
+    assert [a.instruction for a in alarms] == [TAKE_OVER_BLIND, TAKE_OVER_NOW]
+    assert {a.severity for a in alarms} == {Severity.ALARM}
+    flight.fix = True
+    flight.fly_for(1.0)
+    assert "the vehicle's position is known again" in flight.said
+    assert [text for text in flight.said if "breach" in text]
+
+
+def test_a_pilot_who_flies_by_hand_without_a_fix_is_not_alarmed_of_it(away):
+    flight = away()
+    dead_reckoned(flight)
+    flight.mode, flight.failsafe = FlightMode.ALTITUDE, False
+    flight.fly_for(25.0)
+    assert not [text for text in flight.said if "breach" in text or "not known" in text]
+
+
+@pytest.mark.parametrize(("accuracy_m", "known"), [(3.0, True), (9.0, False)])
+def test_a_breach_is_claimed_by_satellites_that_are_good_enough(away, accuracy_m, known):
+    flight = away()
+    dead_reckoned(flight)
+    flight.fix, flight.shown["accuracy_m"] = True, accuracy_m
+    flight.fly_for(5.0)
+    assert any("breach" in text for text in flight.said) is known
+    assert any("satellites good to 9 m only" in text for text in flight.said) is not known
 
 
 def astray(flight):

@@ -25,14 +25,14 @@ from air_router.routing.departure import names_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.height_frame import HomeMove
-from air_router.vehicle.instructions import BRING_HOME_BY_HEIGHT, Severity
+from air_router.vehicle.instructions import BRING_HOME_BY_HEIGHT, RETURN_ELSEWHERE, Severity
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
 from tests.air_router.conftest import Airframe
 
-LOWER = HomeMove(0.0, 0.0, -25.0)
+LOWER, HIGHER = HomeMove(0.0, 0.0, -25.0), HomeMove(0.0, 0.0, 40.0)
 
 
 @pytest.fixture
@@ -573,12 +573,33 @@ def test_a_jump_of_the_altitude_is_forgotten_once_the_pilot_has_had_the_vehicle(
     assert cruising.controller.state is not State.HOME
 
 
-def test_home_moved_is_told_without_a_fix_too(cruising):
+def test_home_that_px4_may_have_set_itself_is_no_operator_s_move(cruising):
     cruising.fix = False
     cruising.step()
     cruising.home_moved = LOWER
     cruising.step()
-    assert len(told(cruising, "home was moved")) == 1
+    (said,) = [a for a in cruising.announced if "home was" in a.text]
+    assert said.text.startswith("home was set anew while GPS has no fix, as PX4 does itself: ")
+    assert (said.severity, said.instruction) == (Severity.WARNING, RETURN_ELSEWHERE)
+
+
+def test_home_that_px4_set_as_it_touched_down_is_no_operator_s_move(airborne):
+    """A landing detection that bounces is a lift-off to PX4, which sets home there."""
+    flight = airborne(duration_s=60.0)
+    flight.fly_away()
+    flight.pilot_chooses(FlightMode.LAND)
+    flight.in_air = False
+    flight.step()
+    flight.in_air, flight.home_moved = True, HIGHER
+    flight.step()
+    (said,) = [a for a in flight.announced if "home was" in a.text]
+    assert said.text.startswith("home was set anew as it lifted off or touched down")
+    assert said.instruction == RETURN_ELSEWHERE
+    flight.home_moved = None
+    flight.fly_for(10.0)
+    flight.home_moved = HIGHER
+    flight.step()
+    assert told(flight, "home was moved")  # long after that it is a station's
 
 
 def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(airborne, pennovation):

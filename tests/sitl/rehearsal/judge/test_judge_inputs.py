@@ -565,3 +565,83 @@ def test_given_back_low_it_climbs_before_it_flies_on(stands):
     back = [command(61.0, 176, param2=4.0, param3=4.0)]
     verdict = judge(evidence(states, more=back, faults=("HANDED_BACK_LOW",), happenings=happenings))
     assert ("altitude" in {violation.kind for violation in verdict.violations}) != stands
+
+
+FAILSAFE_S, RETURNS_S = 60.0, 65.0
+
+
+def acting(*modes):
+    """HEARTBEATs of a failsafe: these sub-modes of AUTO, and from when on each."""
+
+    def spoil(message):
+        mode = next((mode for from_s, mode in modes if message.time_s >= from_s), None)
+        if message.name != "HEARTBEAT" or mode is None:
+            return message
+        changed = {"system_status": 5, "custom_mode": mode << 24 | 4 << 16}
+        return dataclasses.replace(message, fields={**message.fields, **changed})
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("said", "wrong"),
+    [
+        ((), True),
+        (((66.0, "an autopilot failsafe goes on from Hold to Return mode"),), False),
+        (((66.0, "an autopilot failsafe goes on from Hold to Land mode"),), True),
+        (((80.0, "an autopilot failsafe goes on from Hold to Return mode"),), True),
+    ],
+)
+def test_that_a_failsafe_goes_on_to_another_mode_is_announced(said, wrong):
+    spoil = acting((RETURNS_S, 5), (FAILSAFE_S, 3))
+    lines = ((60.2, "hands off: an autopilot failsafe chose Hold mode"), *said)
+    texts = [v.text for v in judge(flight(spoil=spoil, said=lines)).violations]
+    assert any("went on to Return" in text for text in texts) is wrong
+
+
+def without_satellites(begin_s, end_s, **more):
+    return between(begin_s, end_s, "GPS_RAW_INT", **{"fix_type": 1, **more})
+
+
+@pytest.mark.parametrize(
+    ("spoil", "at_s", "wrong"),
+    [
+        (without_satellites(60.0, 80.0), 70.0, True),
+        (without_satellites(60.0, 80.0), 60.5, False),
+        (without_satellites(60.0, 80.0), 81.0, False),
+        (without_satellites(60.0, 80.0, fix_type=3, h_acc=7000), 70.0, True),
+        (without_satellites(60.0, 80.0, fix_type=3, h_acc=3000), 70.0, False),
+    ],
+)
+def test_no_breach_is_claimed_while_the_position_is_not_known(spoil, at_s, wrong):
+    flown = flight(spoil=spoil, said=((at_s, "breach of zone 1"),))
+    texts = [v.text for v in judge(flown).violations]
+    assert any("and its position is not known" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(
+    ("said", "mode", "wrong"),
+    [
+        ((), 0x05040000, True),
+        (((63.0, "the vehicle's position is not known: GPS has no fix"),), 0x05040000, False),
+        ((), 0x00030000, False),  # flown by hand: by sight
+    ],
+)
+def test_an_unknown_position_is_alarmed_of_while_the_autopilot_flies(said, mode, wrong):
+    states = [
+        (*s[:5], mode, *s[6:]) if n * 0.05 >= FAILSAFE_S else s for n, s in enumerate(track())
+    ]
+    taken = (SceneEvent(FAILSAFE_S, SceneEventKind.PILOT, "AUTO_RTL"),)
+    lines = ((60.2, "hands off: the pilot chose a mode"), *said)
+    spoil = without_satellites(FAILSAFE_S, 90.0)
+    flown = flight(states, spoil=spoil, said=lines, happenings=taken, faults=("PILOT",))
+    texts = [v.text for v in judge(flown).violations]
+    assert any("its position is not known" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_no_station_is_blamed_for_a_home_that_none_has_moved(moved):
+    scene = (SceneEvent(60.0, SceneEventKind.HOME_MOVED, (40.0, -75.0, 590.0)),) if moved else ()
+    flown = flight(said=((61.0, "home was moved: 40 m up"),), happenings=scene)
+    texts = [v.text for v in judge(flown).violations]
+    assert any("no station has moved it" in text for text in texts) is not moved
