@@ -19,6 +19,7 @@ from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.limits import BRAKING_OVERSHOOT, WAY_OUT_RETRY_S
 from air_router.controller.model import (
     AirspaceChanged,
+    Doubt,
     FlyToNode,
     FlyToPoint,
     Goal,
@@ -94,7 +95,7 @@ class AirspaceUpdate:
         if context.state is State.DONE:
             context.say("zones not changed: the flight is over")
             return
-        if self._context.zones is ZoneChange.UPLOADING:
+        if self._context.airspace.change is ZoneChange.UPLOADING:
             if not replans:  # it is asked for again
                 what = "zones not changed: others are being put on board just now"
                 context.warn(what, RELOAD_AGAIN)
@@ -106,9 +107,9 @@ class AirspaceUpdate:
         if router is None or not among(router, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
-        context.mission, context.router = mission, router
+        context.airspace.replace(mission, router)
         self._lifts |= before.all_zones and not mission.all_zones
-        self._begin_clearing()
+        self._way_out = None
         self._what = "the changed fence"
         when = "; they go on board when the mission is resumed" if self._put_off else ""
         context.say(f"zones changed: {difference(before, mission)}{when}")
@@ -120,15 +121,15 @@ class AirspaceUpdate:
         """Whether the vehicle is not ours, or not for long."""
         context = self._context
         by_hand = context.in_air and not context.in_charge  # also before it is handed over
-        return by_hand or context.state is State.PASSIVE or context.giving_up is not None
+        return by_hand or context.state is State.PASSIVE or context.authority.releasing is not None
 
     def objection(self) -> str | None:
         """Why nothing may be put on board any more; None if it may."""
         if self._put_off:
             return "the vehicle is not flown by us any more"
-        if self._context.on_board is OnBoard.REPLACED:
+        if self._context.authority.on_board is OnBoard.REPLACED:
             return "another ground station has changed what is on board"
-        waited_for = self._context.zones is ZoneChange.UPLOADING
+        waited_for = self._context.airspace.change is ZoneChange.UPLOADING
         return None if waited_for else "the mission goes on without it"
 
     def _skip_waypoints(self, mission: Mission, router: Router) -> None:
@@ -156,11 +157,11 @@ class AirspaceUpdate:
         climbs = self._context.in_air or state is not State.READY
         if telemetry is None or not (self._context.in_charge and climbs):
             return
-        if self._context.giving_up is not None:
+        if self._context.authority.releasing is not None:
             return  # it is told to hold, and given away then
         self._new |= names_of_new(before, now)
         if state is not State.LAND:  # that goes on nowhere else: it is a breach
-            self._context.leaving |= self._reached(before, now, telemetry)
+            self._context.airspace.exempt(self._reached(before, now, telemetry))
         if state is State.READY:
             return  # once it has climbed
         inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
@@ -171,7 +172,7 @@ class AirspaceUpdate:
 
     def _clear_onward(self, telemetry: Telemetry) -> bool:
         """Whether it may fly on to wherever it was sent, also by what it did not confirm."""
-        navigator, way = self._navigator, self._context.way
+        navigator, way = self._navigator, self._context.task.way
         places = {setpoint.place for setpoint in self._gate.setpoints.pending(telemetry)}
         if way.leg is not None and way.progress is Progress.FLYING:
             places.add(way.leg.to)
@@ -179,8 +180,9 @@ class AirspaceUpdate:
 
     def _stop(self, why: str) -> None:
         self._gate.stop()
-        self._context.has_to_stop = True
-        self._context.leaving |= self._new  # what it comes into because the hold is late, it leaves
+        self._context.airspace.stop_first()
+        # What it comes into because the hold is late, it leaves.
+        self._context.airspace.exempt(self._new)
         self._gate.hold(why)
         self._context.say(f"holding: {why}")
 
@@ -200,25 +202,26 @@ class AirspaceUpdate:
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
         gate, in_haste = self._gate, not self._lifts and self._in_haste(telemetry)
-        if in_haste and self._context.zones is ZoneChange.UPLOADING:
+        if in_haste and self._context.airspace.change is ZoneChange.UPLOADING:
             self._go_without()
             return
-        leaves = self._context.zones is ZoneChange.LEAVING and not self._context.has_to_stop
+        change, must_stop = self._context.airspace.change, self._context.airspace.must_stop
+        leaves = change is ZoneChange.LEAVING and not must_stop
         if gate.pending is not None and not (leaves and isinstance(gate.pending, HoldHere)):
             return  # on the way out no hold is waited for: what was asked meanwhile may need one
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         stopping = isinstance(gate.last, HoldHere)
         taken_back = gate.last is None and self._way_out is None
-        if not stopping and (self._context.has_to_stop or (taken_back and moves)):
+        if not stopping and (must_stop or (taken_back and moves)):
             gate.hold("it did not stop")  # it flies on to where zones are now
             return
-        if self._context.zones is ZoneChange.UPLOADING:
+        if change is ZoneChange.UPLOADING:
             if self._navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return
         airspace = self._context.mission.airspace_at(telemetry.altitude_m)
         inside = airspace.holders(telemetry.position)
-        if inside or self._context.zones is ZoneChange.LEAVING:
+        if inside or change is ZoneChange.LEAVING:
             self._leave(telemetry, inside)
             return
         if not (stopping and moves):
@@ -229,11 +232,11 @@ class AirspaceUpdate:
 
     def _in_haste(self, telemetry: Telemetry) -> bool:
         """Whether it comes home, or lands, and has no charge to wait here; that stays so."""
-        ending = self._context.ending
+        ending = self._context.task.ending
         if ending is None or ending.in_haste:
             return ending is not None
         in_haste = self._returns.due(telemetry, by_time=False) is not None
-        self._context.ending = replace(ending, in_haste=in_haste)
+        self._context.task.end(replace(ending, in_haste=in_haste))
         return in_haste
 
     def _go_without(self) -> None:
@@ -242,42 +245,41 @@ class AirspaceUpdate:
 
     def upload_again(self) -> None:
         """Put the plan on board as it is, once the vehicle is ours: another is there."""
-        if self._context.zones is not ZoneChange.UPLOADING:
+        if self._context.airspace.change is not ZoneChange.UPLOADING:
             self._begin_clearing()
             self._what = "this mission's plan"
-            self._context.has_to_stop = True
+            self._context.airspace.stop_first()
 
     def _upload(self) -> None:
-        self._context.zones = ZoneChange.UPLOADING
+        self._context.airspace.upload()
         self._context.actions.append(RenewPlan())
 
     def _leave(self, telemetry: Telemetry, inside: tuple[str, ...]) -> None:
         """The shortest way out of the zone that was drawn over the vehicle."""
         context, gate, navigator = self._context, self._gate, self._navigator
-        if self._way_out is None or context.way.goal is not self._way_out:
+        if self._way_out is None or context.task.way.goal is not self._way_out:
             if telemetry.time_s < self._stuck_until_s:
                 return
             found = nearest_way_out(context.router, context.mission, telemetry)
             if self._way_out is None and inside:
                 context.warn(f"leaving {names_of(inside)}", OUT_OF_ITS_WAY)
             place = telemetry.position if found is None else found.place
-            context.way_out_router = None if found is None else found.router
+            context.airspace.leave(None if found is None else found.router)
             self._way_out = Goal(place)
-            context.zones = ZoneChange.LEAVING
-            context.has_to_stop = False
             motion = navigator.plan_to(self._way_out)
         elif gate.last is None and context.take_retry():
             motion = navigator.again()  # it did not follow
         else:
             motion = navigator.update(telemetry)
-        if isinstance(motion, FlyToNode | FlyToPoint) and context.way_out_router is not None:
+        local = context.airspace.way_out_router
+        if isinstance(motion, FlyToNode | FlyToPoint) and local is not None:
             # What was drawn above it is left below that, not through it; then it climbs. To an item
             # of the plan PX4 would climb at once.
-            context.climbs_first = True
+            context.interlocks.climb_first()
             motion = FlyToPoint(motion.position, telemetry.altitude_m)
         if motion is not None:
             gate.send(motion)
-        progress = context.way.progress
+        progress = context.task.way.progress
         if inside and progress in {Progress.NO_ROUTE, Progress.ARRIVED}:
             refused = progress is Progress.NO_ROUTE
             self._no_way_out(inside, navigator.refusal if refused else "it is not left there")
@@ -302,32 +304,31 @@ class AirspaceUpdate:
         self._begin_clearing()
 
     def _begin_clearing(self) -> None:
-        self._way_out = self._context.way_out_router = None
-        self._context.zones = ZoneChange.CLEARING
+        self._way_out = None
+        self._context.airspace.clear()
 
     def plan_renewed(self, event: PlanRenewed) -> None:
         """Go on, or home where the autopilot has no such fence."""
-        if self._context.zones is not ZoneChange.UPLOADING:
+        if self._context.airspace.change is not ZoneChange.UPLOADING:
             return
-        self._context.zones = None
         self._lifts = False
-        self._context.leaving = self._new = frozenset()
-        self._context.has_to_stop = False
+        self._new = frozenset()
+        self._context.airspace.settle()
         # Who knows what plan is on board if it was not renewed.
         self._gate.by_points = event.why_not is not None
         if event.why_not is None:
-            self._context.on_board = OnBoard.OURS
+            self._context.authority.plan_is(OnBoard.OURS)
             self._context.say(f"{self._what} is on board")
         else:
             self._context.warn(f"{self._what} is not on board: {event.why_not}", RELOAD_AGAIN)
-            if self._put_off or self._context.compares is not None:
-                self._context.zones = ZoneChange.CLEARING  # once more when the mission is resumed
+            if self._put_off or self._context.authority.plan_check is not None:
+                self._context.airspace.clear()  # once more when the mission is resumed
                 return
             if self._context.knows(Signal.COME_HOME):
                 self._context.come_home(f"{self._what} is not on board", BE_READY_AT_HOME)
                 return
         if self._context.in_air:
-            self._context.handler.replan()
+            self._context.task.handler.replan()
 
     # The altitude in doubt.
 
@@ -346,8 +347,9 @@ class AirspaceUpdate:
         charge = telemetry.battery
         if charge is not None and charge <= mission.battery_reserve:
             self.trust_altitude("the battery is at its reserve")
-        waits = self.replans or context.zones is ZoneChange.UPLOADING
-        if waits or context.jumped or mission is self._looked:  # a jump is held for first
+        waits = self.replans or context.airspace.change is ZoneChange.UPLOADING
+        jumped = context.interlocks.up(Doubt.ALTITUDE_JUMP)  # which is held for first
+        if waits or jumped or mission is self._looked:
             return
         if counted(mission, all_zones=self.all_zones).zones == mission.zones:
             self._looked = mission
@@ -358,7 +360,9 @@ class AirspaceUpdate:
     def trust_altitude(self, why: str) -> bool:
         """Where zones leave no way, have them count at their heights again; whether that is new."""
         context = self._context
-        no_way = context.way.progress is Progress.NO_ROUTE or NO_WAY_OUT in context.alarms.shown
+        no_way = (
+            context.task.way.progress is Progress.NO_ROUTE or NO_WAY_OUT in context.alarms.shown
+        )
         if self._trusts or not (context.mission.all_zones and no_way):
             return False
         self._trusts, self._looked = True, None

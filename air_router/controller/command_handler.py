@@ -92,7 +92,7 @@ class CommandHandler:
         # A hold is begun at once, and a plan that is put on board says so itself.
         moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude | LandNow
         sets_out = isinstance(request, moves) or (isinstance(request, GoOn) and not request.upload)
-        if sets_out and context.zones is not None and context.in_air:
+        if sets_out and context.airspace.change is not None and context.in_air:
             what = f"{what}; it sets out once the changed zones are on board"
         context.actions.append(CommandAck(number, by, True, what, None, points))
 
@@ -125,7 +125,7 @@ class CommandHandler:
             return
         if requests is not Requests.CALL_OFF:
             self._check_in_the_air()
-        ending = context.ending
+        ending = context.task.ending
         by_request = context.state is State.HOME and ending is not None and ending.by_request
         why = context.ending_why
         if by_request:
@@ -162,7 +162,7 @@ class CommandHandler:
 
     def _check_kept(self) -> None:
         """It is not about to be given away."""
-        why = self._context.giving_up
+        why = self._context.authority.releasing
         if why is not None:
             raise RequestRefusedError(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
 
@@ -171,7 +171,7 @@ class CommandHandler:
         requests = self._context.spec.requests
         code, why = _NOT_IN_THE_AIR.get(requests), requests.value
         if code is Refusal.NOT_OURS:
-            taker = self._context.taken_by
+            taker = self._context.authority.taken_by
             who = taker.value if taker else "the pilot"
             why = f"{who} has the vehicle; {self._authority.way_back}"
         if code is not None:
@@ -231,7 +231,7 @@ class CommandHandler:
     def _is_given_away(self) -> bool:
         """It flies, and another has it, or no leg may begin where it is."""
         context = self._context
-        not_ours = context.held is not None or not context.in_charge
+        not_ours = context.authority.held is not None or not context.in_charge
         ends = context.state in {State.HOME, State.LAND, State.DONE}
         return context.in_air and not_ours and not ends
 
@@ -287,7 +287,7 @@ class CommandHandler:
             known = ", ".join(names) or "none"
             unknown = f"no robot '{robot}' is sought in this mission: {known}"
             raise RequestRefusedError(Refusal.UNKNOWN_ROBOT, unknown)
-        if robot == self._context.robot and self._context.state is State.COMM:
+        if robot == self._context.task.robot and self._context.state is State.COMM:
             return Accepted(f"it hovers over {robot} already")
         self._check_may_move()
         point = search.search_point(robot, self._context.now_s)
@@ -330,7 +330,7 @@ class CommandHandler:
         self._check_may_go_on()
         if context.state in {State.READY, State.PASSIVE}:
             upload = request.upload
-            if upload and context.on_board is OnBoard.REPLACED:
+            if upload and context.authority.on_board is OnBoard.REPLACED:
                 reading = "the plan on board is being read: ask again in a moment"
                 raise RequestRefusedError(Refusal.BUSY, reading)
             if upload and self._authority.why_not_back(flies_plan=False) is None:
@@ -344,7 +344,7 @@ class CommandHandler:
 
     def _why_ours_not(self) -> Refusal:
         """Whether all that keeps a vehicle from being taken back is the plan on board."""
-        other = self._context.on_board is OnBoard.ANOTHER
+        other = self._context.authority.on_board is OnBoard.ANOTHER
         only = other and self._authority.why_not_back(flies_plan=False) is None
         return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
 
@@ -370,7 +370,7 @@ class CommandHandler:
         self._check_may_land()
         context.say(f"landing here, as {request.by} asked")
         place = f"where it hovered, as {request.by} asked"
-        context.ending = Ending(f"{request.by} asked to land here", place=place)
+        context.task.end(Ending(f"{request.by} asked to land here", place=place))
         context.signal(Signal.LAND_HERE)
         return Accepted("it lands where it hovers")
 
@@ -396,7 +396,7 @@ class CommandHandler:
         if self._context.state is State.DONE:
             raise RequestRefusedError(Refusal.FLIGHT_OVER, "the flight is over")
         self._check_kept()
-        if self._context.zones is ZoneChange.UPLOADING:
+        if self._context.airspace.change is ZoneChange.UPLOADING:
             raise RequestRefusedError(Refusal.BUSY, "zones are being changed just now; ask again")
         self._context.actions.append(ReadAgain())
         later = "; what has changed goes on board after the plan"

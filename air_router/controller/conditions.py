@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from air_router.controller.limits import CONDITIONS_GOOD_S, CONDITIONS_HOME_S, CONDITIONS_WORSE_S
-from air_router.controller.model import MissionContext, Signal
+from air_router.controller.model import Doubt, MissionContext, Signal
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.mission import SLACK_M, tracking_error_m
 from air_router.vehicle import NEARER_THAN_IT_SAYS, Telemetry
@@ -39,8 +39,10 @@ class ConditionsWatch:
         now_s, worse, context = telemetry.time_s, self._worse(telemetry), self._context
         comes_home = not context.knows(Signal.COME_HOME)
         if self._off_since_s is not None:
-            if comes_home and context.rough:  # for its battery, perhaps, or as it was asked to
-                self._off_since_s, context.rough = math.inf, False
+            if comes_home and context.interlocks.up(Doubt.CONDITIONS):
+                # For its battery, perhaps, or as it was asked to.
+                self._off_since_s = math.inf
+                context.interlocks.put(Doubt.CONDITIONS, raised=False)
                 context.retry_in(0.0)
             return self._while_off(worse, now_s, self._off_since_s)
         self.waits = worse is not None
@@ -55,7 +57,7 @@ class ConditionsWatch:
         if comes_home:  # which is what it would do
             self._off_since_s = math.inf
             return Deviation(Response.TELL, worse, NEARER_THAN_IT_SAYS)
-        self._context.rough = True
+        self._context.interlocks.put(Doubt.CONDITIONS, raised=True)
         return Deviation(Response.WAIT, worse, NEARER_THAN_IT_SAYS)
 
     def _while_off(self, worse: str | None, now_s: float, off_since_s: float) -> Deviation | None:
@@ -64,7 +66,7 @@ class ConditionsWatch:
                 self._good_since_s = now_s
             if now_s - self._good_since_s < CONDITIONS_GOOD_S:
                 return None
-            held = self._context.rough
+            held = self._context.interlocks.up(Doubt.CONDITIONS)
             self.forget()
             words = "satellites and wind are as planned for again"
             return Deviation(Response.BACK if held else Response.TELL, words, None)
@@ -72,7 +74,7 @@ class ConditionsWatch:
         if now_s - off_since_s < CONDITIONS_HOME_S:
             return None
         self._off_since_s = math.inf  # once, until they are good again
-        self._context.rough = False
+        self._context.interlocks.put(Doubt.CONDITIONS, raised=False)
         return Deviation(Response.HOME, worse, NEARER_THAN_IT_SAYS)
 
     def _worse(self, telemetry: Telemetry) -> str | None:
@@ -93,5 +95,6 @@ class ConditionsWatch:
 
     def forget(self) -> None:
         """They are good again, or it does not fly its mission by our commands just now."""
-        self._context.rough = self.waits = False
+        self.waits = False
+        self._context.interlocks.put(Doubt.CONDITIONS, raised=False)
         self._worse_since_s = self._good_since_s = self._off_since_s = None

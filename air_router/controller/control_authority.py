@@ -23,6 +23,7 @@ from air_router.controller.limits import (
 )
 from air_router.controller.model import (
     ControlHolder,
+    Doubt,
     HoldHere,
     MissionContext,
     OnBoard,
@@ -142,11 +143,11 @@ class ControlAuthority:
         self._instruction = instruction
         if self._context.inputs.silent:
             self._context.alarm(f"{why}: told to hold once its flight mode is heard", instruction)
-        self._context.giving_up = why
-        self._context.compares = None
+        self._context.authority.release(why)
         self._holds = 0
         holds = self._gate.pending is None and isinstance(self._gate.last, HoldHere)
-        if not (holds and self._context.doubts):  # it would end what a pilot has just chosen
+        # Once more it would end what a pilot has just chosen.
+        if not (holds and self._context.interlocks.up(Doubt.FOREIGN_ORDER)):
             self._hold_at_last(why)
 
     def _hold_at_last(self, why: str) -> None:
@@ -160,23 +161,23 @@ class ControlAuthority:
         if gate.pending is not None:
             return
         holds = isinstance(gate.last, HoldHere)
-        if context.compares is not None:
+        if context.authority.plan_check is not None:
             if context.now_s >= self._compared_by_s:
-                self._differs(f"{context.compares}, and cannot be read")
+                self._differs(f"{context.authority.plan_check}, and cannot be read")
             elif not holds and context.now_s >= self._hold_again_s:
-                self._hold_at_last(context.compares)
-        elif context.giving_up is not None:
+                self._hold_at_last(context.authority.plan_check)
+        elif context.authority.releasing is not None:
             if holds:
-                self._let_go(context.giving_up)
+                self._let_go(context.authority.releasing)
             elif self._holds >= RELEASE_HOLDS:
-                self._let_go(f"{context.giving_up}; it was told to hold and did not")
+                self._let_go(f"{context.authority.releasing}; it was told to hold and did not")
             elif context.now_s >= self._hold_again_s:
-                self._hold_at_last(context.giving_up)
+                self._hold_at_last(context.authority.releasing)
 
     def _let_go(self, why: str) -> None:
-        self._context.giving_up = None
+        self._context.authority.released()
         if self._context.knows(Signal.TAKEN_OVER):
-            self._context.taken_by = ControlHolder.PILOT
+            self._context.authority.take(ControlHolder.PILOT)
             self._context.alarm(f"hands off: {why}", self._instruction)
             self._context.signal(Signal.TAKEN_OVER)
             self._context.alarms.stand(
@@ -208,8 +209,8 @@ class ControlAuthority:
         context = self._context
         mode, taken_s = self._chosen or (telemetry.mode, -math.inf)
         late = telemetry.mode is mode and context.now_s - taken_s <= FAILSAFE_LATE_S
-        if telemetry.failsafe and late and context.taken_by is ControlHolder.PILOT:
-            context.taken_by = ControlHolder.FAILSAFE
+        if telemetry.failsafe and late and context.authority.taken_by is ControlHolder.PILOT:
+            context.authority.take(ControlHolder.FAILSAFE)
             self._failsafe = mode
             context.warn(
                 f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode",
@@ -288,7 +289,7 @@ class ControlAuthority:
         context, silent_s = self._context, event.silent_s
         if not 0.0 < context.silent_s <= silent_s:  # it was heard meanwhile
             self._silence_told_s = -math.inf
-        context.silent_s = silent_s
+        context.silent_for(silent_s)
         if context.in_charge and context.in_air:
             self._gate.mission_waits()
         if silent_s >= max(self._silence_told_s + REPEATED_AFTER_S, LINK_SILENCE_SAID_S):
@@ -309,14 +310,15 @@ class ControlAuthority:
         """
         if not isinstance(event, Telemetry):
             return True
-        self._context.telemetry = event
+        self._context.received(event)
         mode_s, before_s = event.ages.mode_s, self._mode_s
         told = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
         chosen = event.failsafe or event.mode not in self._gate.modes
         if not told and mode_s < FLIGHT_MODE_S and not (chosen and self._context.in_charge):
             self._mode_s = mode_s
             return False
-        self._mode_s, self._context.silent_s = None, 0.0
+        self._mode_s = None
+        self._context.silent_for(0.0)
         return True
 
     def take_over(self, who: ControlHolder, why: str, instruction: Instruction) -> None:
@@ -330,7 +332,7 @@ class ControlAuthority:
         context = self._context
         if not context.knows(Signal.TAKEN_OVER):
             return
-        context.taken_by = who
+        context.authority.take(who)
         if who is ControlHolder.FAILSAFE:
             context.alarm(f"hands off: {why}", instruction)
         else:
@@ -339,7 +341,7 @@ class ControlAuthority:
 
     def fallen(self, why: str) -> None:
         """Its motors were stopped in the air: nothing can be done for it."""
-        self._context.taken_by = None
+        self._context.authority.take(None)
         self._context.alarm(f"hands off: {why}", KEEP_CLEAR)
         if self._context.knows(Signal.TAKEN_OVER):
             self._context.signal(Signal.TAKEN_OVER)
@@ -351,7 +353,8 @@ class ControlAuthority:
         which has a pilot of its own.
         """
         context, why = self._context, event.why_not
-        before, context.wrong_vehicle = context.wrong_vehicle, why
+        before = context.authority.wrong_vehicle
+        context.authority.vehicle_is_wrong(why)
         if why is None:
             if before is not None:
                 context.say("a multicopter with PX4 is on the link again, and nothing else")
@@ -359,7 +362,7 @@ class ControlAuthority:
         if context.state is State.READY and not context.in_air:
             instruction = SEPARATE_TWINS if event.twins else CONNECT_ANOTHER
             context.alarm(why, instruction)
-            context.stayed_why = why
+            context.task.stay(why)
             context.signal(Signal.GROUNDED)
             return
         instruction = SEPARATE_TWINS if event.twins else LAND_BY_HAND
@@ -385,16 +388,16 @@ class ControlAuthority:
         landing needs no plan.
         """
         context = self._context
-        context.on_board = OnBoard.REPLACED
+        context.authority.plan_is(OnBoard.REPLACED)
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         context.warn(f"{what}; comparing it with this mission's", NO_UPLOADS)
         flies_plan = context.in_charge and context.state is not State.LAND
         self._compared_by_s = context.now_s + PLAN_COMPARED_S
         self._hold_again_s = context.now_s + RETRY_S
-        if flies_plan and context.giving_up is None:
-            context.compares = what
+        if flies_plan and context.authority.releasing is None:
+            context.authority.check_plan(what)
             if context.state is State.READY:
-                context.stopped_why = what
+                context.authority.stop(what)
             self._gate.stop()
             self._gate.hold(what)
 
@@ -410,41 +413,42 @@ class ControlAuthority:
         if event.difference is not None:
             self._differs(f"another plan is on board ({event.difference})")
             return
-        context.on_board = OnBoard.OURS
+        context.authority.plan_is(OnBoard.OURS)
         again = "the plan on board flies as this mission's does"
-        if context.compares is None:
+        if context.authority.plan_check is None:
             context.say(again)
             return
-        context.compares = None
-        if context.held is not None:  # no leg may begin there, whatever plan is on board
-            context.stopped_why = None
-            context.alarm(f"{again}; holding: {context.held.why}", context.held.instruction)
+        context.authority.plan_checked()
+        held = context.authority.held
+        if held is not None:  # no leg may begin there, whatever plan is on board
+            context.authority.goes_on()
+            context.alarm(f"{again}; holding: {held.why}", held.instruction)
             return
         context.say(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")
-        context.climbs_first = True  # it may have sunk, or have been stopped in its climb
+        context.interlocks.climb_first()  # it may have sunk, or have been stopped in its climb
         if not context.in_air:
             return
         if context.state is State.READY:  # it hovers, stopped in its climb
             self._gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         else:
-            context.handler.replan()
+            context.task.handler.replan()
 
     def _differs(self, why: str) -> None:
         """Another plan is on board."""
         context = self._context
-        context.on_board = OnBoard.ANOTHER
+        context.authority.plan_is(OnBoard.ANOTHER)
         telemetry = context.telemetry
         if context.state is State.READY and telemetry is not None and not telemetry.armed:
-            context.stayed_why = why
+            context.task.stay(why)
             context.signal(Signal.GROUNDED)
         elif context.state is State.READY and not context.in_charge:
             self.take_over(ControlHolder.PILOT, why, UPLOAD_OURS)
         elif context.state in {State.LAND, State.PASSIVE}:
             context.warn(why, UPLOAD_OURS)
-            context.compares = None
-            context.handler.replan()  # a landing needs no plan
-        elif context.in_charge and context.giving_up is None:
+            context.authority.plan_checked()
+            context.task.handler.replan()  # a landing needs no plan
+        elif context.in_charge and context.authority.releasing is None:
             self.give_up(why, TAKE_WHERE_IT_HOLDS)
 
     # And back.
@@ -458,15 +462,15 @@ class ControlAuthority:
         telemetry = self._context.telemetry
         if telemetry is None:
             return "nothing was heard of the vehicle: wait for it"
-        if self._context.wrong_vehicle is not None:
-            return f"{self._context.wrong_vehicle}: land it by hand"
+        if self._context.authority.wrong_vehicle is not None:
+            return f"{self._context.authority.wrong_vehicle}: land it by hand"
         why = why_not_resumed(self._context.mission, telemetry)
         why = why or self._climb.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
-        if self._context.on_board is OnBoard.REPLACED:
+        if self._context.authority.on_board is OnBoard.REPLACED:
             return "the plan on board is being read: ask again in a moment"
-        if self._context.on_board is OnBoard.ANOTHER:
+        if self._context.authority.on_board is OnBoard.ANOTHER:
             return (
                 "another plan is on board: 'resume upload' puts this mission's there and goes on, "
                 "'home' comes home without it"
@@ -498,16 +502,16 @@ class ControlAuthority:
 
     def take_home(self) -> None:
         """Take it back to come home, whatever plan is on board; `why_not_back` has looked at it."""
-        if self._context.on_board is not OnBoard.OURS:
+        if self._context.authority.on_board is not OnBoard.OURS:
             self._gate.by_points = True
-            self._context.zones = None  # they count for its legs; what is on board stays
-            self._context.leaving = frozenset()  # it is in none of them
+            # The zones count for its legs; what is on board stays, and it is in none of them.
+            self._context.airspace.settle()
         self._take_back()
 
     def _take_back(self) -> None:
         self._context.alarms.end_all()
         self._failsafe = None
         self._gate.ours_in_the_air()
-        self._context.taken_by = None
+        self._context.authority.take(None)
         self._gate.assume(self._context.heard.mode)
-        self._context.climbs_first = True
+        self._context.interlocks.climb_first()

@@ -32,12 +32,12 @@ from air_router.controller.model import (
     CommandFailed,
     CompanionLagged,
     ControlHolder,
+    Doubt,
     Event,
     Finish,
     FlightSetup,
     FlownBefore,
     FlyToNode,
-    From,
     MissionContext,
     MissionWaits,
     Motion,
@@ -45,7 +45,6 @@ from air_router.controller.model import (
     PeerFault,
     PlanRenewed,
     Progress,
-    Requests,
     RobotPath,
     RobotPose,
     RobotSought,
@@ -53,6 +52,7 @@ from air_router.controller.model import (
     Signal,
     State,
     StateChanged,
+    Task,
 )
 from air_router.controller.motion import CommandGate, InitialClimb, Interlock, Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
@@ -132,9 +132,8 @@ class Controller:
         self._told_sought: str | None = None  # the robot in the last `Seeking`
         self._told_waits: Interlock | None = None  # the row in the last `MissionWaits`
         # What is known and kept.
-        context = self.context = MissionContext(
-            mission, router, self._signal, spec=STATES[State.READY]
-        )
+        task = Task(spec=STATES[State.READY])
+        context = self.context = MissionContext(mission, router, self._signal, task=task)
         gate = self.gate = CommandGate(context, plan)  # all motions pass it
         navigator = self.navigator = Navigator(context, gate)
         climb = self._climb = InitialClimb(context, gate)
@@ -198,15 +197,14 @@ class Controller:
     def handle(self, event: Event, now_s: float) -> list[Action]:
         """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
         context = self.context
-        context.actions = []
-        context.now_s = max(context.now_s, now_s)
+        context.begin(now_s)
         if context.silent_s > 0.0 and not self._authority.heard_again(event):
             return context.actions
         reaction = self._reactions.get(type(event))
         if reaction is not None:
             reaction(event)
         context.actions += context.alarms.due(context.now_s)
-        sought = context.robot if context.spec.seeks else None
+        sought = context.task.robot if context.spec.seeks else None
         if sought != self._told_sought:
             self._told_sought = sought
             context.actions.append(Seeking(sought))
@@ -230,12 +228,13 @@ class Controller:
 
     def _vehicle_heard(self, telemetry: Telemetry) -> None:
         context, authority, phase = self.context, self._authority, self._phase
-        context.telemetry = telemetry = self._with_believed_charge(telemetry)
+        telemetry = self._with_believed_charge(telemetry)
+        context.received(telemetry)
         phase.note(telemetry)
         self._lag.note(telemetry)
         self._home.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
-        ours = context.handed_over if context.state is State.READY else context.spec.ours
+        ours = context.authority.handed_over if context.state is State.READY else context.spec.ours
         # On the ground the autopilot changes its mode by itself, when it disarms. A failsafe may
         # act in the very mode that we asked for: a fence holds a vehicle that hovers in Hold.
         flies = telemetry.in_air and telemetry.armed
@@ -249,9 +248,13 @@ class Controller:
             authority.taken(telemetry)
         elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
             authority.take_over(ControlHolder.PILOT, foreign, IN_YOUR_HANDS)
-        elif context.giving_up is not None or context.compares is not None:
+        elif context.authority.releasing is not None or context.authority.plan_check is not None:
             authority.wait(telemetry)
-        elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
+        elif (
+            ours
+            and (breach := self._monitor.breach(telemetry, context.airspace.exempt_zones))
+            is not None
+        ):
             authority.give_up(f"{breach} is not resumed by itself", FLY_OUT)
         elif context.state is State.READY:
             self._take_off(telemetry, moved)
@@ -284,7 +287,7 @@ class Controller:
 
     def _take_off(self, telemetry: Telemetry, moved: Response | None) -> None:
         context = self.context
-        if telemetry.in_air and not context.handed_over:
+        if telemetry.in_air and not context.authority.handed_over:
             self._authority.look_on(telemetry)
         elif telemetry.in_air:
             status = context.inputs.look(telemetry)
@@ -292,7 +295,7 @@ class Controller:
                 self._deviations.inputs_missing(status, telemetry)
         if context.state is State.READY:
             self.states.ready.watch(telemetry)
-        climbs = context.state is State.READY and context.handed_over and telemetry.in_air
+        climbs = context.state is State.READY and context.authority.handed_over and telemetry.in_air
         if climbs:
             self.returns.end_if_due(telemetry)
         if moved is Response.HOLD and context.in_charge:
@@ -310,30 +313,32 @@ class Controller:
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, context.now_s)
         self.returns.check(telemetry)
-        held_up = context.zones is not None or self._climb.climb is not None
-        held_up |= context.jumped or context.rough
-        if (held_up or context.doubts) and self._waits(telemetry):
+        held_up = context.airspace.change is not None or self._climb.climb is not None
+        held_up |= context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS)
+        if (held_up or context.interlocks.up(Doubt.FOREIGN_ORDER)) and self._waits(telemetry):
             self.gate.mission_waits()
             return
         self.gate.blocked = None  # what keeps it waiting next counts from its own begin
-        ends_s = math.inf if context.ends_s is None else context.ends_s
+        ends_s = math.inf if context.task.ends_s is None else context.task.ends_s
         if context.now_s >= ends_s or self._commands.later is not None:
             self._time_has_come()
         motion = self.navigator.update(telemetry)
-        if motion is not None or context.way.progress is not Progress.FLYING:
+        if motion is not None or context.task.way.progress is not Progress.FLYING:
             self.navigator.advance(motion)
-        if context.retry_at_s is not None and not self.gate.pending and context.take_retry():
-            context.handler.retry()
+        if context.task.retry_at_s is not None and not self.gate.pending and context.take_retry():
+            context.task.handler.retry()
 
     def _keep_to_plan(self, telemetry: Telemetry, moved: Response | None) -> None:
         """What is off what was planned, and what follows."""
         context = self.context
-        cruises = context.spec.cruises and context.zones is None and self._climb.climb is None
+        cruises = (
+            context.spec.cruises and context.airspace.change is None and self._climb.climb is None
+        )
         if moved is not None:
             self._deviations.home_moved(moved, cruises=cruises)
         if not cruises:
             self._envelope.forget()
-        elif not context.doubts:
+        elif not context.interlocks.up(Doubt.FOREIGN_ORDER):
             self._deviations.follow(self._lag.look(telemetry) + self._envelope.look(telemetry))
         if self._home.in_doubt and context.spec.cruises:
             self.airspace_update.altitude_doubted(telemetry)
@@ -341,9 +346,9 @@ class Controller:
     def _waits(self, telemetry: Telemetry) -> bool:
         """Whether the mission waits: zones change, it climbs first, or is off what was planned."""
         climb = self._climb
-        if self.context.doubts:
+        if self.context.interlocks.up(Doubt.FOREIGN_ORDER):
             return True  # a hold would end the order of a pilot before it is known as such
-        if self.context.zones is not None:
+        if self.context.airspace.change is not None:
             self.airspace_update.go_on(telemetry)
             return True
         if climb.climb is not None and climb.go_on(telemetry):
@@ -352,7 +357,7 @@ class Controller:
                     "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
                 )
             return True
-        return self.context.jumped or self.context.rough
+        return self.context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS)
 
     def _time_has_come(self) -> None:
         """The state's time is over, or points wait for another state."""
@@ -363,7 +368,7 @@ class Controller:
     def _item_reached(self, event: ItemReached) -> None:
         """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
         context = self.context
-        waits = context.zones is not None or context.jumped or context.rough or context.doubts
+        waits = context.airspace.change is not None or context.interlocks.up(*Doubt)
         if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):
@@ -396,43 +401,38 @@ class Controller:
             return
         self._left = left
         spec, handler = STATES[target], self.states.of[target]
-        context.state, context.spec, context.handler = target, spec, handler
         self.gate.blocked = None
         own_s = None if spec.timer is None else getattr(context.mission.timers, spec.timer)
-        limit_s = context.limit_s = own_s if context.carried_s is None else context.carried_s
-        context.ends_s = None
-        if limit_s is not None and spec.timer_from is From.ENTRY:
-            context.ends_s = context.now_s + limit_s
-        context.carried_s = context.retry_at_s = None
-        if spec.requests is Requests.ANY:  # a way home that was flown before is called off
-            context.ending = None
-        context.actions.append(StateChanged(left, signal, target, context.robot))
+        context.task.enter(target, spec, handler, own_s, context.now_s)
+        context.actions.append(StateChanged(left, signal, target, context.task.robot))
         if not spec.keeps_target:
-            context.robot = None
+            context.task.seek(None)
         handler.begin()
 
     def _flown_before(self, event: FlownBefore) -> None:
-        self.context.airborne_s = event.airborne_s
+        self.context.task.fly_since(event.airborne_s)
         self.exploration.go_on(event.visited, event.left_out)
 
     def _let_go(self) -> None:
         """Hands are off, or the flight is over."""
         context = self.context
         done = context.state is State.DONE
-        context.giving_up = context.compares = context.held = None
+        context.authority.let_go()
         context.alarms.end_all()
         if done:
             self.gate.stop()
         self._commands.now_what_waited()
         if not done:
-            context.stopped_why = None
+            context.authority.goes_on()
             self.gate.let_go()
             return
         landed_by_us = self._left is State.LAND
         why = self._phase.ending(landed_by_us=landed_by_us)
-        other = self._left is State.READY and context.wrong_vehicle is not None
-        refused = (other or context.stopped_why is not None) and self._phase.killed is None
-        context.actions.append(Finish(landed_by_us, why, context.taken_by, refused))
+        other = self._left is State.READY and context.authority.wrong_vehicle is not None
+        refused = (
+            other or context.authority.stopped_why is not None
+        ) and self._phase.killed is None
+        context.actions.append(Finish(landed_by_us, why, context.authority.taken_by, refused))
 
     # What others read.
 
@@ -443,7 +443,7 @@ class Controller:
     @property
     def flown(self) -> FlownBefore | None:
         """What another companion has to know to go on with this flight; None if there is none."""
-        airborne_s = self.context.airborne_s
+        airborne_s = self.context.task.airborne_s
         if airborne_s is None or self.state is State.DONE:
             return None
         visited, _ = self.exploration.mark()
@@ -491,11 +491,11 @@ class Controller:
         goes_to = context.state is State.GOTO and goto is not None
         return FlightStatus(
             state=context.state,
-            robot=context.robot,
+            robot=context.task.robot,
             robots={robot: targets.position_of(robot) for robot in targets.names},
             left_s=context.left_s,
-            goal=context.way.goal,
-            legs=context.way.ahead,
+            goal=context.task.way.goal,
+            legs=context.task.way.ahead,
             points_left=len(goto.stops) - goto.done if goes_to and goto is not None else 0,
             waypoints_left=self.exploration.remaining,
             no_way_home=self.states.reachability.no_way_home,
@@ -544,12 +544,12 @@ class Controller:
 
     def home_by(self, now_s: float) -> None:
         """Come home at this time on the vehicle's clock: the zones may be others later."""
-        self.context.home_by_s = now_s
+        self.context.task.come_home_by(now_s)
 
     @property
     def plan_is_ours(self) -> bool:
         """Whether the plan on board is this mission's, as far as is known."""
-        return self.context.on_board is OnBoard.OURS
+        return self.context.authority.on_board is OnBoard.OURS
 
     def why_no_upload(self) -> str | None:
         """Why nothing may be put on board any more; None: it may."""

@@ -90,9 +90,9 @@ class Deviations:
         """
         if cruises:
             self._respond(Deviation(moved, "home was moved", NO_OTHER_HOME), said=True)
-        elif moved is Response.HOLD and self._context.zones is not None:
+        elif moved is Response.HOLD and self._context.airspace.change is not None:
             self._gate.stop()
-            self._context.has_to_stop = True
+            self._context.airspace.stop_first()
             self._gate.hold("home was moved")
 
     def inputs_missing(self, status: InputStatus, telemetry: Telemetry) -> bool:
@@ -108,11 +108,11 @@ class Deviations:
             if status.back:
                 context.retry_in(0.0)
             return False
-        may_retry = context.take_retry() or context.retry_at_s is None
+        may_retry = context.take_retry() or context.task.retry_at_s is None
         if status.stop is Stop.HOLD and not landing and may_retry:
             self._gate.hold(status.why)  # unless that is what it does
         self._returns.check(telemetry)  # time and charge go on
-        if context.left_s == 0.0 and context.zones is None:
+        if context.left_s == 0.0 and context.airspace.change is None:
             context.signal(Signal.TIMER)
         return True
 

@@ -30,6 +30,7 @@ from air_router.controller.limits import (
     UNDERSPEED_S,
 )
 from air_router.controller.model import (
+    Doubt,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -85,7 +86,7 @@ class HeightWatch:
             words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words, WATCH_HEIGHT)
-            self._context.jumped = True
+            self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)
             self._off_since_s, self._back_since_s = now_s, None
             return Deviation(Response.WAIT, words, WATCH_HEIGHT)
         if self._off_since_s is not None:
@@ -107,13 +108,13 @@ class HeightWatch:
                 self._back_since_s = now_s
             if now_s - self._back_since_s < BACK_AT_ALTITUDE_S:
                 return None
-            self._context.jumped = False
+            self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=False)
             self._off_since_s = self._out_since_s = None
             return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again", None)
         self._back_since_s = None
         if now_s - off_since_s < OFF_ALTITUDE_HOME_S:
             return None
-        self._context.jumped = False
+        self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=False)
         self._off_since_s = math.inf  # once, until it is back
         return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}", WATCH_HEIGHT)
 
@@ -125,7 +126,7 @@ class HeightWatch:
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
-        self._context.jumped = False
+        self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=False)
         self._before = self._out_since_s = self._off_since_s = self._back_since_s = None
 
 
@@ -352,10 +353,11 @@ class ReturnMonitor:
             )
         if not by_time:
             return None
-        airborne_s = 0.0 if context.airborne_s is None else context.now_s - context.airborne_s
+        task = context.task
+        airborne_s = 0.0 if task.airborne_s is None else context.now_s - task.airborne_s
         if mission.duration_s is not None and airborne_s >= mission.duration_s:
             return Due(f"mission duration ({mission.duration_s:.0f} s) reached")
-        over = context.home_by_s is not None and context.now_s >= context.home_by_s
+        over = task.home_by_s is not None and context.now_s >= task.home_by_s
         if over and mission.latest_start is not None:
             return Due("the hours that its no-fly zones were chosen for are over")
         return None

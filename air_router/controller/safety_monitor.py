@@ -35,6 +35,7 @@ from air_router.controller.limits import (
     TWINS_S,
 )
 from air_router.controller.model import (
+    Doubt,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -93,19 +94,19 @@ class FlightPhase:
         self._was_armed |= telemetry.armed
         if telemetry.armed or telemetry.in_air:
             self._up_s = telemetry.told_s
-        ready = self._context.state is State.READY and not self._context.handed_over
+        ready = self._context.state is State.READY and not self._context.authority.handed_over
         if ready and telemetry.armed and telemetry.mode is FlightMode.MISSION:
-            self._context.handed_over = True
+            self._context.authority.hand_over()
             self._gate.assume(FlightMode.MISSION)
-            if self._context.on_board is OnBoard.REPLACED:
-                self._context.compares = "the plan on board was replaced"
+            if self._context.authority.on_board is OnBoard.REPLACED:
+                self._context.authority.check_plan("the plan on board was replaced")
 
     def _fall(self, telemetry: Telemetry, *, flew: bool) -> None:
         """PX4 says of a vehicle that was disarmed in the air within a second that it has landed.
 
         Where another vehicle is on the link, one that stands on the ground may have said it.
         """
-        if self._context.wrong_vehicle is not None:
+        if self._context.authority.wrong_vehicle is not None:
             return
         motors = telemetry.armed and not telemetry.terminated
         if flew and not motors and telemetry.altitude_m > KILLED_M:
@@ -129,7 +130,7 @@ class FlightPhase:
         Where no HEARTBEAT tells it any more, what is on the ground after a flight is disarmed. With
         two vehicles on the link none may have flown for as long as both report by turns.
         """
-        if self._context.wrong_vehicle is not None:
+        if self._context.authority.wrong_vehicle is not None:
             return self._was_armed and telemetry.told_s - self._up_s >= TWINS_S
         if self.killed is not None:
             down = telemetry.told_s - self._rest[1] >= REST_S
@@ -142,8 +143,8 @@ class FlightPhase:
         """Whether it was only armed and disarmed again; then everything begins anew."""
         if self._flew:
             return False
-        self._context.handed_over = self._was_armed = False
-        self._context.compares = self._context.stopped_why = None
+        self._was_armed = False
+        self._context.authority.begin_anew()
         self._gate.let_go()
         return True
 
@@ -153,13 +154,13 @@ class FlightPhase:
         if self.killed is not None:
             return self.killed
         if landed_by_us:
-            return f"landed {context.ending.place if context.ending else 'at home'}"
-        if context.stopped_why is not None:
-            why = context.stopped_why
+            return f"landed {context.task.ending.place if context.task.ending else 'at home'}"
+        if context.authority.stopped_why is not None:
+            why = context.authority.stopped_why
             return f"{why} as it took off; it is on the ground: start the mission anew"
         if self._flew:
             return "landed, but not by our command"
-        return f"{context.stayed_why}, before take-off"
+        return f"{context.task.stayed_why}, before take-off"
 
 
 class Response(Enum):
@@ -317,14 +318,14 @@ class SafetyMonitor:
             order = self._order_of_others(telemetry, gate.last)
         told_s = ages.item_s if telemetry.mode is FlightMode.MISSION else ages.target_s
         if order is None or told_s >= ORDER_STALE_S:
-            self._foreign_since_s, self._context.doubts = None, False
-            if self._context.put_off:
-                self._context.put_off = False
+            self._foreign_since_s = None
+            self._context.interlocks.put(Doubt.FOREIGN_ORDER, raised=False)
+            if self._context.interlocks.take_deferred():
                 self._context.retry_in(0.0)
             return None
         if self._foreign_since_s is None:
             self._foreign_since_s = telemetry.told_s
-        self._context.doubts = True
+        self._context.interlocks.put(Doubt.FOREIGN_ORDER, raised=True)
         shown_s = telemetry.told_s - self._foreign_since_s
         # One message, that may be of before our own order, is no proof.
         return order if told_s < shown_s and shown_s >= FOREIGN_ORDER_S else None

@@ -22,7 +22,7 @@ from air_router.controller.limits import (
     STANDS_S,
     STANDSTILL_LOOK_S,
 )
-from air_router.controller.model import MissionContext, Progress, State, ZoneChange
+from air_router.controller.model import Doubt, MissionContext, Progress, State, ZoneChange
 from air_router.routing import names_of
 from air_router.vehicle import (
     FLY_OUT,
@@ -47,21 +47,34 @@ def _if(what: str, holds: Callable[[MissionContext], object]) -> Cause:
 
 
 def _zones(context: MissionContext) -> str | None:
-    return None if context.zones is None else context.zones.value
+    return None if context.airspace.change is None else context.airspace.change.value
+
+
+def _releasing(context: MissionContext) -> str | None:
+    why = context.authority.releasing
+    return None if why is None else f"hands off in a moment: {why}"
+
+
+def _plan_check(context: MissionContext) -> str | None:
+    what = context.authority.plan_check
+    return None if what is None else f"{what}, and is being compared"
 
 
 def _refusal(context: MissionContext) -> str | None:
-    return None if context.way.refusal is None else context.way.refusal.reason
+    return None if context.task.way.refusal is None else context.task.way.refusal.reason
 
 
 CAUSES: Final[tuple[Cause, ...]] = (
-    lambda context: None if context.held is None else context.held.why,
+    lambda context: None if context.authority.held is None else context.authority.held.why,
     _if("nothing is heard of it", lambda context: context.silent_s > 0.0),
     lambda context: next(iter(context.inputs.stopped), None),
-    _if("its altitude has jumped", lambda context: context.jumped),
-    _if("an order shows that is not ours", lambda context: context.doubts),
-    lambda context: context.giving_up and f"hands off in a moment: {context.giving_up}",
-    lambda context: context.compares and f"{context.compares}, and is being compared",
+    _if("its altitude has jumped", lambda context: context.interlocks.up(Doubt.ALTITUDE_JUMP)),
+    _if(
+        "an order shows that is not ours",
+        lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
+    ),
+    _releasing,
+    _plan_check,
     _zones,
     _refusal,
 )
@@ -108,7 +121,7 @@ def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
 def _waits_for_plan(context: MissionContext, telemetry: Telemetry) -> str | None:
     """A plan is put on board, or compared, which has an end of its own."""
     del telemetry
-    waits = context.zones is ZoneChange.UPLOADING or context.compares
+    waits = context.airspace.change is ZoneChange.UPLOADING or context.authority.plan_check
     return "" if waits else None
 
 
@@ -122,12 +135,12 @@ def _in(state: State) -> Callable[[MissionContext, Telemetry], str | None]:
 
 def _elsewhere(context: MissionContext, telemetry: Telemetry) -> str | None:
     """Its mission goes on elsewhere; where it hovers for a robot, or on request, it does not."""
-    rests = {State.HOLD, State.COMM} | ({State.READY} if context.held else set())
+    rests = {State.HOLD, State.COMM} | ({State.READY} if context.authority.held else set())
     if context.state in rests or _waits_for_plan(context, telemetry) is not None:
         return None
-    flies = context.way.progress in {Progress.FLYING, Progress.NO_ROUTE}
-    waits = context.spec.explores and context.retry_at_s is not None
-    return "" if flies or waits or context.zones is not None else None
+    flies = context.task.way.progress in {Progress.FLYING, Progress.NO_ROUTE}
+    waits = context.spec.explores and context.task.retry_at_s is not None
+    return "" if flies or waits or context.airspace.change is not None else None
 
 
 WATCHES: Final = (

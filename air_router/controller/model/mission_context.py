@@ -2,236 +2,110 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
 
-from air_router.controller.model.actions import Action, Announce, ControlHolder
+from air_router.controller.model.actions import Action, Announce
+from air_router.controller.model.airspace_in_force import AirspaceInForce
+from air_router.controller.model.authority import Authority
+from air_router.controller.model.interlocks_raised import RaisedInterlocks
 from air_router.controller.model.standing_alarms import StandingAlarms
 from air_router.controller.model.states import Signal, Spec, State
+from air_router.controller.model.task import Ending, Task
 from air_router.mission import Mission
-from air_router.routing import Leg, NoRoute, Pace, Router
+from air_router.routing import Pace, Router
 from air_router.vehicle import InputWatch, Instruction, Severity, Telemetry
-from geo.frame import Point
-
-
-class StateHandler:
-    """What is flown in a state: asked while it lasts, never in another. This one flies nothing."""
-
-    def begin(self) -> None:
-        """The state was entered."""
-
-    def arrived(self) -> None:
-        """The vehicle is where it was sent; said again as long as it stays there."""
-
-    def no_route(self, refusal: str) -> None:
-        """No clear way leads there from here, and why."""
-
-    def retry(self) -> None:
-        """The pause is over after something that could not be done."""
-
-    def replan(self) -> None:
-        """Other zones count from now on, and nothing was commanded meanwhile: plan anew."""
-
-
-class OnBoard(Enum):
-    """Whose the plan on board is."""
-
-    OURS = "this mission's"
-    REPLACED = "uploaded by a ground station, and not yet compared with this mission's"
-    ANOTHER = "another"
-
-
-class ZoneChange(Enum):
-    """How far a change of zones is."""
-
-    CLEARING = "the vehicle stops where it may not go on any more"
-    LEAVING = "the vehicle flies out of what was drawn over it"
-    UPLOADING = "the new fence is being put on board"
-
-
-@dataclass(frozen=True, slots=True)
-class Ending:
-    """Why the mission ends.
-
-    Attributes:
-        why: In words.
-        by_request: Such a return may be called off.
-        place: Where it lands, in words.
-        in_haste: The battery demands it: it waits for nothing that is put on board.
-        instruction: What the pilot or the operator does about it; None: it ends as it was to.
-    """
-
-    why: str
-    by_request: bool = False
-    place: str = "at home"
-    in_haste: bool = False
-    instruction: Instruction | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """Why a vehicle that was handed over hovers, and what the pilot does about it."""
-
-    why: str
-    instruction: Instruction
-
-
-class Progress(Enum):
-    """How far the flight to a goal is."""
-
-    IDLE = "nowhere to go"
-    FLYING = "on the way"
-    ARRIVED = "there"
-    NO_ROUTE = "no clear way from here"
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """Where to: a node of the plan, or any point."""
-
-    position: Point
-    node: int | None = None  # None: a point that is no node
-
-
-@dataclass(slots=True, eq=False)
-class Way:
-    """What is left of the way to a goal.
-
-    Attributes:
-        goal: Where to; None: nowhere.
-        leg: The leg under way.
-        legs: Those behind it.
-        progress: How far the flight to the goal is.
-        refusal: Why there is no way, once `progress` says so.
-        braking: The vehicle stops, and a way is looked for again once it stands.
-        settled: How often it looked again in vain.
-        stands_since_s: Since when it stands short of its leg's end, vehicle's clock.
-        swept: What the leg under way was checked for.
-    """
-
-    goal: Goal | None = None
-    leg: Leg | None = None
-    legs: deque[Leg] = field(default_factory=deque)
-    progress: Progress = Progress.IDLE
-    refusal: NoRoute | None = None
-    braking: bool = False
-    settled: int = 0
-    stands_since_s: float | None = None
-    swept: tuple[Point, ...] = ()
-
-    @property
-    def ahead(self) -> tuple[Leg, ...]:
-        """The legs that are still to be flown, the one under way first."""
-        return () if self.leg is None else (self.leg, *self.legs)
-
-    def brake(self) -> None:
-        """The vehicle is stopped first, and the way is planned anew from there."""
-        self.leg = None
-        self.legs.clear()
-        self.braking = True
-        self.progress = Progress.FLYING
 
 
 def _no_machine(signal: Signal) -> None:
     """A context of its own, without a state machine, keeps its state."""
 
 
-@dataclass(eq=False)
 class MissionContext:
-    """Owns the mission, its airspace and the router, the vehicle's telemetry, and who has it.
+    """What is known of the flight, in four parts; it decides nothing.
 
-    Everything else reads them here and copies nothing, so that nothing has to be told when zones
+    Everything else reads it here and copies nothing, so that nothing has to be informed when zones
     change; what a part has worked out from them it keeps beside the mission that it is true of.
-    It decides nothing.
+    Each part is changed by its own methods alone.
+
+    Args:
+        mission: What is flown.
+        router: Plans over it.
+        signal: Tells the state machine that something has happened to the mission.
+        telemetry: What the vehicle reported last.
+        task: What the mission is doing.
 
     Attributes:
-        mission: With the zones and fences of now.
-        router: Plans among these.
-        way_out_router: Plans the way out of a zone among what applies from the vehicle's height to
-            the cruise altitudes; None: `router` does.
-        signal: Tells the state machine that something has happened to the mission.
-        state: What the mission is doing; the state machine enters it.
-        spec: The row of the table of states for it.
-        handler: What is flown in this state.
-        telemetry: What the vehicle said last; None before it was heard.
+        airspace: The zones and fences that count now.
+        authority: Who has the vehicle, and whose plan is on board.
+        interlocks: What monitors have found that stands against a motion.
+        task: What the mission is doing, for whom, until when, and on which way.
+        signal: As above.
+        telemetry: What the vehicle reported last; None before it was received.
         inputs: Which inputs of a flight are missing.
         silent_s: For how long nothing has come since, as the link reports.
         now_s: Seconds on the vehicle's clock, which never runs back here.
         actions: What to do about the event that is being taken in, in order.
-        way: What is left of the way to where the vehicle is sent.
         alarms: What the pilot has to act on, until it is over.
-        ends_s: When the state's timer ends; None while it does not run.
-        retry_at_s: When something that could not be done is tried again; None: nothing waits.
-        robot: Who is sought or hovered over; None while no robot is.
-        ending: Why the vehicle comes home or lands; None while it does not.
-        stayed_why: Why the mission ended before take-off, if it does.
-        stopped_why: Why it was stopped as it took off; None once it flies, or another has it.
-        airborne_s: When the mission began in the air.
-        leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
-        handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
-        taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
-        on_board: Whose the plan on board is.
-        wrong_vehicle: Why no mission is flown with what is on the link; None: it is right.
-        held: Why a vehicle that was handed over hovers where no leg of this mission may begin;
-            None: it does not.
-        giving_up: Why hands will be off as soon as the vehicle holds; None if they will not.
-        compares: What was replaced on board, while it holds until that was compared.
-        zones: How far a change of zones is; None if none is under way.
-        has_to_stop: Zones change, and the hold for that is not confirmed yet.
-        jumped: Its altitude has jumped, and it holds until that is over.
-        rough: Satellites or wind are worse than planned for, and it holds until that is over.
-        home_by_s: When it comes home, on the vehicle's clock, if some zones have their hours: they
-            may be others later.
-        doubts: An order that is not ours shows, if not for long enough to be sure of it.
-        put_off: A motion was dropped for these doubts.
-        climbs_first: The next leg is begun at the mission's altitude: the vehicle was taken over,
-            and may be anywhere. Stays until it is there.
-        limit_s: How long the state lasts once its timer runs; None: it has none.
-        carried_s: How long the state that begins next lasts, instead of what the mission says.
     """
 
-    mission: Mission
-    router: Router
-    signal: Callable[[Signal], None] = _no_machine
-    way_out_router: Router | None = None
-    state: State = State.READY
-    spec: Spec = field(default_factory=Spec)
-    handler: StateHandler = field(default_factory=StateHandler)
-    telemetry: Telemetry | None = None
-    inputs: InputWatch = field(default_factory=InputWatch)
-    silent_s: float = 0.0
-    now_s: float = 0.0
-    actions: list[Action] = field(default_factory=list)
-    way: Way = field(default_factory=Way)
-    alarms: StandingAlarms = field(default_factory=StandingAlarms)
-    ends_s: float | None = None
-    retry_at_s: float | None = None
-    robot: str | None = None
-    ending: Ending | None = None
-    stayed_why: str = "disarmed"
-    stopped_why: str | None = None
-    airborne_s: float | None = None
-    leaving: frozenset[str] = frozenset()
-    handed_over: bool = False
-    taken_by: ControlHolder | None = None
-    on_board: OnBoard = OnBoard.OURS
-    wrong_vehicle: str | None = None
-    held: Held | None = None
-    giving_up: str | None = None
-    compares: str | None = None
-    zones: ZoneChange | None = None
-    has_to_stop: bool = False
-    jumped: bool = False
-    rough: bool = False
-    home_by_s: float | None = None
-    doubts: bool = False
-    put_off: bool = False
-    climbs_first: bool = False
-    limit_s: float | None = None
-    carried_s: float | None = None
+    def __init__(
+        self,
+        mission: Mission,
+        router: Router,
+        signal: Callable[[Signal], None] = _no_machine,
+        *,
+        telemetry: Telemetry | None = None,
+        task: Task | None = None,
+    ) -> None:
+        self.airspace = AirspaceInForce(mission, router)
+        self.authority = Authority()
+        self.interlocks = RaisedInterlocks()
+        self.task = Task() if task is None else task
+        self.signal = signal
+        self.telemetry = telemetry
+        self.inputs = InputWatch()
+        self.silent_s = 0.0
+        self.now_s = 0.0
+        self.actions: list[Action] = []
+        self.alarms = StandingAlarms()
+
+    # What happens.
+
+    def begin(self, now_s: float) -> None:
+        """An event is taken in, at this time on the vehicle's clock."""
+        self.actions = []
+        self.now_s = max(self.now_s, now_s)
+
+    def received(self, telemetry: Telemetry) -> None:
+        """The vehicle has reported this."""
+        self.telemetry = telemetry
+
+    def silent_for(self, silent_s: float) -> None:
+        """Nothing has come from the vehicle for so long; 0: it has."""
+        self.silent_s = silent_s
+
+    # What others read.
+
+    @property
+    def mission(self) -> Mission:
+        """With the zones and fences of now."""
+        return self.airspace.mission
+
+    @property
+    def router(self) -> Router:
+        """Plans among these."""
+        return self.airspace.router
+
+    @property
+    def state(self) -> State:
+        """What the mission is doing."""
+        return self.task.state
+
+    @property
+    def spec(self) -> Spec:
+        """The row of the table of states for it."""
+        return self.task.spec
 
     @cached_property
     def pace(self) -> Pace:
@@ -242,12 +116,6 @@ class MissionContext:
     def layer_top_m(self) -> float:
         """Higher above home it would be in the layer of another UAV; nor do they change that."""
         return self.mission.layer_top_m
-
-    @property
-    def flown_router(self) -> Router:
-        """By what the leg under way, and the next one, are planned and checked."""
-        way_out = self.way_out_router if self.zones is ZoneChange.LEAVING else None
-        return self.router if way_out is None else way_out
 
     @property
     def in_air(self) -> bool:
@@ -263,12 +131,12 @@ class MissionContext:
     @property
     def ending_why(self) -> str | None:
         """Why the vehicle comes home or lands, once it does."""
-        return None if self.ending is None else self.ending.why
+        return None if self.task.ending is None else self.task.ending.why
 
     @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
-        return self.handed_over if self.state is State.READY else self.spec.ours
+        return self.authority.handed_over if self.state is State.READY else self.spec.ours
 
     def knows(self, signal: Signal) -> bool:
         """Whether the state reacts to a signal."""
@@ -287,26 +155,24 @@ class MissionContext:
             instruction: What the pilot or the operator does; None: the mission ends as it was to.
             by_request: Such a return may be called off.
         """
-        if self.held is not None:  # by what ways it would come home, is not checked
+        held, task = self.authority.held, self.task
+        if held is not None:  # by what ways it would come home, is not checked
             if self.ending_why != why:
-                self.ending = Ending(why, by_request, instruction=instruction)
-                self.alarm(
-                    f"{why}: it should come home, and cannot: {self.held.why}",
-                    self.held.instruction,
-                )
+                task.end(Ending(why, by_request, instruction=instruction))
+                self.alarm(f"{why}: it should come home, and cannot: {held.why}", held.instruction)
             return
         if not self.knows(Signal.COME_HOME):
-            requested = self.ending if self.state is State.HOME else None
+            requested = task.ending if self.state is State.HOME else None
             if requested is not None and requested.by_request and not by_request:
                 # It may not be called off any more.
                 words = f"{requested.why}; {why}"
-                self.ending = Ending(words, in_haste=requested.in_haste, instruction=instruction)
+                task.end(Ending(words, in_haste=requested.in_haste, instruction=instruction))
             return
-        self.ending = Ending(why, by_request, instruction=instruction)
+        task.end(Ending(why, by_request, instruction=instruction))
         if self.in_air:
             self.signal(Signal.COME_HOME)
         else:
-            self.stayed_why = why
+            task.stay(why)
             self.signal(Signal.GROUNDED)
 
     def say(self, text: str) -> None:
@@ -350,25 +216,22 @@ class MissionContext:
         else:
             self.warn(text, instruction)
 
-    # The state's timer, and what is tried again.
+    # The state's timer, and what is tried again, by the clock of now.
 
     def start_timer(self) -> None:
         """The state's timer begins now."""
-        if self.limit_s is not None:
-            self.ends_s = self.now_s + self.limit_s
+        self.task.start_timer(self.now_s)
 
     @property
     def left_s(self) -> float | None:
         """Seconds until the state's timer ends, None while it does not run."""
-        return None if self.ends_s is None else max(0.0, self.ends_s - self.now_s)
+        ends_s = self.task.ends_s
+        return None if ends_s is None else max(0.0, ends_s - self.now_s)
 
     def retry_in(self, pause_s: float) -> None:
         """Something is to be tried again after a pause."""
-        self.retry_at_s = self.now_s + pause_s
+        self.task.retry_at(self.now_s + pause_s)
 
     def take_retry(self) -> bool:
         """Whether it is time to try again; says so once."""
-        if self.retry_at_s is None or self.now_s < self.retry_at_s:
-            return False
-        self.retry_at_s = None
-        return True
+        return self.task.take_retry(self.now_s)

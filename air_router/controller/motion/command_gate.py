@@ -34,7 +34,6 @@ from air_router.controller.model import (
     MissionContext,
     Motion,
     State,
-    Way,
     ZoneChange,
 )
 from air_router.controller.motion.interlocks import Blocked, Interlock, raised
@@ -241,10 +240,10 @@ class CommandGate:
             return
         self.blocked = None
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
-            context.way.brake()
+            context.task.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
             return
-        allowed = self.climb_first(motion) if context.climbs_first else motion
+        allowed = self.climb_first(motion) if context.interlocks.climbs_first else motion
         if allowed is not None:
             self.send(allowed)
 
@@ -252,13 +251,14 @@ class CommandGate:
         """The motion stays. The first row decides what follows; any may have it come back."""
         context, first = self._context, up[0]
         self._waits_for(first)
-        context.put_off |= any(row.defers for row in up)
+        if any(row.defers for row in up):
+            context.interlocks.defer_motion()
         if first.repeats_landing and isinstance(motion, LandHere):
             context.retry_in(RETRY_S)
         if first.calls_off(context):
             self.stop()  # else it would be at the end of its leg unwatched
-            if context.zones is ZoneChange.UPLOADING or self.last is not None:
-                context.has_to_stop = True
+            if context.airspace.change is ZoneChange.UPLOADING or self.last is not None:
+                context.airspace.stop_first()
                 self.hold("zones are being changed")
 
     def mission_waits(self) -> None:
@@ -304,7 +304,7 @@ class CommandGate:
 
     def stop(self) -> None:
         """Go nowhere from now on."""
-        self._context.way = Way()
+        self._context.task.head_for(None)
 
     def _doubtful(self, jump: FlyToNode) -> bool:
         """Whether a jump would not show which of several orders is followed."""
@@ -322,7 +322,7 @@ class CommandGate:
 
     def wait_for_way(self, refusal: str) -> None:
         """Hover where no way is clear, unless it waits for another already."""
-        if self._context.retry_at_s is None:
+        if self._context.task.retry_at_s is None:
             self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 
     def wait_here(self, why: str, instruction: Instruction) -> None:
@@ -344,9 +344,9 @@ class CommandGate:
     def ours_in_the_air(self) -> None:
         """The vehicle in the air flies by our commands from now on."""
         context = self._context
-        context.handed_over, context.stopped_why, context.held = True, None, None
-        if context.airborne_s is None:
-            context.airborne_s = context.now_s
+        context.authority.fly()
+        if context.task.airborne_s is None:
+            context.task.fly_since(context.now_s)
 
     def confirmed(self, event: CommandConfirmed) -> None:
         """The vehicle follows; an older command's late confirmation changes no mode."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from air_router.controller.model import FlyToNode, FlyToPoint, MissionContext, Motion, Way
+from air_router.controller.model import FlyToNode, FlyToPoint, MissionContext, Motion
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.controller.motion.limits import ALTITUDE_M, CLIMB_S, PROGRESS_M
 from air_router.mission import Mission
@@ -75,11 +75,11 @@ class InitialClimb:
             return motion
         mission, telemetry = self._context.mission, self._context.heard
         if not low(mission, telemetry):
-            self._context.climbs_first = False
+            self._context.interlocks.climbed()
             return motion
         goes_on = self.climb is not None and self._gate.last == self.climb
         # Nothing of the way counts any more but where to: if the climb ends early, that is tried.
-        self._context.way = Way(self._context.way.goal)
+        self._context.task.head_for(self._context.task.way.goal)
         why_not = self.why_not(telemetry)
         if why_not is not None:
             self._gate.wait_here(why_not, CLIMB_BY_HAND)
@@ -105,8 +105,8 @@ class InitialClimb:
         if below(self.climb.altitude_m, telemetry):
             return True
         self.climb = None
-        self._context.climbs_first = False
-        self._context.handler.replan()
+        self._context.interlocks.climbed()
+        self._context.task.handler.replan()
         return True
 
     def stuck(self, telemetry: Telemetry) -> bool:

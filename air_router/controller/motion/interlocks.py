@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model import MissionContext, ZoneChange
+from air_router.controller.model import Doubt, MissionContext, ZoneChange
 from air_router.vehicle import NO_FIX
 
 
@@ -77,7 +77,7 @@ INTERLOCKS: Final = (
     Interlock(
         "ALTITUDE_JUMP",
         "the altitude has jumped",
-        lambda context: context.jumped,
+        lambda context: context.interlocks.up(Doubt.ALTITUDE_JUMP),
         while_up="holds",
         clears="the altitude is back for 2 s",
         then="it plans again",
@@ -88,7 +88,7 @@ INTERLOCKS: Final = (
     Interlock(
         "CONDITIONS",
         "satellites or wind are worse than planned for",
-        lambda context: context.rough,
+        lambda context: context.interlocks.up(Doubt.CONDITIONS),
         while_up="holds",
         clears="they are as planned for during 5 s",
         then="it plans again",
@@ -111,7 +111,7 @@ INTERLOCKS: Final = (
     Interlock(
         "FOREIGN_ORDER",
         "an order shows that is not ours",
-        lambda context: context.doubts,
+        lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
         while_up="sends nothing",
         clears="our own order shows",
         then="it plans again",
@@ -123,7 +123,7 @@ INTERLOCKS: Final = (
     Interlock(
         "RELEASING",
         "the vehicle is being released",
-        lambda context: context.giving_up is not None,
+        lambda context: context.authority.releasing is not None,
         while_up="holds",
         clears="the vehicle holds",
         then="released to the pilot",
@@ -135,7 +135,7 @@ INTERLOCKS: Final = (
     Interlock(
         "PLAN_CHECK",
         "the plan on board is being compared",
-        lambda context: context.compares is not None,
+        lambda context: context.authority.plan_check is not None,
         while_up="holds",
         clears="it flies the same",
         then="it plans again",
@@ -147,7 +147,7 @@ INTERLOCKS: Final = (
     Interlock(
         "ZONE_UPDATE",
         "zones are being changed",
-        lambda context: context.zones is not None,
+        lambda context: context.airspace.change is not None,
         while_up="holds, or leaves a new zone by the nearest way out",
         clears="the changed zones are on board",
         then="it plans again",
@@ -155,7 +155,7 @@ INTERLOCKS: Final = (
         why="it is ours to end, so all that others or the sensors decide comes first",
         scene="RELOAD",
         repeats_landing=False,
-        calls_off=lambda context: context.zones is not ZoneChange.LEAVING,
+        calls_off=lambda context: context.airspace.change is not ZoneChange.LEAVING,
     ),
 )
 """In order of precedence. What leaves instead of a motion that no row keeps back (a hold where it

@@ -16,6 +16,7 @@ from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.controller.model import (
+    Doubt,
     FlyToNode,
     FlyToPoint,
     Goal,
@@ -24,7 +25,6 @@ from air_router.controller.model import (
     MissionContext,
     Motion,
     Progress,
-    Way,
 )
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
@@ -68,16 +68,16 @@ class Navigator:
         speed the vehicle is stopped first and asked again when it stands; NO_ROUTE, with `refusal`
         saying why, when it stands and still has no way.
         """
-        self._context.way = Way(goal)
+        self._context.task.head_for(goal)
         return self._plan()
 
     def again(self) -> Motion | None:
         """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
-        return self._plan() if self._context.way.goal is not None else None
+        return self._plan() if self._context.task.way.goal is not None else None
 
     def fly_to(self, goal: Goal) -> None:
         """Set out for a goal."""
-        self._context.way = Way(goal)
+        self._context.task.head_for(goal)
         self.advance(self._plan())
 
     def fly_again(self) -> None:
@@ -87,18 +87,19 @@ class Navigator:
     def advance(self, motion: Motion | None) -> None:
         """Command the next motion, if any, and tell the state's handler where it stands."""
         context = self._context
-        if isinstance(motion, HoldHere) and context.doubts:
+        if isinstance(motion, HoldHere) and context.interlocks.up(Doubt.FOREIGN_ORDER):
             # It may follow a pilot, whose order a hold would end; planned anew if it does not.
-            context.put_off, context.way.braking = True, False
+            context.interlocks.defer_motion()
+            context.task.way.braking = False
         elif motion is not None:
             self._gate.command(motion)
             if not isinstance(motion, HoldHere):
                 self._gate.waits_why = None  # a way was found: the next reason to wait is news
-        progress = self._context.way.progress
+        progress = self._context.task.way.progress
         if progress is Progress.ARRIVED:
-            self._context.handler.arrived()
+            self._context.task.handler.arrived()
         elif progress is Progress.NO_ROUTE:
-            self._context.handler.no_route(self.refusal)
+            self._context.task.handler.no_route(self.refusal)
 
     def hover(self, position: Point) -> tuple[Point, str]:
         """Where to hover for a place, and why not there; nothing if it is the place itself."""
@@ -124,7 +125,7 @@ class Navigator:
     @property
     def refusal(self) -> str:
         """Why there was no way."""
-        refusal = self._context.way.refusal
+        refusal = self._context.task.way.refusal
         return refusal.reason if refusal is not None else "no clear way"
 
     # Leg by leg.
@@ -135,7 +136,7 @@ class Navigator:
         A leg's end is reached when the vehicle is within the acceptance radius, or when the
         autopilot says so (`reached_node`): either alone is enough, so none is missed.
         """
-        way = self._context.way
+        way = self._context.task.way
         leg, standing = way.leg, math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
         if way.progress is not Progress.FLYING or way.braking or leg is None:
             stops = way.progress is Progress.FLYING and standing
@@ -163,7 +164,7 @@ class Navigator:
 
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
         """Have a vehicle that is off its leg, or stands far from its end for long, go on."""
-        way = self._context.way
+        way = self._context.task.way
         if self._astray(telemetry.position):
             if not self.clear(telemetry, leg.to):
                 return self._plan()
@@ -180,12 +181,12 @@ class Navigator:
 
     def _astray(self, here: Point) -> bool:
         """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
-        swept = MultiPoint(self._context.way.swept).convex_hull
+        swept = MultiPoint(self._context.task.way.swept).convex_hull
         return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
 
     def off_its_leg(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
-        way = self._context.way
+        way = self._context.task.way
         leg = way.leg if way.progress is Progress.FLYING else None
         return (
             leg is not None
@@ -205,14 +206,14 @@ class Navigator:
         if momentum is None or pending is None:
             momentum, pending = gate.momentum(telemetry), gate.setpoints.pending(telemetry)
         turn, reaches = momentum.turn(here, leg.to), map(attrgetter("reach"), pending)
-        self._context.way.swept = (here, momentum.rest, turn, *reaches, leg.to)
+        self._context.task.way.swept = (here, momentum.rest, turn, *reaches, leg.to)
 
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
         """Look again now and then where no leg on is clear, or none is followed; then give up."""
         if telemetry.time_s < self._settle_until_s:
             return None
         self._settle_until_s = telemetry.time_s + SETTLE_S
-        way = self._context.way
+        way = self._context.task.way
         way.settled += 1
         if way.settled <= SETTLES:
             way.stands_since_s = None
@@ -223,14 +224,16 @@ class Navigator:
 
     def _plan(self) -> Motion | None:
         """The first motion of a way to the goal; the router has checked its first leg from here."""
-        way, gate, telemetry = self._context.way, self._gate, self._context.telemetry
+        way, gate, telemetry = self._context.task.way, self._gate, self._context.telemetry
         goal = way.goal
         assert goal is not None  # noqa: S101 - every caller has set one
         assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         target = goal.position if goal.node is None else goal.node
         here, momentum = telemetry.position, gate.momentum(telemetry)
         pending = gate.setpoints.pending(telemetry)
-        route = self._context.flown_router.route(here, target, momentum=momentum, pending=pending)
+        route = self._context.airspace.flown_router.route(
+            here, target, momentum=momentum, pending=pending
+        )
         if (
             isinstance(route, Route)
             and pending
@@ -256,7 +259,8 @@ class Navigator:
             refusal = self._height_refusal(telemetry, legs[0].to)
             if refusal is not None and low(self._context.mission, telemetry):
                 # Where it is low the gate has it climb instead, or says why it cannot.
-                self._context.climbs_first, refusal = True, None
+                self._context.interlocks.climb_first()
+                refusal = None
             if refusal is None:
                 return self._command(legs.popleft(), telemetry, momentum, pending)
             route = refusal
@@ -271,7 +275,7 @@ class Navigator:
 
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
         """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
-        after = self._context.flown_router.route(stopping, target)
+        after = self._context.airspace.flown_router.route(stopping, target)
         spare_m = STOP_S * self._context.mission.speed_m_s
         return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
@@ -282,7 +286,7 @@ class Navigator:
         momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] | None = None,
     ) -> Motion:
-        way = self._context.way
+        way = self._context.task.way
         way.leg = leg
         self._sweep(leg, telemetry, momentum, pending)
         way.braking = False
@@ -335,7 +339,9 @@ class Navigator:
         momentum = self._gate.momentum(telemetry, age_s)
         pending = self._gate.setpoints.pending(telemetry, unsent)
         return (
-            self._context.flown_router.check_leg(telemetry.position, target, momentum, pending)
+            self._context.airspace.flown_router.check_leg(
+                telemetry.position, target, momentum, pending
+            )
             and self._height_refusal(telemetry, target, age_s, unsent) is None
         )
 
@@ -353,7 +359,7 @@ class Navigator:
         context, altitude_m = self._context, telemetry.altitude_m
         cruise = context.mission.cruise
         cruises = cruise.lower_m <= altitude_m <= cruise.upper_m
-        if cruises or context.flown_router is context.way_out_router:
+        if cruises or context.airspace.flown_router is context.airspace.way_out_router:
             return None
         here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)
         places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry, unsent)]

@@ -167,9 +167,9 @@ class ExploreState(StateHandler):
         mark = exploration.mark()
         while (goal := exploration.goal) is not None:
             motion = navigator.plan_to(goal)
-            if self._context.way.progress is Progress.FLYING:
+            if self._context.task.way.progress is Progress.FLYING:
                 break
-            if self._context.way.progress is Progress.NO_ROUTE:
+            if self._context.task.way.progress is Progress.NO_ROUTE:
                 refusals.append(self._left_out(navigator.refusal))
             else:
                 exploration.visited()
@@ -201,7 +201,7 @@ class ExploreState(StateHandler):
 
     def retry(self) -> None:
         """To the same waypoint, or to the first that can be reached."""
-        if self._context.way.goal is None:
+        if self._context.task.way.goal is None:
             self.begin()
         else:
             self._navigator.fly_again()

@@ -176,7 +176,7 @@ class GotoState(StateHandler):
     def set_out(self, goto_task: GotoTask, left_s: float | None = None) -> None:
         """Fly a task, and hover for `left_s` at its end; None: as long as it says."""
         self.goto_task = goto_task
-        self._context.carried_s = goto_task.hold_s if left_s is None else left_s
+        self._context.task.carry(goto_task.hold_s if left_s is None else left_s)
         self._context.signal(Signal.GOTO)
 
     def begin(self) -> None:
@@ -187,7 +187,7 @@ class GotoState(StateHandler):
 
     def arrived(self) -> None:
         """On to the next point once it stands here; the state's timer runs at the last."""
-        if self._context.ends_s is not None or not self._settled:
+        if self._context.task.ends_s is not None or not self._settled:
             return
         if not self._next():
             self._context.start_timer()

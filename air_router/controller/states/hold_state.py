@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from air_router.controller.model import (
+    Doubt,
     FlyToNode,
     FlyToPoint,
     MissionContext,
@@ -61,9 +62,8 @@ class HoldState(StateHandler):
     def stop(self, by: str) -> None:
         """Hold, as `by` asked; what is done now is gone on with later, in the time it had left."""
         context, goto_task = self._context, self._goto_state.goto_task
-        left_s = None if context.ends_s is None else max(0.0, context.ends_s - context.now_s)
-        explores = context.spec.explores
-        self._held = Held(context.state, explores, context.robot, goto_task, left_s)
+        task, explores = context.task, context.spec.explores
+        self._held = Held(context.state, explores, task.robot, goto_task, context.left_s)
         context.say(f"holding, as {by} asked")
         context.signal(Signal.HOLD)
 
@@ -81,7 +81,7 @@ class HoldState(StateHandler):
             self._search_state.seek(held.robot)
             return f"it seeks {held.robot} again"
         if held.explores and held.left_s is not None:
-            context.carried_s = held.left_s
+            context.task.carry(held.left_s)
         context.signal(Signal.RESUMED)
         return "it goes on"
 
@@ -100,10 +100,11 @@ class HoldState(StateHandler):
         if self._context.state is not State.HOLD:
             return Refusal.BUSY, "its altitude is changed where it hovers: have it hold first"
         context, gate = self._context, self._gate
-        if context.doubts:
+        if context.interlocks.up(Doubt.FOREIGN_ORDER):
             return Refusal.BUSY, "another's order seems to show; ask again in a moment"
-        if context.jumped or context.rough:
-            off = "its altitude has jumped" if context.jumped else "the wind or satellites are poor"
+        if context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS):
+            jumped = context.interlocks.up(Doubt.ALTITUDE_JUMP)
+            off = "its altitude has jumped" if jumped else "the wind or satellites are poor"
             return Refusal.BUSY, f"{off}; ask again once it is back"
         telemetry = context.heard
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S

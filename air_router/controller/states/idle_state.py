@@ -74,7 +74,7 @@ class IdleState(StateHandler):
         middle = self._search.middle if self._hovers_amid else None
         if middle is None:
             return False
-        goal = self._context.way.goal
+        goal = self._context.task.way.goal
         moved = goal is None or math.dist(goal.position, middle.position) >= FOLLOW_M
         self._navigator.fly_to(middle if moved or goal is None else goal)
         return True

@@ -83,7 +83,7 @@ class ReadyState(StateHandler):
             armed: It was armed by us.
         """
         context = self._context
-        if context.on_board is not OnBoard.OURS:
+        if context.authority.on_board is not OnBoard.OURS:
             return "a ground station has put another plan, or fence, on board"
         now = context.telemetry
         if now is None:
@@ -108,7 +108,8 @@ class ReadyState(StateHandler):
             gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         elif stage in HELD and gate.pending is None:
-            context.held = held = HELD[stage]
+            held = HELD[stage]
+            context.authority.hold(held)
             context.alarm_until_over(
                 held.why,
                 f"holding: {held.why}",
@@ -117,10 +118,10 @@ class ReadyState(StateHandler):
                 since_s=context.now_s,
             )
             gate.command(HoldHere(stage.value))
-        elif context.held is None and self._stuck(telemetry) and gate.pending is None:
+        elif context.authority.held is None and self._stuck(telemetry) and gate.pending is None:
             context.come_home("the climb does not go on", BE_READY_AT_HOME)
 
     def _stuck(self, telemetry: Telemetry) -> bool:
         """Whether the climb that was handed over to us has not gone on for some time."""
-        rises = self._context.handed_over and telemetry.in_air
+        rises = self._context.authority.handed_over and telemetry.in_air
         return rises and self._rise.stuck(telemetry)

@@ -132,7 +132,7 @@ class ReturnState(StateHandler):
 
     def begin(self) -> None:
         """Fly home along the graph, and say why."""
-        ending = self._context.ending
+        ending = self._context.task.ending
         text = f"coming home: {ending.why if ending else None}"
         if self._context.inputs.stopped:
             text = f"{text}; it holds until that is known again"
@@ -144,7 +144,7 @@ class ReturnState(StateHandler):
 
     def arrived(self) -> None:
         """Land, if this is home."""
-        goal = self._context.way.goal
+        goal = self._context.task.way.goal
         if goal is not None and goal.node == HOME_NODE:
             self._above_home(goal.position)
 
@@ -171,7 +171,7 @@ class ReturnState(StateHandler):
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
             self._context.signal(Signal.ARRIVED)
-        elif not (self._gate.pending or self._context.retry_at_s is not None):
+        elif not (self._gate.pending or self._context.task.retry_at_s is not None):
             self._context.retry_in(RETRY_S)
 
 

@@ -93,10 +93,10 @@ class SearchState(StateHandler):
             self._stops, self._places = deque(stops), deque(nearest.places)
             place = self._next_place()
             motion = self._navigator.plan_to(place)
-            if self._context.way.progress is not Progress.NO_ROUTE:
+            if self._context.task.way.progress is not Progress.NO_ROUTE:
                 if self._is_elsewhere(place):
-                    self._context.ends_s = None  # its time begins there
-                self._context.robot = point.robot
+                    self._context.task.stop_timer()  # its time begins there
+                self._context.task.seek(point.robot)
                 self.search.targets.sought(point.robot)
                 self._try(over)
                 self._context.say(f"SEARCH {point.robot}: {point.reason}")
@@ -118,20 +118,20 @@ class SearchState(StateHandler):
         while self._find_next_place():
             motion = self._navigator.plan_to(self._next_place())
             # Over a place where it is already, or that no way leads to, it goes on to the next.
-            if self._context.way.progress is Progress.FLYING or not self._more:
+            if self._context.task.way.progress is Progress.FLYING or not self._more:
                 self._navigator.advance(motion)
                 return
-        self._waits_at = self._context.way.goal
-        if self._context.ends_s is None:
+        self._waits_at = self._context.task.way.goal
+        if self._context.task.ends_s is None:
             self._context.start_timer()
-            self._context.say(f"at the search position of {self._context.robot}")
+            self._context.say(f"at the search position of {self._context.task.robot}")
 
     def no_route(self, refusal: str) -> None:
         """Give it up, or only those that were to be flown over on the way."""
         if self._more:
             self.arrived()
             return
-        self._context.say(f"no way to {self._context.robot}: {refusal}")
+        self._context.say(f"no way to {self._context.task.robot}: {refusal}")
         self._no_target()
 
     @property
@@ -169,14 +169,14 @@ class SearchState(StateHandler):
 
     def retry(self) -> None:
         """To the same place, or choose again if no robot could be sought."""
-        if self._context.robot is None:
+        if self._context.task.robot is None:
             self.begin()
         else:
             self._navigator.fly_again()
 
     def replan(self) -> None:
         """Seek the same robot, if there is a way to it now."""
-        self._set_out(self._context.robot)
+        self._set_out(self._context.task.robot)
 
     def _candidates(self, first: str | None) -> Iterator[SearchPoint]:
         """Where to seek that robot, then the others in their turn."""
@@ -186,7 +186,7 @@ class SearchState(StateHandler):
         yield from (point for point in self.search.search_points(now_s) if point.robot != first)
 
     def _no_target(self) -> None:
-        self._context.robot = None
+        self._context.task.seek(None)
         self._gate.stop()
         to_explore = self.search.to_explore
         if to_explore is not None and to_explore.remaining:
@@ -197,7 +197,7 @@ class SearchState(StateHandler):
 
     def follow(self, *, force: bool = False) -> None:
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""
-        context, robot = self._context, self._context.robot
+        context, robot = self._context, self._context.task.robot
         track = None if robot is None else self.search.targets.tracks.get(robot)
         searching = context.state is State.SEARCH
         if robot is None or track is None or track.pose is None or (searching and self._more):
@@ -208,7 +208,7 @@ class SearchState(StateHandler):
         else:
             place = self._navigator.hover_point(track.pose.position)
             hover, beside_m = Goal(place), math.dist(track.pose.position, place)
-        goal = context.way.goal
+        goal = context.task.way.goal
         if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
             return
         if not force:
@@ -230,7 +230,7 @@ class SearchState(StateHandler):
         if track.verdict is PoseVerdict.OLD:
             return
         self._tell_jumps(track)
-        if event.robot != context.robot:
+        if event.robot != context.task.robot:
             return
         if context.state is State.SEARCH and event.peer == event.robot:
             context.signal(Signal.FOUND)  # wherever it says to be, its radio is heard here
@@ -257,7 +257,7 @@ class SearchState(StateHandler):
         context, track = self._context, self.search.targets.tracks.get(event.robot)
         if track is None or not track.path_heard(event.points, event.stamp_s, context.now_s):
             return
-        searching = context.state is State.SEARCH and event.robot == context.robot
+        searching = context.state is State.SEARCH and event.robot == context.task.robot
         if searching and self.search.foresees:
             self.follow()
 
@@ -280,8 +280,8 @@ class SearchState(StateHandler):
         context, targets = self._context, self.search.targets
         news = targets.sought_by_other(event.by, event.robot, context.now_s)
         # A requested robot is not given up.
-        free = context.state is State.SEARCH and context.robot != self._asked_for
-        ours = free and context.robot is not None and context.robot == event.robot
+        free = context.state is State.SEARCH and context.task.robot != self._asked_for
+        ours = free and context.task.robot is not None and context.task.robot == event.robot
         # A repeated message, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self.search.name and targets.free(context.now_s):
             if not self._yields.allows(context.now_s):
@@ -316,7 +316,7 @@ class CommState(StateHandler):
         self._synced.clear()
         context = self._context
         context.actions.append(PublishMap())
-        context.say(f"COMM {context.robot}: found")
+        context.say(f"COMM {context.task.robot}: found")
         self._search_state.follow(force=True)
 
     def no_route(self, refusal: str) -> None:
@@ -331,13 +331,13 @@ class CommState(StateHandler):
 
     def sync_started(self, event: SyncStarted) -> None:
         """Data begin to flow."""
-        if event.peer == self._context.robot:
+        if event.peer == self._context.task.robot:
             self._began.add(event.direction)
         self._search_state.radio_heard(event)
 
     def sync_ended(self, event: SyncEnded) -> None:
         """One direction has everything."""
-        if event.peer == self._context.robot and event.direction in self._began:
+        if event.peer == self._context.task.robot and event.direction in self._began:
             self._began.discard(event.direction)
             self._synced.add(event.direction)
         self._search_state.radio_heard(event)

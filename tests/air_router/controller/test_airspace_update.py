@@ -14,8 +14,8 @@ from air_router.controller.model.actions import (
     ReadAgain,
     RenewPlan,
 )
+from air_router.controller.model.airspace_in_force import ZoneChange
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
-from air_router.controller.model.mission_context import ZoneChange
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, Reload, SeekNow
 from air_router.controller.model.states import State
 from air_router.routing.graph import WaypointGraph
@@ -179,7 +179,7 @@ def test_a_zone_that_it_has_left_is_a_breach_also_on_a_way_home_without_our_plan
 
 def test_a_leg_that_stays_clear_is_flown_on(pretend):
     flight = cruising(pretend)
-    commanded, leg = len(flight.motions), flight.controller.context.way.leg
+    commanded, leg = len(flight.motions), flight.controller.context.task.way.leg
     change(flight, box((300.0, 300.0)))
     flight.step()
     assert boarding(flight) == 1
@@ -207,7 +207,7 @@ def test_another_order_meanwhile_does_not_keep_it_inside(pretend):
     flight, zone = drawn_over(pretend)
     flight.step()
     while not boarding(flight):
-        robot = flight.controller.context.robot or "io"
+        robot = flight.controller.context.task.robot or "io"
         flight.give(RobotPose(robot, Point(10.0, 10.0), flight.now_s, robot))
         flight.step()
         assert flight.now_s < 400.0
@@ -220,9 +220,9 @@ def test_an_order_before_zones_go_on_board_leaves_no_leg_that_is_not_flown(prete
     flight.fly_until(lambda: math.hypot(*flight.velocity) < 2.0, 10.0)
     assert boarding(flight) == 0
     flight.give(SeekNow("io"))
-    assert flight.controller.context.way.leg is None
+    assert flight.controller.context.task.way.leg is None
     goes_on_board(flight)
-    assert flight.controller.context.way.leg is not None
+    assert flight.controller.context.task.way.leg is not None
 
 
 def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
@@ -364,7 +364,7 @@ def test_zones_that_change_on_a_way_home_for_the_battery_go_on_board_no_more(pre
     change(flight, zone)
     assert isinstance(flight.motions[-1], HoldHere)
     flight.fly_for(6.0)
-    assert flight.controller.context.zones is None
+    assert flight.controller.context.airspace.change is None
     assert flight.controller.airspace_update.objection() is not None
     assert isinstance(flight.motions[-1], FlyToPoint)
     flight.lands(600.0)
@@ -433,7 +433,7 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_heard_aga
     flight = cruising(pretend, duration_s=None)
     flight.shown = {"ages": Ages(mode_s=6.0)}
     flight.step()
-    commanded, place = len(flight.motions), flight.controller.context.way.leg.to
+    commanded, place = len(flight.motions), flight.controller.context.task.way.leg.to
     assert math.dist(flight.position, place) > 25.0
     zone = box(place, 6.0)
     change(flight, zone)
@@ -487,16 +487,19 @@ def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(airborn
     flight = airborne(explore=False, name="titan", duration_s=2000.0)
     if asked_for:
         flight.operator_asks(SeekNow("callisto"))
-    assert flight.controller.context.robot == "callisto"
+    assert flight.controller.context.task.robot == "callisto"
     known = flight.controller.search.targets.tracks["callisto"]
     tries = known.tries
     east_m, north_m = flight.position
     change(flight, box((east_m, north_m), half_m=1.0, name="above"))
     goes_on_board(flight)
-    assert (flight.controller.state, flight.controller.context.robot) == (State.SEARCH, "callisto")
+    assert (flight.controller.state, flight.controller.context.task.robot) == (
+        State.SEARCH,
+        "callisto",
+    )
     assert known.tries == tries
     flight.give(RobotSought("atlas", "callisto", 1.0))
-    assert flight.controller.context.robot == ("callisto" if asked_for else "europa")
+    assert flight.controller.context.task.robot == ("callisto" if asked_for else "europa")
 
 
 @pytest.mark.parametrize("elsewhere", [True, False])
@@ -506,7 +509,7 @@ def test_a_search_that_new_zones_send_elsewhere_has_its_time_from_there(pretend,
     flight.give(RobotPose("io", Point(10.0, 10.0), 1.0, "callisto"))
     waits = "at the search position of io"
     flight.fly_until(lambda: waits in flight.said)
-    ends_s = flight.controller.context.ends_s
+    ends_s = flight.controller.context.task.ends_s
     flight.fly_for(20.0)
     east_m, north_m = flight.position
     change(flight, box((east_m, north_m) if elsewhere else (300.0, 300.0), half_m=20.0))
@@ -514,7 +517,7 @@ def test_a_search_that_new_zones_send_elsewhere_has_its_time_from_there(pretend,
     flight.step()
     assert flight.controller.state is State.SEARCH
     if not elsewhere:
-        assert flight.controller.context.ends_s == ends_s
+        assert flight.controller.context.task.ends_s == ends_s
         return
     flight.fly_until(lambda: flight.said.count(waits) == 2)
     begun_s = flight.now_s
@@ -561,7 +564,7 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
                 due = flight.now_s + chance.uniform(0.5, 5.0)
         if boarding(flight) and due is not None and flight.now_s > due:
             flight.give(PlanRenewed())
-            due = None if flight.controller.context.zones is None else due
+            due = None if flight.controller.context.airspace.change is None else due
         for zone in zones:
             far_m = Airspace(None, [zone], 0.0).distance_m(flight.position)
             if far_m >= 5.0:
@@ -732,7 +735,9 @@ def enclosed(pretend, **changes):
     for zone in walls(flight.position):
         drawn.append(zone)
         change(flight, *drawn)
-        flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 10.0)
+        flight.fly_until(
+            lambda: flight.controller.context.airspace.change is ZoneChange.UPLOADING, 10.0
+        )
         flight.give(PlanRenewed())
         flight.step()
         if flight.controller.states.reachability.no_way_home:  # the mission's zones are walls too
@@ -815,7 +820,9 @@ def test_another_stations_plan_during_a_renewal_ends_that_and_is_a_takeover(pret
     assert "another ground station" in update.objection()
     commanded = len(flight.motions)
     flight.give(PlanRenewed("another ground station has changed what is on board"))
-    assert flight.controller.context.zones is ZoneChange.CLEARING  # once more when it is resumed
+    assert (
+        flight.controller.context.airspace.change is ZoneChange.CLEARING
+    )  # once more when it is resumed
     flight.give(PlanCompared(flight.now_s, "8 items"))
     flight.fly_for(20.0)
     assert flight.controller.state is State.PASSIVE

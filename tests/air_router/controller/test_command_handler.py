@@ -293,14 +293,17 @@ def test_near_the_end_of_its_leg_it_is_left_to_stop_there(in_state):
 @pytest.mark.parametrize("state", [State.SEARCH, State.COMM, State.GOTO, State.HOME])
 def test_what_was_held_is_gone_on_with(in_state, state):
     flight = in_state(state)
-    robot, goto_task = flight.controller.context.robot, flight.controller.states.goto.goto_task
+    robot, goto_task = flight.controller.context.task.robot, flight.controller.states.goto.goto_task
     ask(flight, HoldNow())
-    assert (flight.controller.context.robot, flight.controller.context.way.goal) == (None, None)
+    assert (flight.controller.context.task.robot, flight.controller.context.task.way.goal) == (
+        None,
+        None,
+    )
     ask(flight, HoldNow())  # once more changes nothing
     answer, _ = ask(flight, GoOn())
     assert answer.accepted
     after = State.SEARCH if state is State.COMM else state
-    assert (flight.controller.state, flight.controller.context.robot) == (after, robot)
+    assert (flight.controller.state, flight.controller.context.task.robot) == (after, robot)
     assert flight.controller.states.goto.goto_task is goto_task
 
 
@@ -369,10 +372,10 @@ def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
     flight.give(RobotPose("io", ROBOT, 1.0, "europa"))
     answer, _ = ask(flight, SeekNow("io"))
     assert answer.why == "it seeks io: its last position"
-    assert (flight.controller.state, flight.controller.context.robot) == (State.SEARCH, "io")
-    assert flight.controller.context.way.goal.position == ROBOT
+    assert (flight.controller.state, flight.controller.context.task.robot) == (State.SEARCH, "io")
+    assert flight.controller.context.task.way.goal.position == ROBOT
     flight.give(RobotSought("aardvark", "io", 1.0))
-    assert flight.controller.context.robot == "io"
+    assert flight.controller.context.task.robot == "io"
     flight.fly_to_state(State.EXPL)  # no robot was met there
     assert ask(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
 

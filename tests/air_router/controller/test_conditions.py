@@ -6,6 +6,7 @@ import pytest
 
 from air_router.controller.limits import CONDITIONS_GOOD_S, CONDITIONS_HOME_S, CONDITIONS_WORSE_S
 from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, HoldHere, Refusal
+from air_router.controller.model.interlocks_raised import Doubt
 from air_router.controller.model.requests import ChangeAltitude, ComeHome, HoldNow
 from air_router.controller.model.states import State
 from air_router.vehicle.instructions import NEARER_THAN_IT_SAYS, Severity
@@ -129,4 +130,4 @@ def test_while_it_lasts_another_altitude_is_refused_and_a_pilot_is_left_alone(cr
     cruising.pilot_chooses(FlightMode.OTHER)
     cruising.fly_for(1.0)
     assert cruising.controller.state is State.PASSIVE
-    assert not cruising.controller.context.rough
+    assert not cruising.controller.context.interlocks.up(Doubt.CONDITIONS)

@@ -763,7 +763,7 @@ def test_a_breach_is_claimed_by_satellites_that_are_good_enough(away, accuracy_m
 def astray(flight):
     """Where the leg under way may not be flown on from."""
     legs, clear = flight.mission.airspace, flight.mission.planning_airspace.point_clear
-    end = flight.controller.context.way.leg.to
+    end = flight.controller.context.task.way.leg.to
     places = (Point(*place) for place in itertools.product(range(-150, 100, 5), repeat=2))
     return next(place for place in places if clear(place) and not legs.leg_clear(place, end))
 
@@ -789,7 +789,7 @@ def test_no_hold_of_ours_ends_an_order_of_a_pilot_before_it_is_known_as_such(awa
     flight.shown = {order: elsewhere[order]}
     flight.position = place(flight)
     flight.fly_for(1.4)
-    robot = flight.controller.context.robot or "io"
+    robot = flight.controller.context.task.robot or "io"
     flight.give(RobotPose(robot, CORNERS["io"], 1e9, robot))
     flight.fly_for(0.6)
     assert flight.controller.state is State.PASSIVE
@@ -816,7 +816,7 @@ def test_what_robots_say_ends_no_order_that_may_be_a_pilot_s(pretend):
     flight.robots = {}
     flight.fly_until(lambda: flight.mode is FlightMode.HOLD)
     flight.fly_for(3.0)
-    robot, commanded = flight.controller.context.robot, len(flight.motions)
+    robot, commanded = flight.controller.context.task.robot, len(flight.motions)
     flight.shown = {"target": Point(0.0, 80.0), "velocity_m_s": (5.0, 5.0)}
     flight.step()
     for place in itertools.product(range(-150, 100, 25), repeat=2):

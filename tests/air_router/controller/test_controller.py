@@ -34,7 +34,7 @@ def test_the_paper_s_times(airborne):
     assert flight.now_s - began_s == pytest.approx(180.0, abs=0.2)
     assert flight.controller.context.left_s is None  # it counts from the arrival on
     flight.fly_until(lambda: flight.controller.context.left_s is not None)
-    assert math.dist(flight.position, flight.controller.context.way.goal.position) < 3.0
+    assert math.dist(flight.position, flight.controller.context.task.way.goal.position) < 3.0
     arrived_s = flight.now_s
     flight.fly_to_state(State.EXPL)
     assert flight.now_s - arrived_s == pytest.approx(45.0, abs=0.2)
@@ -61,7 +61,7 @@ def test_comm_ends_when_both_directions_have_synced(pretend):
 
 def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
     flight = in_comm(pretend)
-    robot, began_s = flight.controller.context.robot, flight.now_s
+    robot, began_s = flight.controller.context.task.robot, flight.now_s
     flight.robots = {}
     flight.give(SyncStarted(robot, 0.0, Direction.IN))
     flight.give(SyncEnded(robot, 0.0, Direction.IN, 1, 1, 0.1))
@@ -71,7 +71,7 @@ def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
 
 def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
     flight = in_comm(pretend)
-    robot = flight.controller.context.robot
+    robot = flight.controller.context.task.robot
     flight.robots = {}
     for direction in Direction:
         flight.give(SyncEnded(robot, 0.0, direction, 1, 1, 0.1))
@@ -81,10 +81,10 @@ def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
 def test_a_carried_pose_moves_the_search_but_is_not_found(airborne):
     flight = airborne()
     flight.fly_to_state(State.SEARCH)
-    robot = flight.controller.context.robot
+    robot = flight.controller.context.task.robot
     flight.give(RobotPose(robot, CORNERS["io"], 10.0, "europa"))
     assert flight.controller.state is State.SEARCH
-    assert flight.controller.context.way.goal.position == CORNERS["io"]
+    assert flight.controller.context.task.way.goal.position == CORNERS["io"]
     flight.give(RobotPose(robot, CORNERS["io"], 11.0, robot))
     assert flight.controller.state is State.COMM
 
@@ -127,7 +127,7 @@ def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     flight.robots = {"callisto": inside}
     flight.take_off()
     flight.fly_to_state(State.COMM)
-    goal = flight.controller.context.way.goal.position
+    goal = flight.controller.context.task.way.goal.position
     assert flight.mission.planning_airspace.point_clear(goal)
     assert any("no hovering over callisto" in text for text in flight.said)
 
@@ -146,21 +146,21 @@ def test_a_command_that_fails_is_tried_again(airborne):
 def test_a_repeated_report_of_an_earlier_node_does_not_skip_one(airborne):
     flight = airborne()
     flight.fly_until(lambda: flight.controller.exploration.remaining == 37)
-    before = flight.controller.context.way.leg
+    before = flight.controller.context.task.way.leg
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(1)))
-    assert flight.controller.context.way.leg == before
+    assert flight.controller.context.task.way.leg == before
 
 
 def test_the_autopilot_s_report_alone_is_enough_to_go_on(airborne):
     flight = airborne()
-    leg = flight.controller.context.way.leg
+    leg = flight.controller.context.task.way.leg
     flight.position = Point(leg.to.east_m + 2.5, leg.to.north_m)  # outside our radius, inside PX4's
     flight.velocity = (0.0, 0.0)
     flight.target = None
     flight.step()
-    assert flight.controller.context.way.leg == leg
+    assert flight.controller.context.task.way.leg == leg
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(leg.node)))
-    assert flight.controller.context.way.leg != leg
+    assert flight.controller.context.task.way.leg != leg
 
 
 def island(pretend):
@@ -300,7 +300,7 @@ def test_after_a_silence_nothing_is_commanded_before_the_flight_mode_is_heard(ho
     flight.fly_for(3.0)
     commanded = len(flight.motions)
     flight.give(LinkSilent(flight.now_s, 4.0))
-    flight.position = flight.controller.context.way.leg.to  # it has ended its leg: on, at once
+    flight.position = flight.controller.context.task.way.leg.to  # it has ended its leg: on, at once
     for mode_s in (1.2, 1.3, 1.4, 1.4):
         tells(flight, mode_s)
         flight.give(RobotPose("io", CORNERS["io"], flight.now_s, "io"))
@@ -329,7 +329,7 @@ def test_a_hold_that_was_not_asked_for_does_not_leave_while_nothing_is_heard(awa
     flight = away()
     flight.give(LinkSilent(flight.now_s, 4.0))
     commanded, mission = len(flight.motions), flight.mission
-    over = Zone("new", Circle(flight.controller.context.way.leg.to, 6.0))
+    over = Zone("new", Circle(flight.controller.context.task.way.leg.to, 6.0))
     flight.give(AirspaceChanged(mission.fences, (*mission.zones, over)))
     assert flight.motions[commanded:] == []
     flight.step()

@@ -625,7 +625,7 @@ def test_battery_and_duration_bring_it_home(pennovation):
     returns = ReturnMonitor(context, HomeReachability(context))
 
     def due(now_s, battery):
-        context.now_s, context.airborne_s = now_s, 0.0
+        context.now_s, context.task.airborne_s = now_s, 0.0
         return returns.due(Telemetry(now_s, pennovation.home, 40.0, battery=battery))
 
     assert due(59.9, 0.9) is None

@@ -19,18 +19,18 @@ def off_track(flight, east_m, north_m):
 
 def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(away):
     flight = away(duration_s=200.0)
-    leg = flight.controller.context.way.leg
+    leg = flight.controller.context.task.way.leg
     commanded = len(flight.motions)
     off_track(flight, 3.0, 3.0)
     flight.step()
-    assert flight.controller.context.way.leg is leg
+    assert flight.controller.context.task.way.leg is leg
     assert len(flight.motions) == commanded  # clear from there as well: it flies on
     flight.lands()
 
 
 def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(away):
     flight = away(duration_s=600.0)
-    way = flight.controller.context.way
+    way = flight.controller.context.task.way
     behind = next(
         Point(*where)
         for where in itertools.product(range(-150, 100, 5), repeat=2)
@@ -39,7 +39,7 @@ def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(away):
     )
     flight.position = behind
     flight.step()
-    leg = flight.controller.context.way.leg
+    leg = flight.controller.context.task.way.leg
     assert isinstance(flight.motions[-1], HoldHere) or leg.to != flight.motions[-2]
     track_from = len(flight.track)
     flight.ends()
@@ -68,7 +68,7 @@ def in_comm(flight):
     flight.take_off()
     flight.fly_to_state(State.COMM)
     flight.robots = {}
-    return flight.controller.context.robot
+    return flight.controller.context.task.robot
 
 
 def has_moved(robot, flight):
@@ -226,7 +226,7 @@ def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(away):
 def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(airborne):
     flight = airborne()
     flight.fly_to_state(State.SEARCH)
-    robot = flight.controller.context.robot
+    robot = flight.controller.context.task.robot
     flight.fix, flight.deaf = False, True
     flight.step()
     flight.give(RobotPose(robot, Point(60.0, 0.0), flight.now_s, robot))

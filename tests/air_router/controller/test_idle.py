@@ -51,7 +51,7 @@ def test_a_robot_out_of_reach_is_visited_once_it_is_due(explored):
     due_s = min(met_s.values()) + flight.mission.timers.revisit_s
     flight.fly_to_state(State.SEARCH)
     assert due_s <= flight.now_s <= due_s + 1.0
-    assert flight.controller.context.robot == min(met_s, key=met_s.get)
+    assert flight.controller.context.task.robot == min(met_s, key=met_s.get)
     flight.fly_to_state(State.COMM)
 
 

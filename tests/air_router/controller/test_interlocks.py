@@ -6,25 +6,50 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import FlyToPoint, HoldHere, LandHere, MissionWaits
-from air_router.controller.model.mission_context import MissionContext, ZoneChange
+from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.interlocks import INTERLOCKS, raised
-from air_router.vehicle.input_limits import InputWatch, Stop
+from air_router.vehicle.input_limits import Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from sitl.rehearsal.faults import Fault
 
 HERE = Point(0.0, 0.0)
 LEG = FlyToPoint(Point(50.0, 0.0), 40.0)
-RAISED = {  # how the context says it
-    "INPUT_MISSING": ("inputs", InputWatch(stopped={"position not heard": Stop.HOLD})),
-    "ALTITUDE_JUMP": ("jumped", True),
-    "CONDITIONS": ("rough", True),
-    "LINK_SILENT": ("silent_s", 1.0),
-    "FOREIGN_ORDER": ("doubts", True),
-    "RELEASING": ("giving_up", "a breach"),
-    "PLAN_CHECK": ("compares", "the plan on board was replaced"),
-    "ZONE_UPDATE": ("zones", ZoneChange.CLEARING),
+
+
+def doubt(found):
+    return (
+        lambda context: context.interlocks.put(found, raised=True),
+        lambda context: context.interlocks.put(found, raised=False),
+    )
+
+
+RAISED = {  # how each is raised, and how it clears
+    "INPUT_MISSING": (
+        lambda context: context.inputs.stopped.update({"position not heard": Stop.HOLD}),
+        lambda context: context.inputs.stopped.clear(),
+    ),
+    "ALTITUDE_JUMP": doubt(Doubt.ALTITUDE_JUMP),
+    "CONDITIONS": doubt(Doubt.CONDITIONS),
+    "LINK_SILENT": (
+        lambda context: context.silent_for(1.0),
+        lambda context: context.silent_for(0.0),
+    ),
+    "FOREIGN_ORDER": doubt(Doubt.FOREIGN_ORDER),
+    "RELEASING": (
+        lambda context: context.authority.release("a breach"),
+        lambda context: context.authority.released(),
+    ),
+    "PLAN_CHECK": (
+        lambda context: context.authority.check_plan("the plan on board was replaced"),
+        lambda context: context.authority.plan_checked(),
+    ),
+    "ZONE_UPDATE": (
+        lambda context: context.airspace.clear(),
+        lambda context: context.airspace.settle(),
+    ),
 }
 NAMES = [row.name for row in INTERLOCKS]
 
@@ -37,12 +62,8 @@ def gate(pennovation):
 
 
 def raise_(gate, *names):
-    before = {}
     for name in names:
-        field, value = RAISED[name]
-        before[field] = getattr(gate._context, field)
-        setattr(gate._context, field, value)
-    return before
+        RAISED[name][0](gate._context)
 
 
 def test_every_row_is_raised_by_something_and_flown_in_a_scene():
@@ -52,18 +73,25 @@ def test_every_row_is_raised_by_something_and_flown_in_a_scene():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_row_keeps_legs_and_landings_back_and_is_shown_until_it_clears(gate, name):
-    before = raise_(gate, name)
-    gate._context.now_s = 7.0
+    context = gate._context
+    raise_(gate, name)
+    context.begin(7.0)
     gate.command(LEG)
     gate.command(LandHere())
-    assert not [a for a in gate._context.actions if not isinstance(a, HoldHere)]
+    assert not [a for a in context.actions if not isinstance(a, HoldHere)]
     assert (gate.waits_for().by.name, gate.waits_for().since_s) == (name, 7.0)
-    for field, value in before.items():
-        setattr(gate._context, field, value)
+    RAISED[name][1](context)
     assert gate.waits_for() is None
     gate.command(LEG)
-    assert gate._context.actions[-1] is LEG
+    assert context.actions[-1] is LEG
     assert gate.blocked is None
+
+
+def test_a_hold_leaves_whatever_is_raised_while_the_vehicle_is_received(gate):
+    hold = HoldHere("why")
+    raise_(gate, *(name for name in NAMES if name != "LINK_SILENT"))
+    gate.command(hold)
+    assert gate._context.actions == [hold]
 
 
 @pytest.mark.parametrize("names", list(combinations(NAMES, 2)))
@@ -79,7 +107,7 @@ def test_of_two_rows_the_first_decides(gate, names):
 def test_what_is_in_doubt_is_planned_anew_whichever_row_decides(gate, names):
     raise_(gate, *names)
     gate.command(LEG)
-    assert gate._context.put_off
+    assert gate._context.interlocks.motion_deferred
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -87,14 +115,14 @@ def test_a_landing_that_is_kept_back_is_commanded_again_where_nothing_else_does_
     raise_(gate, name)
     gate.command(LandHere())
     (row,) = (row for row in INTERLOCKS if row.name == name)
-    assert (gate._context.retry_at_s is not None) == row.repeats_landing
+    assert (gate._context.task.retry_at_s is not None) == row.repeats_landing
 
 
 def test_what_is_missing_is_named(gate):
     raise_(gate, "INPUT_MISSING")
     gate.command(LEG)
     assert gate.waits_for().why(gate._context) == "position not heard"
-    gate._context.inputs = InputWatch()
+    RAISED["INPUT_MISSING"][1](gate._context)
     gate._context.telemetry = Telemetry(1.0, HERE, 40.0, fix=False)
     assert gate.waits_for().why(gate._context) == "GPS has no fix"
 

@@ -6,9 +6,10 @@ import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.controller.model.mission_context import Goal, MissionContext
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import ExploreNow, GoTo
 from air_router.controller.model.states import State
+from air_router.controller.model.task import Goal
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.routing.router import Leg, Route

@@ -87,7 +87,7 @@ def test_a_clock_that_runs_ahead_does_not_shorten_how_long_a_jump_has_to_last():
 
 def test_a_pose_that_jumps_moves_nothing_and_is_said_once_with_what_to_do(pretend):
     flight = in_comm(pretend)
-    robot, here = flight.controller.context.robot, flight.position
+    robot, here = flight.controller.context.task.robot, flight.position
     sides = itertools.islice(itertools.cycle((30.0, -30.0)), 40)
     moved = poses(flight, robot, [Point(here[0] + side, here[1]) for side in sides])
     assert [m for m in moved if math.dist(m.position, here) > 20.0] == []
@@ -100,7 +100,7 @@ def test_a_pose_that_jumps_moves_nothing_and_is_said_once_with_what_to_do(preten
 @pytest.mark.parametrize("ahead_s", [0.0, 3600.0])
 def test_peers_move_the_vehicle_once_in_a_while_whatever_their_stamps_say(pretend, ahead_s):
     flight = in_comm(pretend)
-    robot, here, began_s = flight.controller.context.robot, flight.position, flight.now_s
+    robot, here, began_s = flight.controller.context.task.robot, flight.position, flight.now_s
     before = len(flight.motions)
     for number in range(1, 30):
         flight.fly_for(0.2)
@@ -116,7 +116,7 @@ def test_peers_move_the_vehicle_once_in_a_while_whatever_their_stamps_say(preten
 
 def test_a_robot_that_drives_as_fast_as_any_is_followed(pretend):
     flight = in_comm(pretend)
-    robot = flight.controller.context.robot
+    robot = flight.controller.context.task.robot
     flight.robots = {}  # no data are exchanged: it goes on hovering
     start = CORNERS[robot]
     places = [Point(start[0], start[1] - 0.2 * FASTEST_M_S * k) for k in range(1, 40)]
@@ -130,6 +130,6 @@ def test_a_uav_that_changes_its_mind_takes_robots_away_only_now_and_then(pretend
     flight.fly_to_state(State.SEARCH)
     began_s, before = flight.now_s, flight.states.count(State.SEARCH)
     while flight.now_s < began_s + 10.0:
-        flight.give(RobotSought("ariel", flight.controller.context.robot, flight.now_s))
+        flight.give(RobotSought("ariel", flight.controller.context.task.robot, flight.now_s))
         flight.fly_for(0.4)
     assert 1 <= flight.states.count(State.SEARCH) - before <= 1 + 10.0 / YIELDS_S

@@ -4,6 +4,7 @@ import pytest
 
 from air_router.controller.limits import FOREIGN_ORDER_S, ORDER_STALE_S
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.interlocks_raised import Doubt
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import FlightPhase, SafetyMonitor
@@ -58,7 +59,7 @@ def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
 def test_a_target_that_is_told_no_more_is_no_order(watched):
     stale = {"target": THERE, "ages": Ages(target_s=ORDER_STALE_S)}
     assert watched(FlyToPoint(HERE, 40.0), (1.0, 9.0, 99.0), **stale) is None
-    assert not watched.context.doubts
+    assert not watched.context.interlocks.up(Doubt.FOREIGN_ORDER)
 
 
 def test_a_vehicle_that_does_not_tell_its_target_is_believed(watched):
@@ -145,9 +146,9 @@ def flight_phase(context, gate):
 def test_armed_in_mission_mode_hands_the_flight_over_once(context, gate, flight_phase):
     flight_phase.note(seen(mode=FlightMode.MISSION))
     flight_phase.note(seen(armed=True))
-    assert (context.handed_over, gate.modes) == (False, set())
+    assert (context.authority.handed_over, gate.modes) == (False, set())
     flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
-    assert (context.handed_over, gate.modes) == (True, {FlightMode.MISSION})
+    assert (context.authority.handed_over, gate.modes) == (True, {FlightMode.MISSION})
     gate.assume(FlightMode.HOLD)
     flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
     assert gate.modes == {FlightMode.HOLD}
@@ -164,7 +165,7 @@ def test_it_is_over_when_down_and_disarmed_after_having_been_armed(flight_phase)
 
 
 def test_how_it_ended(context, flight_phase):
-    context.stayed_why = "the operator's request"
+    context.task.stayed_why = "the operator's request"
     assert flight_phase.ending(landed_by_us=False) == "the operator's request, before take-off"
     flight_phase.note(seen(armed=True, in_air=True))
     assert flight_phase.ending(landed_by_us=False) == "landed, but not by our command"
@@ -174,7 +175,7 @@ def test_how_it_ended(context, flight_phase):
 def test_armed_and_disarmed_it_begins_anew_but_not_after_a_flight(context, flight_phase):
     flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
     assert flight_phase.again()
-    assert not context.handed_over
+    assert not context.authority.handed_over
     assert not flight_phase.over(seen())
     flight_phase.note(seen(armed=True, in_air=True))
     assert not flight_phase.again()

@@ -4,7 +4,8 @@ import math
 from types import SimpleNamespace
 
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.mission_context import Goal, MissionContext
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.task import Goal
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_points import Search
 from air_router.routing.graph import WaypointGraph

@@ -274,7 +274,7 @@ def test_a_moving_robot_is_met_on_its_way_in_flight(airborne):
         if not second:
             flight.give(RobotPath("io", (south, north), flight.now_s))
     flight.fly_to_state(State.SEARCH)
-    aimed = flight.controller.context.way.goal.position
+    aimed = flight.controller.context.task.way.goal.position
     assert north[1] > aimed[1] > place()[1]
 
     def drive():
@@ -293,7 +293,7 @@ def test_where_a_radio_is_heard_is_noted_in_flight(airborne):
     there, known = flight.position, flight.controller.search.targets.tracks["io"]
     assert math.dist(known.course().points[0], there) < 1.0
     flight.fly_to_state(State.SEARCH)
-    assert math.dist(flight.controller.context.way.goal.position, there) < 1.0
+    assert math.dist(flight.controller.context.task.way.goal.position, there) < 1.0
 
 
 @pytest.mark.parametrize("policy", SEEK_POLICIES)

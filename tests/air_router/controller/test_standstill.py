@@ -6,8 +6,9 @@ import pytest
 
 from air_router.controller.limits import STANDS_FOR_PLAN_S, STANDS_IN_ZONE_S, STANDS_S
 from air_router.controller.model.actions import Announce, FlyToPoint
+from air_router.controller.model.airspace_in_force import ZoneChange
+from air_router.controller.model.interlocks_raised import Doubt
 from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
-from air_router.controller.model.mission_context import ZoneChange
 from air_router.controller.model.requests import ComeHome, HoldNow, LandNow
 from air_router.controller.model.states import State
 from air_router.controller.standstill import CAUSES, UNKNOWN, WATCHES, cause_of
@@ -173,7 +174,9 @@ def test_where_it_hovers_because_it_is_to_hover_it_is_no_alarm(pretend, rests):
 def test_a_plan_that_does_not_get_on_board_is_an_alarm_after_longer(pretend):
     flight = cruising(pretend, duration_s=None)
     change(flight, box(flight.position, half_m=8.0))
-    flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 60.0)
+    flight.fly_until(
+        lambda: flight.controller.context.airspace.change is ZoneChange.UPLOADING, 60.0
+    )
     flight.fly_for(STANDS_FOR_PLAN_S - 10.0)
     assert alarms(flight) == []
     flight.fly_for(20.0)
@@ -194,8 +197,8 @@ def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
     flight = cruising(pretend)
     context = flight.controller.context
     assert cause_of(context) == UNKNOWN
-    context.zones = ZoneChange.UPLOADING
+    context.airspace.change = ZoneChange.UPLOADING
     assert cause_of(context) == ZoneChange.UPLOADING.value
-    context.jumped = True  # what counts sooner is said
+    context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
     assert cause_of(context) == "its altitude has jumped"
     assert len(CAUSES) > 5

@@ -62,12 +62,12 @@ def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, sta
 
 def enters_what_the_table_says(flight, state, signal):
     controller, context = flight.controller, flight.controller.context
-    told = (context.robot, context.left_s)
+    told = (context.task.robot, context.left_s)
     entered = [a for a in signalled(flight, signal) if isinstance(a, StateChanged)]
     if signal not in STATES[state].on:
         assert entered == [], signal
         assert controller.state is state
-        assert (context.robot, context.left_s) == told
+        assert (context.task.robot, context.left_s) == told
         return
     target = STATES[state].on[signal]
     assert (entered[0].source, entered[0].signal, entered[0].target) == (state, signal, target)
@@ -78,7 +78,7 @@ def enters_what_the_table_says(flight, state, signal):
         left_s = None if waits else pytest.approx(limit_s)
         assert context.left_s == left_s
     if not spec.keeps_target:
-        assert context.robot is None
+        assert context.task.robot is None
 
 
 def test_the_paper_s_transitions():

@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from air_router.controller.model.mission_context import Goal
 from air_router.controller.model.states import State
+from air_router.controller.model.task import Goal
 from air_router.controller.states.search_points import Search, SearchPoint
 from air_router.controller.targets.limits import MOST_STOPS
 from air_router.controller.targets.policies import POLICIES
@@ -137,8 +137,14 @@ def tour_flight(pretend):
     tracks["europa"].pose_heard(Point(75.0, 0.0), 1e9, 0.0)
     flight.take_off()
     flight.fly_to_state(State.SEARCH)
-    (over,) = {"io", "europa"} - {flight.controller.context.robot}
-    return flight, flight.controller.states.search, tracks, over, flight.controller.context.robot
+    (over,) = {"io", "europa"} - {flight.controller.context.task.robot}
+    return (
+        flight,
+        flight.controller.states.search,
+        tracks,
+        over,
+        flight.controller.context.task.robot,
+    )
 
 
 def test_it_flies_over_one_and_on_to_the_other_and_counts_each_as_tried_when_it_flies_there(
@@ -147,7 +153,7 @@ def test_it_flies_over_one_and_on_to_the_other_and_counts_each_as_tried_when_it_
     flight, _, tracks, over, sought = tour_flight(pretend)
     assert f"SEARCH {sought}: over {over}; " in "\n".join(flight.said)
     assert (tracks[sought].tries, tracks[over].tries) == (0, 1)
-    first_goal = flight.controller.context.way.goal.position
+    first_goal = flight.controller.context.task.way.goal.position
     assert math.dist(first_goal, tracks[over].pose.position) < 10.0
     flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
     assert math.dist(flight.position, tracks[sought].pose.position) < 10.0
@@ -158,7 +164,7 @@ def test_a_robot_is_tried_once_more_by_a_search_that_begins_over_it(pretend):
     flight, search, tracks, over, sought = tour_flight(pretend)
     flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
     search.begin()  # anew, over the robot where it waits
-    assert flight.controller.context.robot == over
+    assert flight.controller.context.task.robot == over
     assert tracks[sought].tries == 2
 
 
@@ -171,10 +177,10 @@ def test_a_search_that_is_planned_anew_tries_no_robot_once_more(pretend):
 
 def test_news_of_the_sought_robot_wait_until_the_others_are_passed(pretend):
     flight, search, tracks, _, sought = tour_flight(pretend)
-    goal = flight.controller.context.way.goal
+    goal = flight.controller.context.task.way.goal
     tracks[sought].pose_heard(Point(-60.0, 0.0), 2e9, flight.now_s)
     search.follow()
-    assert flight.controller.context.way.goal == goal
+    assert flight.controller.context.task.way.goal == goal
 
 
 def test_where_a_robot_is_sought_is_worked_out_when_its_turn_comes(pretend):
@@ -186,24 +192,24 @@ def test_where_a_robot_is_sought_is_worked_out_when_its_turn_comes(pretend):
 
 def test_where_no_way_leads_over_a_robot_it_goes_on_to_the_next(pretend):
     flight, search, *_ = tour_flight(pretend)
-    goal = flight.controller.context.way.goal
+    goal = flight.controller.context.task.way.goal
     search.no_route("made up")
-    assert flight.controller.context.way.goal != goal
+    assert flight.controller.context.task.way.goal != goal
     assert "made up" not in "\n".join(flight.said)
 
 
 def test_it_goes_on_once_a_robot_on_the_way_has_all_and_has_given_all(pretend):
     flight, _, tracks, over, sought = tour_flight(pretend)
-    goal = flight.controller.context.way.goal
+    goal = flight.controller.context.task.way.goal
     flight.give(SyncEnded(over, flight.now_s, Direction.IN, 1, 100, 0.1))
-    assert flight.controller.context.way.goal == goal
+    assert flight.controller.context.task.way.goal == goal
     flight.give(SyncEnded(over, flight.now_s, Direction.OUT, 1, 100, 0.1, complete=False))
-    assert flight.controller.context.way.goal == goal
+    assert flight.controller.context.task.way.goal == goal
     flight.give(SyncEnded(over, flight.now_s, Direction.OUT, 1, 100, 0.1))
-    goal = flight.controller.context.way.goal
+    goal = flight.controller.context.task.way.goal
     assert math.dist(goal.position, tracks[sought].pose.position) < 10.0
     flight.give(SyncEnded(over, flight.now_s, Direction.OUT, 1, 100, 0.1))
-    assert flight.controller.context.way.goal == goal
+    assert flight.controller.context.task.way.goal == goal
 
 
 def test_a_robot_that_was_met_before_its_turn_is_not_flown_over(pretend):
@@ -229,11 +235,11 @@ def test_planned_anew_to_pass_other_places_first_it_has_its_time_once_it_is_back
 ):
     flight, search, _, _, sought = tour_flight(pretend)
     flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
-    here = flight.controller.context.way.goal
+    here = flight.controller.context.task.way.goal
     places = SearchPoint(sought, here, "", along=(here.position, Point(40.0, 20.0)))
     monkeypatch.setattr(Search, "search_point", lambda *_: places)
     search.replan()
-    assert flight.controller.context.ends_s is None
-    flight.fly_until(lambda: flight.controller.context.ends_s is not None)
+    assert flight.controller.context.task.ends_s is None
+    flight.fly_until(lambda: flight.controller.context.task.ends_s is not None)
     assert flight.said[-1] == f"at the search position of {sought}"
     assert math.dist(flight.position, here.position) < 4.0

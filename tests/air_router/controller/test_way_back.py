@@ -10,9 +10,9 @@ import pytest
 
 from air_router.controller.model.actions import FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.controller.model.mission_context import Progress
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
+from air_router.controller.model.task import Progress
 from air_router.vehicle.vehicle import FlightMode
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
@@ -249,6 +249,6 @@ def test_what_is_asked_for_before_it_climbs_is_flown_once_it_is_up(flight_in, re
     for action in decided:
         act(action)
     state, context = flight.controller.state, flight.controller.context
-    flight.fly_until(lambda: context.way.progress is Progress.ARRIVED, 120.0)
+    flight.fly_until(lambda: context.task.way.progress is Progress.ARRIVED, 120.0)
     assert flight.controller.state is state
     assert flight.altitude_m > 38.0

@@ -13,9 +13,9 @@ import pytest
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import ReadAgain, RenewPlan, ReplanAirspace
+from air_router.controller.model.authority import OnBoard
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.mission_context import OnBoard
 from air_router.controller.model.requests import Reload
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
@@ -394,7 +394,7 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
 def test_a_reload_is_good_only_while_this_missions_plan_is_on_board(whose):
     mission = load_mission(MISSIONS / "pennovation" / "mission.yaml")
     controller = Controller(FlightSetup(mission))
-    controller.context.on_board = whose
+    controller.context.authority.on_board = whose
     reader = rereading.MissionReloader(controller, None, [].append, [].append)
     assert reader.report is None
     reader.latest = ReloadReport(under_way=False, good=True, why="the flight keeps to them")

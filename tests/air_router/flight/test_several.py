@@ -51,8 +51,8 @@ def test_a_vehicle_that_only_searches_searches_at_once_and_never_explores(preten
 
 def test_one_that_only_searches_goes_to_the_next_robot_when_it_does_not_meet_one(airborne):
     flight = airborne(explore=False)
-    first = flight.controller.context.robot
-    flight.fly_until(lambda: flight.controller.context.robot != first)
+    first = flight.controller.context.task.robot
+    flight.fly_until(lambda: flight.controller.context.task.robot != first)
     assert flight.controller.state is State.SEARCH
     assert State.EXPL not in flight.states
     assert seeking(flight) == ["callisto", "europa"]
@@ -104,9 +104,9 @@ def test_a_robot_that_another_uav_seeks_comes_last_for_some_minutes():
 @pytest.mark.parametrize(("ours", "yields"), [("titan", True), ("alpha", False), ("", False)])
 def test_of_two_that_seek_the_same_robot_the_lower_name_keeps_it(airborne, ours, yields):
     flight = airborne(explore=False, name=ours)
-    assert flight.controller.context.robot == "callisto"
+    assert flight.controller.context.task.robot == "callisto"
     flight.give(RobotSought("atlas", "callisto", 1.0))
-    assert flight.controller.context.robot == ("europa" if yields else "callisto")
+    assert flight.controller.context.task.robot == ("europa" if yields else "callisto")
     assert flight.controller.state is State.SEARCH
 
 
@@ -115,7 +115,10 @@ def test_one_that_hovers_over_a_robot_already_keeps_it(airborne):
     flight.give(RobotPose("callisto", CORNERS["callisto"], 1.0, "callisto"))
     assert flight.controller.state is State.COMM
     flight.give(RobotSought("atlas", "callisto", 1.0))
-    assert (flight.controller.state, flight.controller.context.robot) == (State.COMM, "callisto")
+    assert (flight.controller.state, flight.controller.context.task.robot) == (
+        State.COMM,
+        "callisto",
+    )
 
 
 def test_the_same_word_again_or_one_that_leaves_no_other_robot_changes_nothing(airborne):
@@ -138,9 +141,11 @@ def test_two_that_hear_each_other_never_seek_the_same_robot_for_longer_than_a_wo
         heard = [said_by(titan, atlas, heard[0]), said_by(atlas, titan, heard[1])]
         for name, flight in (("atlas", atlas), ("titan", titan)):
             if flight.controller.state is State.COMM:
-                met[name].add(flight.controller.context.robot)
+                met[name].add(flight.controller.context.task.robot)
         both = {atlas.controller.state, titan.controller.state} == {State.SEARCH}
-        together_s += both and atlas.controller.context.robot == titan.controller.context.robot
+        together_s += (
+            both and atlas.controller.context.task.robot == titan.controller.context.task.robot
+        )
     assert together_s == 0
     assert met["atlas"] | met["titan"] == set(CORNERS)
     apart = (math.dist(a, b) for a, b in zip(atlas.track, titan.track, strict=False))

@@ -5,8 +5,9 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.model.mission_context import Goal, MissionContext, Progress
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import State
+from air_router.controller.model.task import Goal, Progress
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.errors import ExitCode
@@ -216,17 +217,17 @@ def test_no_leg_crosses_a_zone_at_whose_altitude_it_is_not_flown(
     navigator = Navigator(context, CommandGate(context, None))
     beyond, context.telemetry = Goal(Point(50.0, 90.0)), telemetry(beside)
     assert navigator.plan_to(beyond) is not None
-    assert context.way.progress is Progress.FLYING
+    assert context.task.way.progress is Progress.FLYING
     context.telemetry = telemetry(within)
     planned = navigator.plan_to(beyond)
-    assert context.climbs_first == (within < beside)  # low, it climbs before it flies on
-    if context.climbs_first:
+    assert context.interlocks.climbs_first == (within < beside)  # low, it climbs before it flies on
+    if context.interlocks.climbs_first:
         return
     assert planned is None
-    assert context.way.progress is Progress.NO_ROUTE
+    assert context.task.way.progress is Progress.NO_ROUTE
     told = f"the vehicle is {within:.0f} m above home, {why}"
-    assert context.way.refusal.reason.startswith(told)
-    assert context.way.refusal.blockers == ("z",)
+    assert context.task.way.refusal.reason.startswith(told)
+    assert context.task.way.refusal.blockers == ("z",)
     assert navigator.plan_to(Goal(Point(90.0, 0.0))) is not None
 
 

@@ -1,0 +1,57 @@
+"""What monitors have found that stands against a motion: one part of the mission's context."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class Doubt(Enum):
+    """What a monitor finds; each is a row of `INTERLOCKS`."""
+
+    ALTITUDE_JUMP = "the altitude has jumped"
+    CONDITIONS = "satellites or wind are worse than planned for"
+    FOREIGN_ORDER = "an order shows that is not ours"
+
+
+@dataclass(slots=True, eq=False)
+class RaisedInterlocks:
+    """What stands against a motion. Only its methods change it.
+
+    Attributes:
+        motion_deferred: A motion was kept back by a doubt: it is planned anew once that is over.
+        climbs_first: The next leg is begun at the mission's altitude: the vehicle was taken over,
+            and may be anywhere. Stays until it is there.
+    """
+
+    motion_deferred: bool = False
+    climbs_first: bool = False
+    _up: set[Doubt] = field(default_factory=set)
+
+    def up(self, *doubts: Doubt) -> bool:
+        """Whether one of them is raised."""
+        return not self._up.isdisjoint(doubts)
+
+    def put(self, doubt: Doubt, *, raised: bool) -> None:
+        """Raise it, or clear it."""
+        if raised:
+            self._up.add(doubt)
+        else:
+            self._up.discard(doubt)
+
+    def defer_motion(self) -> None:
+        """A motion was kept back."""
+        self.motion_deferred = True
+
+    def take_deferred(self) -> bool:
+        """Whether a motion was kept back; says so once."""
+        deferred, self.motion_deferred = self.motion_deferred, False
+        return deferred
+
+    def climb_first(self) -> None:
+        """The next leg is begun at the mission's altitude."""
+        self.climbs_first = True
+
+    def climbed(self) -> None:
+        """The vehicle is at the mission's altitude."""
+        self.climbs_first = False

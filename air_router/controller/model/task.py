@@ -1,0 +1,210 @@
+"""What the mission is doing, for whom, until when, and on which way: a part of the context."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+
+from air_router.controller.model.states import From, Requests, Spec, State
+from air_router.routing import Leg, NoRoute
+from air_router.vehicle import Instruction
+from geo.frame import Point
+
+
+class StateHandler:
+    """What is flown in a state: asked while it lasts, never in another. This one flies nothing."""
+
+    def begin(self) -> None:
+        """The state was entered."""
+
+    def arrived(self) -> None:
+        """The vehicle is where it was sent; said again as long as it stays there."""
+
+    def no_route(self, refusal: str) -> None:
+        """No clear way leads there from here, and why."""
+
+    def retry(self) -> None:
+        """The pause is over after something that could not be done."""
+
+    def replan(self) -> None:
+        """Other zones count from now on, and nothing was commanded meanwhile: plan anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """Why the mission ends.
+
+    Attributes:
+        why: In words.
+        by_request: Such a return may be called off.
+        place: Where it lands, in words.
+        in_haste: The battery demands it: it waits for nothing that is put on board.
+        instruction: What the pilot or the operator does about it; None: it ends as it was to.
+    """
+
+    why: str
+    by_request: bool = False
+    place: str = "at home"
+    in_haste: bool = False
+    instruction: Instruction | None = None
+
+
+class Progress(Enum):
+    """How far the flight to a goal is."""
+
+    IDLE = "nowhere to go"
+    FLYING = "on the way"
+    ARRIVED = "there"
+    NO_ROUTE = "no clear way from here"
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to: a node of the plan, or any point."""
+
+    position: Point
+    node: int | None = None  # None: a point that is no node
+
+
+@dataclass(slots=True, eq=False)
+class Way:
+    """What is left of the way to a goal; the navigator's.
+
+    Attributes:
+        goal: Where to; None: nowhere.
+        leg: The leg under way.
+        legs: Those behind it.
+        progress: How far the flight to the goal is.
+        refusal: Why there is no way, once `progress` says so.
+        braking: The vehicle stops, and a way is looked for again once it stands.
+        settled: How often it looked again in vain.
+        stands_since_s: Since when it stands short of its leg's end, vehicle's clock.
+        swept: What the leg under way was checked for.
+    """
+
+    goal: Goal | None = None
+    leg: Leg | None = None
+    legs: deque[Leg] = field(default_factory=deque)
+    progress: Progress = Progress.IDLE
+    refusal: NoRoute | None = None
+    braking: bool = False
+    settled: int = 0
+    stands_since_s: float | None = None
+    swept: tuple[Point, ...] = ()
+
+    @property
+    def ahead(self) -> tuple[Leg, ...]:
+        """The legs that are still to be flown, the one under way first."""
+        return () if self.leg is None else (self.leg, *self.legs)
+
+    def brake(self) -> None:
+        """The vehicle is stopped first, and the way is planned anew from there."""
+        self.leg = None
+        self.legs.clear()
+        self.braking = True
+        self.progress = Progress.FLYING
+
+
+@dataclass(slots=True, eq=False)
+class Task:
+    """The row of the table of states that is flown. Only its methods change it.
+
+    Attributes:
+        state: What the mission is doing.
+        spec: The row of the table of states for it.
+        handler: What is flown in this state.
+        way: What is left of the way to where the vehicle is sent.
+        robot: Who is sought or hovered over; None while no robot is.
+        ending: Why the vehicle comes home or lands; None while it does not.
+        stayed_why: Why the mission ended before take-off, if it does.
+        airborne_s: When the mission began in the air; None: it has not.
+        home_by_s: When it comes home, on the vehicle's clock, if some zones have their hours: they
+            may be others later.
+        limit_s: How long the state lasts once its timer runs; None: it has none.
+        carried_s: How long the state that begins next lasts, instead of what the mission says.
+        ends_s: When the state's timer ends; None while it does not run.
+        retry_at_s: When something that could not be done is tried again; None: nothing waits.
+    """
+
+    state: State = State.READY
+    spec: Spec = field(default_factory=Spec)
+    handler: StateHandler = field(default_factory=StateHandler)
+    way: Way = field(default_factory=Way)
+    robot: str | None = None
+    ending: Ending | None = None
+    stayed_why: str = "disarmed"
+    airborne_s: float | None = None
+    home_by_s: float | None = None
+    limit_s: float | None = None
+    carried_s: float | None = None
+    ends_s: float | None = None
+    retry_at_s: float | None = None
+
+    def enter(
+        self, state: State, spec: Spec, handler: StateHandler, own_s: float | None, now_s: float
+    ) -> None:
+        """Another state begins, or the same anew.
+
+        Args:
+            state: That one.
+            spec: Its row.
+            handler: What is flown in it.
+            own_s: How long it lasts, as the mission says; None: it has no timer.
+            now_s: Vehicle's clock.
+        """
+        self.state, self.spec, self.handler = state, spec, handler
+        self.limit_s = own_s if self.carried_s is None else self.carried_s
+        self.ends_s = self.carried_s = self.retry_at_s = None
+        if spec.timer_from is From.ENTRY:
+            self.start_timer(now_s)
+        if spec.requests is Requests.ANY:  # a way home that was flown before is called off
+            self.ending = None
+
+    def carry(self, limit_s: float | None) -> None:
+        """The state that begins next lasts so long, instead of what the mission says."""
+        self.carried_s = limit_s
+
+    def start_timer(self, now_s: float) -> None:
+        """The state's timer begins now, if it has one."""
+        if self.limit_s is not None:
+            self.ends_s = now_s + self.limit_s
+
+    def stop_timer(self) -> None:
+        """The state's timer begins later."""
+        self.ends_s = None
+
+    def retry_at(self, at_s: float) -> None:
+        """Something is to be tried again then, vehicle's clock."""
+        self.retry_at_s = at_s
+
+    def take_retry(self, now_s: float) -> bool:
+        """Whether it is time to try again; says so once."""
+        if self.retry_at_s is None or now_s < self.retry_at_s:
+            return False
+        self.retry_at_s = None
+        return True
+
+    def head_for(self, goal: Goal | None) -> None:
+        """The vehicle is sent there from now on; None: nowhere."""
+        self.way = Way(goal)
+
+    def seek(self, robot: str | None) -> None:
+        """This robot is sought or hovered over from now on; None: no robot is."""
+        self.robot = robot
+
+    def end(self, ending: Ending) -> None:
+        """The vehicle comes home or lands, and why."""
+        self.ending = ending
+
+    def stay(self, why: str) -> None:
+        """The mission ends before take-off, and why."""
+        self.stayed_why = why
+
+    def fly_since(self, airborne_s: float) -> None:
+        """The mission began in the air then, vehicle's clock."""
+        self.airborne_s = airborne_s
+
+    def come_home_by(self, at_s: float) -> None:
+        """The zones may be others later than that, vehicle's clock."""
+        self.home_by_s = at_s
