@@ -184,7 +184,7 @@ MUTANTS = (
     _row("breach by a new zone", "air_router.airspace_update",
          "self._context.airspace.exempt(self._reached(before, now, telemetry))", "pass", "airspace_update faults_in_flight"),
     _row("by items of another plan", "air_router.airspace_update",
-         "self._gate.by_points = event.why_not is not None", "pass",
+         "self._gate.fly_points(instead=event.why_not is not None)", "pass",
          "airspace_update mission_reloader"),
     _row("way home called off", "air_router.command_handler",
          "context.state is State.HOME and ending is not None and ending.by_request",

@@ -85,6 +85,10 @@ class AirspaceUpdate:
     _looked: Mission | None = None  # its zones count as they should
     _lifts: bool = False  # zones are taken off the fence on board: it would hold what flies there
 
+    def prepare(self, router: Router) -> None:
+        """Use this router, made elsewhere, for the zones that come next, if it is among them."""
+        self.prepared = router
+
     # Other zones.
 
     def airspace_changed(self, event: AirspaceChanged) -> None:
@@ -315,7 +319,7 @@ class AirspaceUpdate:
         self._new = frozenset()
         self._context.airspace.settle()
         # Who knows what plan is on board if it was not renewed.
-        self._gate.by_points = event.why_not is not None
+        self._gate.fly_points(instead=event.why_not is not None)
         if event.why_not is None:
             self._context.authority.plan_is(OnBoard.OURS)
             self._context.say(f"{self._what} is on board")

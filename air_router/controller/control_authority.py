@@ -503,7 +503,7 @@ class ControlAuthority:
     def take_home(self) -> None:
         """Take it back to come home, whatever plan is on board; `why_not_back` has looked at it."""
         if self._context.authority.on_board is not OnBoard.OURS:
-            self._gate.by_points = True
+            self._gate.fly_points(instead=True)
             # The zones count for its legs; what is on board stays, and it is in none of them.
             self._context.airspace.settle()
         self._take_back()

@@ -54,7 +54,7 @@ from air_router.controller.model import (
     StateChanged,
     Task,
 )
-from air_router.controller.motion import CommandGate, InitialClimb, Interlock, Navigator
+from air_router.controller.motion import CommandGate, Interlock, Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
 from air_router.controller.standstill import Standstill
 from air_router.controller.states import (
@@ -136,8 +136,7 @@ class Controller:
         context = self.context = MissionContext(mission, router, self._signal, task=task)
         gate = self.gate = CommandGate(context, plan)  # all motions pass it
         navigator = self.navigator = Navigator(context, gate)
-        climb = self._climb = InitialClimb(context, gate)
-        gate.climb_first = climb.first
+        climb = self._climb = gate.climb
         # Of a flight that is gone on with some waypoints may be skipped already.
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
@@ -203,7 +202,7 @@ class Controller:
         reaction = self._reactions.get(type(event))
         if reaction is not None:
             reaction(event)
-        context.actions += context.alarms.due(context.now_s)
+        context.actions.extend(context.alarms.due(context.now_s))
         sought = context.task.robot if context.spec.seeks else None
         if sought != self._told_sought:
             self._told_sought = sought
@@ -309,7 +308,8 @@ class Controller:
             self.gate.mission_waits()
             return
         self._keep_to_plan(telemetry, moved)
-        here = exploration.here = telemetry.position
+        here = telemetry.position
+        exploration.is_at(here)
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, context.now_s)
         self.returns.check(telemetry)
@@ -318,7 +318,7 @@ class Controller:
         if (held_up or context.interlocks.up(Doubt.FOREIGN_ORDER)) and self._waits(telemetry):
             self.gate.mission_waits()
             return
-        self.gate.blocked = None  # what keeps it waiting next counts from its own begin
+        self.gate.mission_goes_on()
         ends_s = math.inf if context.task.ends_s is None else context.task.ends_s
         if context.now_s >= ends_s or self._commands.later is not None:
             self._time_has_come()
@@ -351,7 +351,7 @@ class Controller:
         if self.context.airspace.change is not None:
             self.airspace_update.go_on(telemetry)
             return True
-        if climb.climb is not None and climb.go_on(telemetry):
+        if climb.climb is not None and climb.go_on(telemetry, self.gate.last):
             if climb.stuck(telemetry):
                 self._authority.give_up(
                     "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
@@ -401,7 +401,7 @@ class Controller:
             return
         self._left = left
         spec, handler = STATES[target], self.states.of[target]
-        self.gate.blocked = None
+        self.gate.mission_goes_on()
         own_s = None if spec.timer is None else getattr(context.mission.timers, spec.timer)
         context.task.enter(target, spec, handler, own_s, context.now_s)
         context.actions.append(StateChanged(left, signal, target, context.task.robot))
@@ -540,7 +540,7 @@ class Controller:
 
     def reacts_within(self, reaction_s: float) -> None:
         """A command takes at most so long to the vehicle, on its clock, from now on."""
-        self.gate.reaction_s = reaction_s
+        self.gate.reacts_within(reaction_s)
 
     def home_by(self, now_s: float) -> None:
         """Come home at this time on the vehicle's clock: the zones may be others later."""
@@ -567,4 +567,4 @@ class Controller:
 
     def prepare(self, router: Router) -> None:
         """Use this router, made elsewhere, for the zones that come next, if it is among them."""
-        self.airspace_update.prepared = router
+        self.airspace_update.prepare(router)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -69,7 +70,7 @@ class Goal:
 
 @dataclass(slots=True, eq=False)
 class Way:
-    """What is left of the way to a goal; the navigator's.
+    """What is left of the way to a goal. Only its methods change it.
 
     Attributes:
         goal: Where to; None: nowhere.
@@ -98,12 +99,51 @@ class Way:
         """The legs that are still to be flown, the one under way first."""
         return () if self.leg is None else (self.leg, *self.legs)
 
-    def brake(self) -> None:
-        """The vehicle is stopped first, and the way is planned anew from there."""
+    def fly(self, leg: Leg, swept: tuple[Point, ...]) -> None:
+        """This leg is under way, and was checked for all that."""
+        self.leg, self.swept = leg, swept
+        self.braking, self.progress = False, Progress.FLYING
+
+    def follow(self, legs: Iterable[Leg]) -> None:
+        """These are the legs to the goal, from where the vehicle is."""
+        self.legs = deque(legs)
+
+    def sweep(self, swept: tuple[Point, ...]) -> None:
+        """The leg under way was checked anew, for all that."""
+        self.swept = swept
+
+    def arrive(self) -> None:
+        """The vehicle is where it was sent."""
         self.leg = None
         self.legs.clear()
-        self.braking = True
-        self.progress = Progress.FLYING
+        self.progress = Progress.ARRIVED
+
+    def refuse(self, refusal: NoRoute) -> None:
+        """There is no way from here, and why."""
+        self.refusal, self.progress = refusal, Progress.NO_ROUTE
+
+    def stop(self) -> None:
+        """The vehicle is stopped, and a way is looked for once it stands."""
+        self.braking, self.progress = True, Progress.FLYING
+
+    def brake(self) -> None:
+        """The same, and what was planned is void."""
+        self.leg = None
+        self.legs.clear()
+        self.stop()
+
+    def go_on(self) -> None:
+        """It is not stopped after all."""
+        self.braking = False
+
+    def stand(self, since_s: float | None) -> None:
+        """It stands short of its leg's end since then, vehicle's clock; None: it moves."""
+        self.stands_since_s = since_s
+
+    def settle(self) -> int:
+        """It is looked again whether a leg on is clear; how often that is, with this time."""
+        self.settled += 1
+        return self.settled
 
 
 @dataclass(slots=True, eq=False)

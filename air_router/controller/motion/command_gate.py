@@ -18,17 +18,13 @@ present leg.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import permutations
-from types import MappingProxyType
-from typing import Final
 
 from air_router.controller.model import (
     CommandConfirmed,
     CommandFailed,
     FlyToNode,
-    FlyToPoint,
     HoldHere,
     LandHere,
     MissionContext,
@@ -36,145 +32,26 @@ from air_router.controller.model import (
     State,
     ZoneChange,
 )
+from air_router.controller.motion.initial_climb import InitialClimb, NoClimb
 from air_router.controller.motion.interlocks import Blocked, Interlock, raised
 from air_router.controller.motion.limits import (
-    FAR_M,
     JUMPS,
     REACTION_S,
     RETRY_S,
     TELL_AGAIN_S,
-    TURNING_S,
-    TURNING_S2_M,
 )
+from air_router.controller.motion.setpoints import MODES, PendingSetpoints, stopping_point
 from air_router.mission import FlightPlan
-from air_router.routing import BRAKING_M_S2, Momentum, PendingSetpoint
+from air_router.routing import Momentum
 from air_router.vehicle import (
     CHECK_LINK,
+    CLIMB_BY_HAND,
     FLY_OUT_OR_RELOAD,
     READ_PX4,
     FlightMode,
     Instruction,
     Telemetry,
 )
-from geo.frame import Point
-
-MODES: Final[Mapping[type[Motion], FlightMode]] = MappingProxyType(
-    {
-        FlyToNode: FlightMode.MISSION,
-        FlyToPoint: FlightMode.HOLD,
-        HoldHere: FlightMode.HOLD,
-        LandHere: FlightMode.LAND,
-    }
-)
-"""The flight mode in which a motion is flown."""
-
-
-@dataclass(slots=True, eq=False)
-class PendingSetpoints:
-    """The commands that the vehicle may be following, or may yet begin to follow, in order.
-
-    Args:
-        near_m: A place nearer than this has been reached.
-        speed_m_s: How fast it flies there; faster, if it was seen to.
-    """
-
-    near_m: float
-    speed_m_s: float
-    _sent: list[Motion] = field(default_factory=list)  # in order; the first may be confirmed
-    _settled: bool = False  # the first of them is
-
-    def sent(self, motion: Motion) -> None:
-        """This was commanded; what was before holds until it is confirmed."""
-        if not self._sent or motion != self._sent[-1]:
-            self._sent.append(motion)
-
-    def confirmed(self, motion: Motion) -> None:
-        """The vehicle follows this: what was commanded before it is void, on a link in order.
-
-        Of several alike it is the newest: what was commanded meanwhile has not left yet.
-        """
-        for index in reversed(range(len(self._sent))):
-            if self._sent[index] == motion:
-                del self._sent[:index]
-                self._settled = True
-                return
-
-    @property
-    def all_known(self) -> Sequence[Motion]:
-        """All that it may be following; none while that may be something from before these."""
-        return self._sent if self._settled else ()
-
-    def forget(self) -> None:
-        """The pilot or a ground station has told it something since."""
-        self._sent.clear()
-        self._settled = False
-
-    def under_way(self, jump: FlyToNode) -> bool:
-        """Whether something that was commanded before a jump is still to come."""
-        return bool(self._before(jump)[self._settled :])
-
-    def given_up(self, jump: FlyToNode) -> bool:
-        """Whether a jump to the same item was given up before, and may come late."""
-        return jump in self._before(jump)
-
-    def _before(self, jump: FlyToNode) -> list[Motion]:
-        return self._sent[:-1] if self._sent and self._sent[-1] == jump else self._sent
-
-    def open(self, telemetry: Telemetry, unsent: Motion | None = None) -> list[Point]:
-        """Where it was sent by us and has not arrived: there it is flying, or begins to.
-
-        Args:
-            telemetry: Where it is.
-            unsent: Was decided on, and has not left for the vehicle. An equal one may have.
-        """
-        return [
-            motion.position
-            for motion in self._sent
-            if isinstance(motion, FlyToNode | FlyToPoint)
-            and motion is not unsent
-            and math.dist(motion.position, telemetry.position) > self.near_m
-        ]
-
-    def pending(
-        self, telemetry: Telemetry, unsent: Motion | None = None
-    ) -> tuple[PendingSetpoint, ...]:
-        """Everywhere that it may be flying to now: by our commands, and by its own telemetry.
-
-        Args:
-            telemetry: Where it is, and its target.
-            unsent: Was decided on, and has not left for the vehicle. An equal one may have.
-        """
-        here, target, places = telemetry.position, telemetry.target, self.open(telemetry, unsent)
-        if target is not None and math.dist(target, here) > FAR_M:
-            places.append(target)
-        if not places:
-            return ()
-        speed_m_s = max(self.speed_m_s, math.hypot(*telemetry.velocity_m_s))
-        beyond_m = TURNING_S * speed_m_s + TURNING_S2_M * speed_m_s**2
-        places = [*dict.fromkeys(places)]
-        found = [_setpoint(here, place, beyond_m) for place in places]
-        # It may turn from the end of one to another, and away there.
-        for one, other in permutations(places, 2):
-            if math.dist(one, other) > self.near_m:
-                found.append(_setpoint(one, other, beyond_m))
-        return tuple(found)
-
-
-def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
-    share = 1.0 + beyond_m / math.dist(start, place)
-    east_m, north_m = start
-    reach = Point(
-        east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
-    )
-    return PendingSetpoint(place, reach)
-
-
-def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
-    """Where the vehicle comes to rest if it is told now to brake."""
-    east_m_s, north_m_s = telemetry.velocity_m_s
-    travel_s = reaction_s + math.hypot(east_m_s, north_m_s) / (2 * BRAKING_M_S2)
-    east_m, north_m = telemetry.position
-    return Point(east_m + travel_s * east_m_s, north_m + travel_s * north_m_s)
 
 
 @dataclass(slots=True, eq=False)
@@ -197,12 +74,13 @@ class CommandGate:
         by_points: Nodes are flown to as any other point, because it does not fly its plan.
         blocked: What kept the mission back last, until a motion leaves or the state changes.
         waits_why: The reason to hover where no way is clear, as announced last.
-        climb_first: Takes the leg of a vehicle that is low; the climb before it, or None to wait.
+        climb: What a vehicle that is low flies instead of a leg.
     """
 
     _context: MissionContext
     _plan: FlightPlan
     setpoints: PendingSetpoints = field(init=False)
+    climb: InitialClimb = field(init=False)
     reaction_s: float = REACTION_S
     pending: Motion | None = None
     last: Motion | None = None
@@ -210,7 +88,6 @@ class CommandGate:
     ends: frozenset[FlightMode] = frozenset()
     refused_jumps: int = 0
     by_points: bool = False
-    climb_first: Callable[[Motion], Motion | None] = lambda motion: motion
     blocked: Blocked | None = None
     waits_why: str | None = None
     _wait_told_s: float = -math.inf  # when, vehicle's clock
@@ -219,6 +96,7 @@ class CommandGate:
 
     def __post_init__(self) -> None:
         mission = self._context.mission
+        self.climb = InitialClimb(self._context)
         self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
 
     def momentum(self, telemetry: Telemetry, age_s: float = 0.0) -> Momentum:
@@ -243,8 +121,11 @@ class CommandGate:
             context.task.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
             return
-        allowed = self.climb_first(motion) if context.interlocks.climbs_first else motion
-        if allowed is not None:
+        climbs = context.interlocks.climbs_first
+        allowed = self.climb.first(motion, self.last, self.reaction_s) if climbs else motion
+        if isinstance(allowed, NoClimb):
+            self.wait_here(allowed.why, CLIMB_BY_HAND)
+        else:
             self.send(allowed)
 
     def _block(self, motion: Motion, up: Sequence[Interlock]) -> None:
@@ -260,6 +141,22 @@ class CommandGate:
             if context.airspace.change is ZoneChange.UPLOADING or self.last is not None:
                 context.airspace.stop_first()
                 self.hold("zones are being changed")
+
+    def mission_goes_on(self) -> None:
+        """Nothing keeps it waiting: what does next counts from its own begin."""
+        self.blocked = None
+
+    def way_found(self) -> None:
+        """There is a way: the next reason to wait for one is announced."""
+        self.waits_why = None
+
+    def fly_points(self, *, instead: bool) -> None:
+        """Nodes are flown to as any other point from now on, or as items of the plan again."""
+        self.by_points = instead
+
+    def reacts_within(self, reaction_s: float) -> None:
+        """The vehicle follows a command after so long at most, on its clock."""
+        self.reaction_s = reaction_s
 
     def mission_waits(self) -> None:
         """No motion is wanted while a row is raised that holds the vehicle; a landing goes on."""
@@ -375,7 +272,7 @@ class CommandGate:
         else:
             self._context.say(f"not sent: {event.reason}")
         if self.refused_jumps >= JUMPS and not self.by_points:
-            self.by_points = True
+            self.fly_points(instead=True)
             self._context.warn("the plan on board is not flown: flying to points instead", READ_PX4)
         self._context.retry_in(RETRY_S if event.sent else RETRY_S / 2)
 

@@ -5,10 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from air_router.controller.model import FlyToNode, FlyToPoint, MissionContext, Motion
-from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.controller.motion.limits import ALTITUDE_M, CLIMB_S, PROGRESS_M
+from air_router.controller.motion.setpoints import stopping_point
 from air_router.mission import Mission
-from air_router.vehicle import CLIMB_BY_HAND, Telemetry
+from air_router.vehicle import Telemetry
+
+
+@dataclass(frozen=True, slots=True)
+class NoClimb:
+    """Why the vehicle cannot climb by itself from where it is, and hovers."""
+
+    why: str
 
 
 @dataclass(slots=True)
@@ -40,14 +47,12 @@ class InitialClimb:
 
     Args:
         context: How high it is, and what is flown once it is level.
-        gate: Commands the climb.
 
     Attributes:
         climb: Its way up; None: it does not climb.
     """
 
     _context: MissionContext
-    _gate: CommandGate
     climb: FlyToPoint | None = None
     _watch: ClimbWatch = field(default_factory=ClimbWatch)
 
@@ -69,36 +74,41 @@ class InitialClimb:
             "Hold"
         )
 
-    def first(self, motion: Motion) -> Motion | None:
-        """The leg of a vehicle that is low waits, and it climbs instead; None: it hovers."""
+    def first(self, motion: Motion, last: Motion | None, reaction_s: float) -> Motion | NoClimb:
+        """The leg of a vehicle that is low waits, and it climbs instead.
+
+        Args:
+            motion: Wanted.
+            last: What the vehicle was commanded last; None: it did not follow.
+            reaction_s: After which it follows a command.
+        """
         if not isinstance(motion, FlyToNode | FlyToPoint):
             return motion
         mission, telemetry = self._context.mission, self._context.heard
         if not low(mission, telemetry):
             self._context.interlocks.climbed()
             return motion
-        goes_on = self.climb is not None and self._gate.last == self.climb
+        goes_on = self.climb is not None and last == self.climb
         # Nothing of the way counts any more but where to: if the climb ends early, that is tried.
         self._context.task.head_for(self._context.task.way.goal)
         why_not = self.why_not(telemetry)
         if why_not is not None:
-            self._gate.wait_here(why_not, CLIMB_BY_HAND)
-            return None
+            return NoClimb(why_not)
         if not goes_on:  # another climb than the one that a pilot may have ended
             self._context.say(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"
             )
             self._watch = ClimbWatch((telemetry.altitude_m, self._context.now_s))
-        place = stopping_point(telemetry, self._gate.reaction_s)
+        place = stopping_point(telemetry, reaction_s)
         self.climb = FlyToPoint(place, mission.altitude_above_home_m)
         return self.climb
 
-    def go_on(self, telemetry: Telemetry) -> bool:
-        """Whether it climbs, and everything else waits."""
+    def go_on(self, telemetry: Telemetry, last: Motion | None) -> bool:
+        """Whether it climbs, and everything else waits; `last` was commanded last."""
         if self.climb is None:
             return False
-        if self._gate.last != self.climb:
+        if last != self.climb:
             # It did not follow, or was told to hold: the climb begins anew before the next leg.
             self.climb = None
             return False

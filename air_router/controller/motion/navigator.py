@@ -90,11 +90,11 @@ class Navigator:
         if isinstance(motion, HoldHere) and context.interlocks.up(Doubt.FOREIGN_ORDER):
             # It may follow a pilot, whose order a hold would end; planned anew if it does not.
             context.interlocks.defer_motion()
-            context.task.way.braking = False
+            context.task.way.go_on()
         elif motion is not None:
             self._gate.command(motion)
             if not isinstance(motion, HoldHere):
-                self._gate.waits_why = None  # a way was found: the next reason to wait is news
+                self._gate.way_found()
         progress = self._context.task.way.progress
         if progress is Progress.ARRIVED:
             self._context.task.handler.arrived()
@@ -150,12 +150,11 @@ class Navigator:
             on_leg = math.dist(begin, here) + math.dist(here, end) <= around_m
             if standing or not on_leg:
                 return self._on_the_way(leg, telemetry, standing=standing)
-            way.stands_since_s = None
+            way.stand(None)
             return None
-        way.stands_since_s = None
+        way.stand(None)
         if not way.legs:
-            way.leg = None
-            way.progress = Progress.ARRIVED
+            way.arrive()
             return None
         if self.clear(telemetry, way.legs[0].to):
             return self._command(way.legs.popleft(), telemetry)
@@ -168,14 +167,14 @@ class Navigator:
         if self._astray(telemetry.position):
             if not self.clear(telemetry, leg.to):
                 return self._plan()
-            self._sweep(leg, telemetry)
+            way.sweep(self._swept(leg, telemetry))
             return None
         if not standing:
-            way.stands_since_s = None
+            way.stand(None)
             return None
-        if way.stands_since_s is None:
-            way.stands_since_s = telemetry.time_s
-        if telemetry.time_s - way.stands_since_s < STALL_S:
+        since_s = telemetry.time_s if way.stands_since_s is None else way.stands_since_s
+        way.stand(since_s)
+        if telemetry.time_s - since_s < STALL_S:
             return None
         return self._settle(telemetry, "the vehicle stands and does not go")
 
@@ -194,19 +193,19 @@ class Navigator:
             and not self.clear(telemetry, leg.to)
         )
 
-    def _sweep(
+    def _swept(
         self,
         leg: Leg,
         telemetry: Telemetry,
         momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] | None = None,
-    ) -> None:
-        """Remember what was checked for a leg: all that it may sweep, however late it is told."""
+    ) -> tuple[Point, ...]:
+        """What is checked for a leg: all that it may sweep, however late it is commanded."""
         here, gate = telemetry.position, self._gate
         if momentum is None or pending is None:
             momentum, pending = gate.momentum(telemetry), gate.setpoints.pending(telemetry)
         turn, reaches = momentum.turn(here, leg.to), map(attrgetter("reach"), pending)
-        self._context.task.way.swept = (here, momentum.rest, turn, *reaches, leg.to)
+        return (here, momentum.rest, turn, *reaches, leg.to)
 
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
         """Look again now and then where no leg on is clear, or none is followed; then give up."""
@@ -214,12 +213,10 @@ class Navigator:
             return None
         self._settle_until_s = telemetry.time_s + SETTLE_S
         way = self._context.task.way
-        way.settled += 1
-        if way.settled <= SETTLES:
-            way.stands_since_s = None
+        if way.settle() <= SETTLES:
+            way.stand(None)
             return self._plan()
-        way.refusal = NoRoute(refusal)
-        way.progress = Progress.NO_ROUTE
+        way.refuse(NoRoute(refusal))
         return None
 
     def _plan(self) -> Motion | None:
@@ -248,29 +245,25 @@ class Navigator:
                     break
                 legs.popleft()
             if not legs or (len(legs) == 1 and math.dist(here, legs[0].to) <= near_m):
-                way.legs.clear()
-                way.leg = None
-                way.progress = Progress.ARRIVED
+                way.arrive()
                 # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
                 if legs or pending:
                     return self._motion(Leg(goal.position, goal.node), telemetry)
                 return None
-            way.legs = legs
+            way.follow(legs)
             refusal = self._height_refusal(telemetry, legs[0].to)
             if refusal is not None and low(self._context.mission, telemetry):
                 # Where it is low the gate has it climb instead, or says why it cannot.
                 self._context.interlocks.climb_first()
                 refusal = None
             if refusal is None:
-                return self._command(legs.popleft(), telemetry, momentum, pending)
+                return self._command(way.legs.popleft(), telemetry, momentum, pending)
             route = refusal
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         if (moves and not way.braking) or gate.setpoints.open(telemetry):
-            way.braking = True
-            way.progress = Progress.FLYING
+            way.stop()
             return HoldHere("no clear way at this speed; stopping to look again")
-        way.refusal = route
-        way.progress = Progress.NO_ROUTE
+        way.refuse(route)
         return None
 
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
@@ -286,11 +279,8 @@ class Navigator:
         momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] | None = None,
     ) -> Motion:
-        way = self._context.task.way
-        way.leg = leg
-        self._sweep(leg, telemetry, momentum, pending)
-        way.braking = False
-        way.progress = Progress.FLYING
+        swept = self._swept(leg, telemetry, momentum, pending)
+        self._context.task.way.fly(leg, swept)
         return self._motion(leg, telemetry)
 
     def _motion(self, leg: Leg, telemetry: Telemetry) -> Motion:

@@ -50,6 +50,14 @@ class Exploration:
     # when each waypoint was passed last; infinite: it is near now
     _passed_s: dict[int, float] = field(default_factory=dict)
 
+    def is_at(self, here: Point) -> None:
+        """The vehicle is there."""
+        self.here = here
+
+    def explored(self, now_s: float) -> None:
+        """No waypoint is left, at this time on the vehicle's clock; the first time counts."""
+        self.explored_s = min(self.explored_s, now_s)
+
     @property
     def remaining(self) -> int:
         """How many waypoints are still to be visited."""
@@ -186,7 +194,7 @@ class ExploreState(StateHandler):
         if goal is not None:
             navigator.advance(motion)
         else:
-            exploration.explored_s = min(exploration.explored_s, self._context.now_s)
+            exploration.explored(self._context.now_s)
             self._context.signal(Signal.EXPLORED)
 
     def arrived(self) -> None:

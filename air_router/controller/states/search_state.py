@@ -27,7 +27,6 @@ from air_router.controller.targets import (
     YIELDS_S,
     PeerRate,
     PoseVerdict,
-    Sighting,
     TargetTrack,
 )
 from air_router.vehicle import CHECK_LOCALISATION
@@ -110,7 +109,7 @@ class SearchState(StateHandler):
     def _try(self, robot: str) -> None:
         """It is on the way to where a robot may be; planned anew, that is no further try."""
         if robot != self._over:
-            self.search.targets.tracks[robot].tries += 1
+            self.search.targets.tracks[robot].tried()
         self._over = robot
 
     def arrived(self) -> None:
@@ -267,7 +266,7 @@ class SearchState(StateHandler):
         if track is None:
             return
         if here is not None:
-            track.radio = Sighting(here, self._context.now_s)
+            track.radio_heard(here, self._context.now_s)
         if isinstance(event, SyncEnded) and event.complete:
             track.synced(event.direction, self._context.now_s)
             passes = self._context.state is State.SEARCH and self._stops

@@ -129,6 +129,14 @@ class TargetTrack:
     # poses some seconds apart, for its speed
     _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=STRETCHES + 1))
 
+    def tried(self) -> None:
+        """The vehicle flies to where it should be."""
+        self.tries += 1
+
+    def radio_heard(self, here: Point, now_s: float) -> None:
+        """The vehicle, which is there, hears its radio."""
+        self.radio = Sighting(here, now_s)
+
     def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
         """Take its pose in; True if it is newer than the one before, and can be true."""
         if not self._poses.news(stamp_s, now_s):
