@@ -174,7 +174,7 @@ MUTANTS = (
          "control_authority"),
     _row("flies when given up", "air_router.interlocks", "lambda context: context.authority.releasing is not None",
          "lambda context: False", "interlocks control_authority faults_in_flight"),
-    _row("flies on when killed", "air_router.controller", "(killed := phase.killed_now()) is not None:", "phase.killed_now() is False:",
+    _row("flies on when killed", "air_router.telemetry_handler", "None if self._phase.flies else self._phase.killed_now()", "None",
          "faults_in_flight safety_monitor control_authority"),
     _row("failsafe is the pilot", "air_router.control_authority",
          "ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT", "ControlHolder.PILOT",

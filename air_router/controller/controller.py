@@ -11,7 +11,6 @@ flight, and only then the mission. When that explores, searches and talks stands
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, get_args
@@ -31,7 +30,6 @@ from air_router.controller.model import (
     CommandConfirmed,
     CommandFailed,
     CompanionLagged,
-    ControlHolder,
     Doubt,
     Event,
     Finish,
@@ -44,7 +42,6 @@ from air_router.controller.model import (
     OnBoard,
     PeerFault,
     PlanRenewed,
-    Progress,
     RobotPath,
     RobotPose,
     RobotSought,
@@ -55,7 +52,7 @@ from air_router.controller.model import (
     Task,
 )
 from air_router.controller.motion import CommandGate, Interlock, Navigator
-from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
+from air_router.controller.safety_monitor import FlightPhase, HomeWatch, SafetyMonitor
 from air_router.controller.standstill import Standstill
 from air_router.controller.states import (
     STATES,
@@ -66,18 +63,11 @@ from air_router.controller.states import (
     transitions,
 )
 from air_router.controller.targets import Policy
+from air_router.controller.telemetry_handler import TelemetryHandler
 from air_router.mission import FlightPlan, Mission, Waypoint
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import (
-    BE_READY_AT_HOME,
-    CALM,
-    CHARGE_BELIEVED_S,
     CHECK_PEER,
-    CLIMB_BY_HAND,
-    FLY_OUT,
-    IN_YOUR_HANDS,
-    WATCH_BATTERY,
-    BatteryWatch,
     FlightMode,
     ItemReached,
     LinkSilent,
@@ -126,7 +116,6 @@ class Controller:
         mission, explore = setup.mission, setup.explore
         router = router if router is not None else Router(WaypointGraph(mission))
         plan = self._plan = plan if plan is not None else FlightPlan.of(mission)
-        self._pilot_arms = setup.pilot_arms
         self._transitions = transitions(explores=explore)
         self._left = State.READY  # the state before this one
         self._told_sought: str | None = None  # the robot in the last `Seeking`
@@ -136,7 +125,6 @@ class Controller:
         context = self.context = MissionContext(mission, router, self._signal, task=task)
         gate = self.gate = CommandGate(context, plan)  # all motions pass it
         navigator = self.navigator = Navigator(context, gate)
-        climb = self._climb = gate.climb
         # Of a flight that is gone on with some waypoints may be skipped already.
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
@@ -144,15 +132,14 @@ class Controller:
         states = self.states = StateHandlers(context, gate, navigator, self.search, self._let_go)
         # What is watched, in this order.
         self._phase = FlightPhase(context, gate)
-        self._battery = BatteryWatch()
-        self._home = HomeWatch(context)
-        self._monitor = SafetyMonitor(context, gate, plan)
-        self._envelope = Envelope(context, gate, self._home)
+        home = HomeWatch(context)
+        monitor = SafetyMonitor(context, gate, plan)
+        envelope = Envelope(context, gate, home)
         self.returns = ReturnMonitor(context, states.reachability)
-        self._standstill = Standstill(context)
-        self._lag = LagMonitor(context)
-        self._deviations = Deviations(context, gate, self.returns, self._lag)
-        authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
+        standstill = Standstill(context)
+        lag = LagMonitor(context)
+        deviations = Deviations(context, gate, self.returns, lag)
+        authority = self._authority = ControlAuthority(context, gate, gate.climb, monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
         commands = self._commands = CommandHandler(
             context,
@@ -161,14 +148,33 @@ class Controller:
             GotoValidator(context, navigator, gate),
             states,
             self.airspace_update,
-            self._standstill,
+            standstill,
         )
         # What pages show must change nothing: the way home that is planned for them is their own.
-        monitor = ReturnMonitor(context, states.reachability)
-        self._shown_commands = replace(commands, _returns=monitor)
+        shown = ReturnMonitor(context, states.reachability)
+        self._shown_commands = replace(commands, _returns=shown)
+        vehicle = TelemetryHandler(
+            context,
+            gate,
+            navigator,
+            exploration,
+            states,
+            self._phase,
+            home,
+            monitor,
+            envelope,
+            self.returns,
+            lag,
+            deviations,
+            authority,
+            self.airspace_update,
+            commands,
+            standstill,
+            setup.pilot_arms,
+        )
         # Who takes which event in; others (links of others, metrics) only concern the record.
         self._reactions: dict[type, Callable[[Any], None]] = {
-            Telemetry: self._vehicle_heard,
+            Telemetry: vehicle.received,
             ItemReached: self._item_reached,
             LinkSilent: authority.nothing_heard,
             CommandConfirmed: self._confirmed,
@@ -183,7 +189,7 @@ class Controller:
             AirspaceChanged: self.airspace_update.airspace_changed,
             PlanRenewed: self.airspace_update.plan_renewed,
             FlownBefore: self._flown_before,
-            CompanionLagged: self._lag.lagged,
+            CompanionLagged: lag.lagged,
             PeerFault: lambda event: context.warn(event.words, CHECK_PEER),
             PlanReplaced: authority.plan_replaced,
             PlanTried: authority.plan_tried,
@@ -223,147 +229,7 @@ class Controller:
             else MissionWaits(blocked.by.name, blocked.why(self.context), blocked.since_s)
         )
 
-    # The vehicle, the gravest matter first.
-
-    def _vehicle_heard(self, telemetry: Telemetry) -> None:
-        context, authority, phase = self.context, self._authority, self._phase
-        telemetry = self._with_believed_charge(telemetry)
-        context.received(telemetry)
-        phase.note(telemetry)
-        self._lag.note(telemetry)
-        self._home.note(telemetry)
-        moved = self._home.look(telemetry) if telemetry.in_air else None
-        ours = context.authority.handed_over if context.state is State.READY else context.spec.ours
-        # On the ground the autopilot changes its mode by itself, when it disarms. A failsafe may
-        # act in the very mode that we asked for: a fence holds a vehicle that hovers in Hold.
-        flies = telemetry.in_air and telemetry.armed
-        chosen = telemetry.failsafe or telemetry.mode not in self.gate.modes
-        grounded = Signal.GROUNDED in context.spec.on
-        if grounded and not phase.flies and phase.over(telemetry):
-            self._grounded()
-        elif not phase.flies and (killed := phase.killed_now()) is not None:
-            authority.fallen(killed)
-        elif ours and flies and chosen:
-            authority.taken(telemetry)
-        elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
-            authority.take_over(ControlHolder.PILOT, foreign, IN_YOUR_HANDS)
-        elif context.authority.releasing is not None or context.authority.plan_check is not None:
-            authority.wait(telemetry)
-        elif (
-            ours
-            and (breach := self._monitor.breach(telemetry, context.airspace.exempt_zones))
-            is not None
-        ):
-            authority.give_up(f"{breach} is not resumed by itself", FLY_OUT)
-        elif context.state is State.READY:
-            self._take_off(telemetry, moved)
-        elif context.state is State.PASSIVE:
-            authority.look_on(telemetry)
-            self._envelope.forget()
-        elif ours:
-            self._go_on(telemetry, moved)
-        self._standstill.look(telemetry, ours=flies and context.in_charge)
-
-    def _with_believed_charge(self, telemetry: Telemetry) -> Telemetry:
-        """The same, with the charge that is believed; one that jumps is told."""
-        battery, before = self._battery, self._battery.doubted
-        charge = battery.take(telemetry)
-        if charge == telemetry.battery:
-            return telemetry
-        if before is None and battery.doubted is not None and telemetry.in_air:
-            self.context.warn(
-                f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is believed if "
-                f"that lasts for {CHARGE_BELIEVED_S:.0f} s",
-                WATCH_BATTERY,
-            )
-        return replace(telemetry, battery=charge)
-
-    def _grounded(self) -> None:
-        if self._pilot_arms and self.context.state is State.READY and self._phase.again():
-            self.states.ready.disarmed()
-        else:
-            self.context.signal(Signal.GROUNDED)
-
-    def _take_off(self, telemetry: Telemetry, moved: Response | None) -> None:
-        context = self.context
-        if telemetry.in_air and not context.authority.handed_over:
-            self._authority.look_on(telemetry)
-        elif telemetry.in_air:
-            status = context.inputs.look(telemetry)
-            if status is not CALM:  # the climb ends above home by itself
-                self._deviations.inputs_missing(status, telemetry)
-        if context.state is State.READY:
-            self.states.ready.watch(telemetry)
-        climbs = context.state is State.READY and context.authority.handed_over and telemetry.in_air
-        if climbs:
-            self.returns.end_if_due(telemetry)
-        if moved is Response.HOLD and context.in_charge:
-            context.come_home("home was moved in the climb", BE_READY_AT_HOME)
-
-    def _go_on(self, telemetry: Telemetry, moved: Response | None) -> None:
-        """It is ours, and where it may be: all inputs are there; then on with the mission."""
-        context, exploration = self.context, self.exploration
-        status = context.inputs.look(telemetry)
-        if status is not CALM and self._deviations.inputs_missing(status, telemetry):
-            self.gate.mission_waits()
-            return
-        self._keep_to_plan(telemetry, moved)
-        here = telemetry.position
-        exploration.is_at(here)
-        if math.dist(here, exploration.looked_from) >= exploration.alike_m:
-            exploration.look_around(here, context.now_s)
-        self.returns.check(telemetry)
-        held_up = context.airspace.change is not None or self._climb.climb is not None
-        held_up |= context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS)
-        if (held_up or context.interlocks.up(Doubt.FOREIGN_ORDER)) and self._waits(telemetry):
-            self.gate.mission_waits()
-            return
-        self.gate.mission_goes_on()
-        ends_s = math.inf if context.task.ends_s is None else context.task.ends_s
-        if context.now_s >= ends_s or self._commands.later is not None:
-            self._time_has_come()
-        motion = self.navigator.update(telemetry)
-        if motion is not None or context.task.way.progress is not Progress.FLYING:
-            self.navigator.advance(motion)
-        if context.task.retry_at_s is not None and not self.gate.pending and context.take_retry():
-            context.task.handler.retry()
-
-    def _keep_to_plan(self, telemetry: Telemetry, moved: Response | None) -> None:
-        """What is off what was planned, and what follows."""
-        context = self.context
-        cruises = (
-            context.spec.cruises and context.airspace.change is None and self._climb.climb is None
-        )
-        if moved is not None:
-            self._deviations.home_moved(moved, cruises=cruises)
-        if not cruises:
-            self._envelope.forget()
-        elif not context.interlocks.up(Doubt.FOREIGN_ORDER):
-            self._deviations.follow(self._lag.look(telemetry) + self._envelope.look(telemetry))
-        if self._home.in_doubt and context.spec.cruises:
-            self.airspace_update.altitude_doubted(telemetry)
-
-    def _waits(self, telemetry: Telemetry) -> bool:
-        """Whether the mission waits: zones change, it climbs first, or is off what was planned."""
-        climb = self._climb
-        if self.context.interlocks.up(Doubt.FOREIGN_ORDER):
-            return True  # a hold would end the order of a pilot before it is known as such
-        if self.context.airspace.change is not None:
-            self.airspace_update.go_on(telemetry)
-            return True
-        if climb.climb is not None and climb.go_on(telemetry, self.gate.last):
-            if climb.stuck(telemetry):
-                self._authority.give_up(
-                    "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
-                )
-            return True
-        return self.context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS)
-
-    def _time_has_come(self) -> None:
-        """The state's time is over, or points wait for another state."""
-        if self.context.left_s == 0.0:
-            self.context.signal(Signal.TIMER)
-        self._commands.now_what_waited()
+    # What becomes of what was commanded.
 
     def _item_reached(self, event: ItemReached) -> None:
         """The vehicle says that it is at a plan item: perhaps at the end of its leg."""

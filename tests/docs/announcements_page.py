@@ -71,14 +71,14 @@ SAID = {
     ("look_on", "FLY_OUT"): ["breach of …"],
     ("_differs", "UPLOAD_OURS"): ["another plan is on board (…)"],
     ("_differs", "TAKE_WHERE_IT_HOLDS"): ["another plan is on board (…)"],
-    ("_vehicle_heard", "IN_YOUR_HANDS"): [
+    ("follow_order", "IN_YOUR_HANDS"): [
         "a pilot or ground station gave it another place to go to",
         "a pilot or ground station chose another plan item",
     ],
     ("fallen", "KEEP_CLEAR"): ["disarmed in the air at … m above home"],
     ("__init__", "CHECK_PEER"): ["… of … cannot be read …", "… has said nothing on …"],
     ("inputs_missing", "BE_READY_AT_HOME"): ["… not heard for … s"],
-    ("first", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
+    ("command", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
     ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
