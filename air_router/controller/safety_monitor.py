@@ -310,12 +310,14 @@ class SafetyMonitor:
         """The order that the vehicle surely follows and that is not ours; None if there is none.
 
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
-        changes no mode, and one who jumps to another plan item in Mission mode neither.
+        changes no mode, and one who jumps to another plan item in Mission mode neither. While an
+        order of ours waits, or is not confirmed, the vehicle may follow that or any before it.
         """
         gate, ages, order = self._gate, telemetry.ages, None
+        last = gate.last if gate.pending is None else None
         as_told = self._jumped == (telemetry.mode, gate.last, telemetry.item)
-        if gate.pending is None and telemetry.in_air and not as_told:
-            order = self._order_of_others(telemetry, gate.last)
+        if telemetry.in_air and not as_told:
+            order = self._order_of_others(telemetry, last)
         told_s = ages.item_s if telemetry.mode is FlightMode.MISSION else ages.target_s
         if order is None or told_s >= ORDER_STALE_S:
             self._foreign_since_s = None
@@ -344,6 +346,9 @@ class SafetyMonitor:
                 return self._moved_from_hold(hold, telemetry)
             case None:  # it did not follow: it may do so yet, or goes on with what was before
                 ours = [m for m in self._gate.setpoints.all_known if MODES[type(m)] is mode]
+                # However often it was told to hold, it holds since the first time.
+                holds = [motion for motion in ours if isinstance(motion, HoldHere)]
+                ours = [motion for motion in ours if motion not in holds[1:]]
                 found = [self._order_of_others(telemetry, motion) for motion in ours]
                 return found[-1] if found and all(found) else None
         return None

@@ -209,6 +209,9 @@ class Fault(Enum):
     DIVERTED_CLOSE = Kind(
         "diverted towards a zone that it passes", 48, takeovers.diverted_close, "INIT"
     )
+    DIVERTED_WAITING = Kind(
+        "diverted while commands of ours wait", 8, takeovers.diverted_waiting, "INIT"
+    )
     LEFT_BEHIND = Kind(
         "near a zone that it has left, without its plan", 8, takeovers.left_behind, "SEARCH"
     )
@@ -455,6 +458,7 @@ _ALONE: Final = frozenset(
         *(Fault.FAST_CORNERS, Fault.NEARED),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.DOUBTED_AMONG, Fault.DOUBTED_WALLED),
         *(Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
+        Fault.DIVERTED_WAITING,
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
         *(Fault.JUMPING_POSES, Fault.POOR_FIX, Fault.SATELLITES_GONE, Fault.STICKS_LOST),
         *(Fault.MAP_FILES, Fault.LOCAL_METRES, Fault.WINDY, Fault.DAILY_HOURS),

@@ -258,6 +258,15 @@ class Pilot:
 
         self._operator.wait_for(divert)
 
+    def do_divert_now(self, away_m: float) -> None:
+        """A station sends it elsewhere in Hold, whatever of ours waits meanwhile."""
+        autopilot, angle_rad = self._flight.autopilot, self._dice.uniform(0.0, 2 * math.pi)
+        if self._operator.ours and autopilot.mode is FlightMode.AUTO_LOITER:
+            here = autopilot.situation
+            north_m, east_m = away_m * math.cos(angle_rad), away_m * math.sin(angle_rad)
+            if autopilot.reposition((here.north_m + north_m, here.east_m + east_m), None):
+                self._taken("reposition")
+
     def do_fly_off(self, above_m: float) -> None:
         """The pilot, who took off, flies away at a height above home, where nothing is beside."""
         here = self._operator.here

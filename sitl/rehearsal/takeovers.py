@@ -59,6 +59,12 @@ LISTS_AMONG_OURS: Final[tuple[Course, ...]] = (
 """A station stores one of its lists as soon as one of ours is stored, and before the vehicle has
 said so: while we get ready, and while a changed fence is put on board."""
 
+diverted_waiting: Final = steps(
+    *((0.0, "ask", "hold"), (6.0, "deaf", True), (6.1, "send again"), (6.3, "send again")),
+    *((uniform(6.5, 7.3), "divert now", uniform(20.0, 38.0)), (uniform(7.8, 8.3), "deaf", False)),
+)
+"""A station sends it elsewhere in Hold while orders of ours wait for an answer of the vehicle."""
+
 restart_taken: Final = chain(
     (0.0, "kill"),
     (uniform(0.5, 4.0), "pilot", choice(*SURE[1:])),

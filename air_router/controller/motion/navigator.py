@@ -299,8 +299,16 @@ class Navigator:
         telemetry = self._context.telemetry
         if motion is not self._gate.pending or telemetry is None:
             return "it was called off"
-        if isinstance(motion, HoldHere | LandHere):
+        if isinstance(motion, HoldHere):
             return None
+        if self._context.doubts:
+            return "an order shows that is not ours"
+        return None if isinstance(motion, LandHere) else self._leg_refusal(motion, telemetry, now_s)
+
+    def _leg_refusal(
+        self, motion: FlyToNode | FlyToPoint, telemetry: Telemetry, now_s: float
+    ) -> str | None:
+        """Why a leg that was decided on a moment ago must not begin any more."""
         age_s = max(0.0, now_s - telemetry.time_s)
         if age_s > self._gate.reaction_s:
             return "the vehicle's position is too old to check the leg from"

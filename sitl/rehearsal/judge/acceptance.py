@@ -200,6 +200,7 @@ ACCEPTED: Final = MappingProxyType(
             End.LANDED, height_m=9.0, says="clear at the autopilot's altitude alone"
         ),
         "DIVERTED_CLOSE": _row(End.PILOT, End.FAILSAFE, End.LANDED, notice_s=2.0),
+        "DIVERTED_WAITING": _row(End.PILOT, End.LANDED, End.FAILSAFE, notice_s=2.0),
         "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),

@@ -319,7 +319,7 @@ class Case:
         """
         if tells_elsewhere(taking):
             known_s = self._known_s(taking)
-            ours = (m.time_s for m in self.commands if is_motion(m))
+            ours = (m.time_s for m in self.commands if is_motion(m) and m.delivered)
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
         if taking.value == "plan":
             known_s = self._known_s(taking) if self.evidence.heard else taking.time_s

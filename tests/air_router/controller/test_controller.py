@@ -10,6 +10,7 @@ from air_router.controller.model.actions import (
     FlyToNode,
     FlyToPoint,
     HoldHere,
+    LandHere,
     PublishMap,
     Refusal,
 )
@@ -246,6 +247,23 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(away):
     assert "no longer clear" in controller.navigator.objection(across, now_s)
     flight.pilot_chooses(FlightMode.OTHER)
     assert "called off" in controller.navigator.objection(across, flight.now_s)
+
+
+@pytest.mark.parametrize("kind", ["goto", "jump", "land", "hold"])
+def test_a_motion_that_waited_is_not_sent_over_an_order_that_is_not_ours(away, kind):
+    flight = away()
+    controller, home = flight.controller, flight.mission.home
+    motion = {
+        "goto": FlyToPoint(home, 40.0),
+        "jump": FlyToNode(0, home),
+        "land": LandHere(),
+        "hold": HoldHere("GPS has no fix"),  # what has it hold cannot wait
+    }[kind]
+    controller.gate.send(motion)
+    assert controller.navigator.objection(motion, flight.now_s) is None
+    controller.context.doubts = True
+    objection = controller.navigator.objection(motion, flight.now_s)
+    assert objection == (None if kind == "hold" else "an order shows that is not ours")
 
 
 def test_where_the_vehicle_flies_already_it_may_be_sent_once_more(away):

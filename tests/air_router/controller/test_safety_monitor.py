@@ -2,9 +2,10 @@ import dataclasses
 
 import pytest
 
-from air_router.controller.limits import FOREIGN_ORDER_S, ORDER_STALE_S
+from air_router.controller.limits import BRAKED_S, FOREIGN_ORDER_S, ORDER_STALE_S
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import FlightPhase, SafetyMonitor
@@ -47,6 +48,54 @@ def test_an_order_of_another_while_it_hovers_in_hold(watched):
     assert watched(goto, (1.0,), target=Point(1.0, 1.0)) is None
     assert watched(goto, (2.0, 2.0 + FOREIGN_ORDER_S - 0.1), target=THERE) is None
     assert watched(goto, (2.0 + FOREIGN_ORDER_S,), target=THERE) == FOREIGN
+
+
+@pytest.fixture
+def waiting(pennovation, plan):
+    """It hovers at a place of ours, and the next order waits, or was lost on its way."""
+    context = MissionContext(pennovation, None)
+    gate = CommandGate(context, plan)
+    monitor = SafetyMonitor(context, gate, plan)
+    hovers = FlyToPoint(HERE, 40.0)
+    gate.send(hovers)
+    gate.confirmed(CommandConfirmed(hovers))
+
+    def look(order, target, seconds):
+        if gate.last is not order:
+            gate.send(order)
+        shown = {"target": target, "target_altitude_m": 40.0, "mode": FlightMode.HOLD}
+        flying = Telemetry(0.0, HERE, 40.0, armed=True, in_air=True, **shown)
+        found = [
+            monitor.foreign_order(dataclasses.replace(flying, time_s=time_s)) for time_s in seconds
+        ]
+        assert gate.pending is order
+        return found[-1]
+
+    look.context, look.gate = context, gate
+    return look
+
+
+def test_another_order_is_seen_while_one_of_ours_waits(waiting):
+    order, theirs = FlyToPoint(Point(0.0, 30.0), 40.0), Point(30.0, 0.0)
+    assert waiting(order, HERE, (1.0, 9.0)) is None
+    assert waiting(order, order.position, (10.0, 19.0)) is None  # it follows, unconfirmed
+    assert waiting(order, theirs, (20.0, 20.0 + FOREIGN_ORDER_S - 0.1)) is None
+    assert waiting.context.doubts
+    assert waiting(order, theirs, (20.0 + FOREIGN_ORDER_S,)) is not None
+
+
+def test_another_order_is_seen_while_a_hold_of_ours_is_lost(waiting):
+    """However often it is sent: each explains where the vehicle stops for some seconds only."""
+    theirs, sent_s = Point(30.0, 0.0), 1.0
+    for number in range(2):
+        order = HoldHere(f"why {number}")
+        assert waiting(order, theirs, (sent_s, sent_s + 1.4)) is None
+        sent_s += 1.5
+        waiting.gate.failed(CommandFailed(order, "lost"))
+    due_s = 1.0 + BRAKED_S + FOREIGN_ORDER_S
+    order = HoldHere("why 2")
+    assert waiting(order, theirs, (1.0 + BRAKED_S, due_s - 0.1)) is None
+    assert waiting(order, theirs, (due_s,)) is not None
 
 
 def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
