@@ -51,6 +51,10 @@ _HOLD: Final = (4.0, 3.0)  # AUTO, LOITER
 _RENEWS_S, _SENT_S = 30.0, 0.15
 """What a renewal takes at most; within this a hold that was decided on with it has left."""
 
+_WAITS_S: Final = 1.0
+"""A leg that was decided on before it may leave so late: each order waits until the vehicle has
+told its mode of now, and the answer may be lost. A hold that leaves later was requested."""
+
 
 def items_are_the_plans(case: Case) -> Iterator[Violation]:
     """Every mission that was put on board goes through the file's waypoints at its altitudes."""
@@ -201,7 +205,7 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
     """A vehicle that was told to stop gets no other fence while it still moves: it might act.
 
     What it was told once the lists were on their way does not count: its way was clear then, and so
-    is the place where it comes to rest on it.
+    is the place where it comes to rest on it. A leg from before that may leave a bit later.
     """
     kinds = {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
     motions = [m for m in case.commands if is_motion(m)]
@@ -211,7 +215,10 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
         if message.name not in kinds or message.fields.get("mission_type") != FENCE:
             continue
         begun_s = _begun_s(transfers[: at + 1])
-        stops = any(_stops(case, m) for m in [m for m in motions if m.time_s < begun_s][-1:])
+        known = [m for m in motions if m.time_s < begun_s + _SENT_S]
+        late = [m for m in motions if begun_s + _SENT_S <= m.time_s < begun_s + _WAITS_S]
+        stops = any(_stops(case, m) for m in known[-1:])
+        stops &= all(_stops(case, m) for m in late if m.time_s < message.time_s)
         speed_m_s = case.speed_m_s(max(index - 5, 0), index)
         if stops and case.cruises(index) and speed_m_s > _STANDS_M_S + case.row.room_m:
             text = f"another fence is put on board at {speed_m_s:.1f} m/s, told to stop before"
@@ -219,14 +226,14 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
 
 
 def _begun_s(transfers: Sequence[WireMessage]) -> float:
-    """By when the renewal of which this is the last message was begun, and a hold had left.
+    """When the renewal of which this is the last message was begun.
 
     It begins with a look at the mission items on board; the first upload begins with the fence.
     """
     last_s = transfers[-1].time_s
     reads = (m for m in reversed(transfers) if m.name == "MISSION_REQUEST_LIST")
     begun_s = next((m.time_s for m in reads if m.fields.get("mission_type") == MISSION), last_s)
-    return (begun_s if last_s - begun_s < _RENEWS_S else last_s) + _SENT_S
+    return begun_s if last_s - begun_s < _RENEWS_S else last_s
 
 
 def _stops(case: Case, motion: WireMessage) -> bool:

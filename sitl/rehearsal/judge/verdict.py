@@ -325,8 +325,19 @@ def judge(evidence: Evidence) -> Verdict:
 
 
 def _closest_m(case: Case) -> float | None:
-    """The least room to a zone or fence while the vehicle was ours; None: there was none."""
+    """The least room to a zone or fence while the vehicle was ours; None: there was none.
+
+    Inside of a zone it is how far out of it is, sideways, up or down.
+    """
     ours = np.array([by is Responsible.OURS for by in case.by])
-    rooms = [each.metres[ours[each.first :][: len(each.metres)]] for each in space.rooms_of(case)]
-    closest_m = min((float(room.min(initial=math.inf)) for room in rooms), default=math.inf)
+    amsl_m = case.above_m + case.ground_m
+    closest_m = math.inf
+    for each in space.rooms_of(case):
+        until = each.first + len(each.metres)
+        heights_m, counts = amsl_m[each.first : until], ours[each.first : until]
+        edge_m = np.minimum(heights_m - each.area.lower_m, each.area.upper_m - heights_m)
+        # A way from one sample to the next may begin outside of it, below or above.
+        edge_m = np.maximum(np.maximum(edge_m, np.append(edge_m[1:], -math.inf)), 0.0)
+        rooms_m = np.maximum(each.metres, -edge_m) if not each.area.fence else each.metres
+        closest_m = min(closest_m, float(rooms_m[counts].min(initial=math.inf)))
     return closest_m if math.isfinite(closest_m) else None

@@ -123,6 +123,26 @@ def test_another_fence_waits_until_it_stands(at_s, wrong):
     assert ("plan" in kinds(evidence(states, more=[hold, count], code=None))) == wrong
 
 
+STOP = {"param2": 4.0, "param3": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("at_s", "order", "wrong"),
+    [
+        (30.1, STOP, True),  # it had been decided on, and the lists wait until it stands
+        (30.5, STOP, False),  # requested meanwhile: its way was clear
+        (30.5, {"param2": 4.0, "param3": 4.0}, False),  # a leg from before that had to wait
+        (31.2, {"param2": 4.0, "param3": 4.0}, True),  # so late is none
+    ],
+)
+def test_what_leaves_as_the_lists_are_begun_had_been_decided_on_before(at_s, order, wrong):
+    """They begin at 30 s with a look at the items on board; it was told to stop long before."""
+    leg = [] if order is STOP else [command(29.0, 176, **STOP)]
+    begun = [command(at_s, 176, **order), ours(30.0, "MISSION_REQUEST_LIST", mission_type=0)]
+    count = ours(31.5, "MISSION_COUNT", count=4, mission_type=1)
+    assert ("plan" in kinds(evidence(more=[*leg, *begun, count], code=None))) is wrong
+
+
 def test_without_its_fence_on_board_it_comes_home():
     said = [(32.0, "the changed fence is not on board: refused")]
     assert kinds(evidence(said=said)) == set()
@@ -250,3 +270,12 @@ def test_no_waypoint_stays_on_board_that_a_zone_is_drawn_over(zone, again, wrong
     more = [] if again is None else [*upload(waypoints=again, at_s=40.0)]
     flown = evidence(track(ROUND * 2), more=more, happenings=(drawn,))
     assert ("or beside it" in str(judge(flown).violations)) == wrong
+
+
+@pytest.mark.parametrize(("lower_m", "closest_m"), [(39.8, -0.2), (30.0, -10.0), (5.0, -15.0)])
+def test_how_deep_it_is_in_a_wide_zone_is_how_far_out_of_it_is(lower_m, closest_m):
+    """A vehicle that touches the floor of a zone a kilometre wide is not a kilometre deep in it."""
+    edges = [[-1000, -15], [1000, -15], [1000, 15], [-1000, 15]]
+    wide = {"name": "wide", "polygon": edges, "altitude": {"lower_m": lower_m}}
+    text = yaml.safe_dump({**FILE, "no_fly_zones": [wide]})
+    assert judge(evidence(text=text)).closest_m == pytest.approx(closest_m, abs=0.3)
