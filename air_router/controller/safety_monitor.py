@@ -300,6 +300,8 @@ class SafetyMonitor:
     _gate: CommandGate
     _plan: FlightPlan
     _foreign_since_s: float | None = None  # an order that is not ours shows
+    _known: tuple[Motion, ...] = ()  # the orders of ours that the vehicle may follow
+    _known_since_s: float = -math.inf  # since when, vehicle's clock
     _jumped: tuple[FlightMode, FlyToNode, int | None] | None = None  # seen to fly to that item
     # hold, since when, target, its altitude
     _held: tuple[HoldHere, float, Point | None, float | None] | None = None
@@ -319,7 +321,13 @@ class SafetyMonitor:
         if telemetry.in_air and not as_told:
             order = self._order_of_others(telemetry, last)
         told_s = ages.item_s if telemetry.mode is FlightMode.MISSION else ages.target_s
-        if order is None or told_s >= ORDER_STALE_S:
+        known = tuple(gate.setpoints.all_known)
+        if known != self._known:
+            self._known, self._known_since_s = known, telemetry.told_s
+        # While ours waits, what was told before those of now may be of one that is void by now.
+        before = telemetry.told_s - told_s < self._known_since_s
+        old = gate.pending is not None and before and self._foreign_since_s is None
+        if order is None or told_s >= ORDER_STALE_S or old:
             self._foreign_since_s = None
             self._context.interlocks.put(Doubt.FOREIGN_ORDER, raised=False)
             if self._context.interlocks.take_deferred():
