@@ -22,7 +22,7 @@ class ConditionsWatch:
     """Looks at every telemetry of a vehicle that flies its mission by our commands.
 
     Args:
-        context: What was planned for; where it says that it is not so.
+        context: What was planned for.
 
     Attributes:
         waits: They are, or may be, worse: it has to look though nothing shows.
@@ -30,20 +30,20 @@ class ConditionsWatch:
 
     _context: MissionContext
     waits: bool = False
+    _held: bool = False  # it holds for them
     _worse_since_s: float | None = None
     _good_since_s: float | None = None  # while it is off: good again since
     _off_since_s: float | None = None  # when it was announced; inf: and it was told to come home
 
     def look(self, telemetry: Telemetry) -> Deviation | None:
         """Whether they are worse than planned for, as planned again, or worse for too long."""
-        now_s, worse, context = telemetry.time_s, self._worse(telemetry), self._context
-        comes_home = not context.knows(Signal.COME_HOME)
+        now_s, worse = telemetry.time_s, self._worse(telemetry)
+        comes_home = not self._context.knows(Signal.COME_HOME)
+        if self._off_since_s is not None and comes_home and self._held:
+            # For its battery, perhaps, or as it was asked to: it is not held for any more.
+            self._off_since_s, self._held = math.inf, False
+            return Deviation(Response.BACK, "", None, doubt=Doubt.CONDITIONS)
         if self._off_since_s is not None:
-            if comes_home and context.interlocks.up(Doubt.CONDITIONS):
-                # For its battery, perhaps, or as it was asked to.
-                self._off_since_s = math.inf
-                context.interlocks.put(Doubt.CONDITIONS, raised=False)
-                context.retry_in(0.0)
             return self._while_off(worse, now_s, self._off_since_s)
         self.waits = worse is not None
         if worse is None:
@@ -57,8 +57,8 @@ class ConditionsWatch:
         if comes_home:  # which is what it would do
             self._off_since_s = math.inf
             return Deviation(Response.TELL, worse, NEARER_THAN_IT_SAYS)
-        self._context.interlocks.put(Doubt.CONDITIONS, raised=True)
-        return Deviation(Response.WAIT, worse, NEARER_THAN_IT_SAYS)
+        self._held = True
+        return Deviation(Response.WAIT, worse, NEARER_THAN_IT_SAYS, doubt=Doubt.CONDITIONS)
 
     def _while_off(self, worse: str | None, now_s: float, off_since_s: float) -> Deviation | None:
         if worse is None:
@@ -66,16 +66,15 @@ class ConditionsWatch:
                 self._good_since_s = now_s
             if now_s - self._good_since_s < CONDITIONS_GOOD_S:
                 return None
-            held = self._context.interlocks.up(Doubt.CONDITIONS)
+            response = Response.BACK if self._held else Response.TELL
             self.forget()
             words = "satellites and wind are as planned for again"
-            return Deviation(Response.BACK if held else Response.TELL, words, None)
+            return Deviation(response, words, None, doubt=Doubt.CONDITIONS)
         self._good_since_s = None
         if now_s - off_since_s < CONDITIONS_HOME_S:
             return None
-        self._off_since_s = math.inf  # once, until they are good again
-        self._context.interlocks.put(Doubt.CONDITIONS, raised=False)
-        return Deviation(Response.HOME, worse, NEARER_THAN_IT_SAYS)
+        self._off_since_s, self._held = math.inf, False  # once, until they are good again
+        return Deviation(Response.HOME, worse, NEARER_THAN_IT_SAYS, doubt=Doubt.CONDITIONS)
 
     def _worse(self, telemetry: Telemetry) -> str | None:
         """What is worse than planned for, in words; None: the vehicle is no farther off by it."""
@@ -95,6 +94,5 @@ class ConditionsWatch:
 
     def forget(self) -> None:
         """They are good again, or it does not fly its mission by our commands just now."""
-        self.waits = False
-        self._context.interlocks.put(Doubt.CONDITIONS, raised=False)
+        self.waits = self._held = False
         self._worse_since_s = self._good_since_s = self._off_since_s = None

@@ -242,6 +242,8 @@ class ControlAuthority:
     def _look_at_failsafe(self, telemetry: Telemetry) -> None:
         """A failsafe acts, or goes on to another mode: PX4 holds for some seconds, then returns."""
         mode, before = telemetry.mode, self._failsafe
+        if self._context.authority.wrong_vehicle is not None:
+            return  # whose mode it is, is not known
         if not telemetry.failsafe:
             self._failsafe = before if mode is before else None  # one that flickers is no other
         elif telemetry.in_air and mode is not before and mode not in _BY_HAND:

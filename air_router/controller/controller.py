@@ -138,7 +138,7 @@ class Controller:
         self.returns = ReturnMonitor(context, states.reachability)
         standstill = Standstill(context)
         lag = LagMonitor(context)
-        deviations = Deviations(context, gate, self.returns, lag)
+        deviations = Deviations(context, gate, self.returns, lag, envelope)
         authority = self._authority = ControlAuthority(context, gate, gate.climb, monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
         commands = self._commands = CommandHandler(
@@ -162,7 +162,6 @@ class Controller:
             self._phase,
             home,
             monitor,
-            envelope,
             self.returns,
             lag,
             deviations,

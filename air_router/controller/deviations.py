@@ -33,14 +33,13 @@ For a fix, a position or the battery that is missing, `InputLimit` has what foll
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
 
-from air_router.controller.envelope import ReturnMonitor
+from air_router.controller.envelope import Envelope, ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.limits import DEVIATION_HOLD_S, DEVIATION_TIMES, DEVIATION_WITHIN_S
-from air_router.controller.model import MissionContext, Signal, State
+from air_router.controller.model import Doubt, MissionContext, Signal, State
 from air_router.controller.motion import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.vehicle import (
@@ -63,20 +62,22 @@ class Deviations:
         gate: Has it hold.
         returns: Looks at time and charge, which go on while inputs are missing.
         lag: Whether this program itself has just stood still.
+        envelope: What is off.
     """
 
     _context: MissionContext
     _gate: CommandGate
     _returns: ReturnMonitor
     _lag: LagMonitor
+    _envelope: Envelope
     _unsaid: set[str] = field(default_factory=set)  # what seemed to be missing just after a lag
     _times: deque[float] = field(
         default_factory=partial(deque, maxlen=DEVIATION_TIMES)
     )  # holds, when
 
-    def follow(self, found: Collection[Deviation]) -> None:
+    def follow(self, telemetry: Telemetry) -> None:
         """Say what is off, or is over, and do what follows."""
-        for deviation in found:
+        for deviation in self._lag.look(telemetry) + self._envelope.look(telemetry):
             again = deviation.counts and self._happens_again(self._context.heard.time_s)
             self._respond(deviation._replace(response=Response.HOME) if again else deviation)
 
@@ -153,16 +154,24 @@ class Deviations:
         self._unsaid.discard(news.about)
         return False
 
+    def forget(self) -> None:
+        """It does not fly its mission by our commands just now: what was off is looked at anew."""
+        self._envelope.forget()
+        for doubt in (Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS):
+            self._context.interlocks.put(doubt, raised=False)
+
     def _respond(self, deviation: Deviation, *, said: bool = False) -> None:
-        response, words, instruction, _, alarms = deviation
+        response, words, instruction, _, alarms, doubt = deviation
         context = self._context
+        if doubt is not None:  # raised and cleared here alone
+            context.interlocks.put(doubt, raised=response is Response.WAIT)
         if response is Response.HOME:
             comes_home = context.knows(Signal.COME_HOME)
             context.come_home(words, instruction)
             if comes_home:
                 return
         holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
-        if not said:
+        if words and not said:
             text = f"{words}: holding" if holds else words
             context.announce(text, instruction, alarms=alarms)
         if holds:

@@ -61,7 +61,7 @@ class HeightWatch:
     """Whether the vehicle is at the altitudes of the mission.
 
     Args:
-        context: They, and whether the altitude has jumped off them.
+        context: They, as they are now.
     """
 
     _context: MissionContext
@@ -86,9 +86,8 @@ class HeightWatch:
             words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words, WATCH_HEIGHT)
-            self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)
             self._off_since_s, self._back_since_s = now_s, None
-            return Deviation(Response.WAIT, words, WATCH_HEIGHT)
+            return Deviation(Response.WAIT, words, WATCH_HEIGHT, doubt=Doubt.ALTITUDE_JUMP)
         if self._off_since_s is not None:
             return self._while_off(telemetry, out_m, self._off_since_s)
         if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - NEARER_ALTITUDE_M:
@@ -108,15 +107,23 @@ class HeightWatch:
                 self._back_since_s = now_s
             if now_s - self._back_since_s < BACK_AT_ALTITUDE_S:
                 return None
-            self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=False)
             self._off_since_s = self._out_since_s = None
-            return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again", None)
+            return Deviation(
+                Response.BACK,
+                f"at {telemetry.altitude_m:.0f} m again",
+                None,
+                doubt=Doubt.ALTITUDE_JUMP,
+            )
         self._back_since_s = None
         if now_s - off_since_s < OFF_ALTITUDE_HOME_S:
             return None
-        self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=False)
         self._off_since_s = math.inf  # once, until it is back
-        return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}", WATCH_HEIGHT)
+        return Deviation(
+            Response.HOME,
+            f"too {self._off(telemetry.altitude_m)}",
+            WATCH_HEIGHT,
+            doubt=Doubt.ALTITUDE_JUMP,
+        )
 
     def _off(self, altitude_m: float) -> str:
         band = self._context.mission.cruise
@@ -126,7 +133,6 @@ class HeightWatch:
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
-        self._context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=False)
         self._before = self._out_since_s = self._off_since_s = self._back_since_s = None
 
 
@@ -287,7 +293,7 @@ class Envelope:
         return tuple(filter(None, found))
 
     def forget(self) -> None:
-        """It does not fly its mission by our commands just now."""
+        """It does not fly its mission by our commands just now: what was found is void."""
         if self._looks:
             self._looks = False
             for watch in (self._height, self._clearance, self._speed, self._conditions):

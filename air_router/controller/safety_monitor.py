@@ -178,10 +178,11 @@ class Deviation(NamedTuple):
 
     Attributes:
         response: What follows.
-        words: Announced.
+        words: Announced; empty: nothing is.
         instruction: What the pilot or the operator does; None: it is over.
         counts: Held for again and again, the vehicle comes home instead.
         alarms: The pilot has to act now.
+        doubt: The interlock that it raises, with the response WAIT, or clears, with any other.
     """
 
     response: Response
@@ -189,6 +190,7 @@ class Deviation(NamedTuple):
     instruction: Instruction | None
     counts: bool = False
     alarms: bool = False
+    doubt: Doubt | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -286,6 +288,18 @@ class HomeWatch:
         return None
 
 
+class ForeignOrder(NamedTuple):
+    """An order that the vehicle seems to follow, and that is not ours.
+
+    Attributes:
+        words: Whose it may be.
+        sure: It has shown for long enough.
+    """
+
+    words: str
+    sure: bool
+
+
 @dataclass(slots=True, eq=False)
 class SafetyMonitor:
     """Looks at every telemetry of a vehicle that flies by our commands.
@@ -308,8 +322,8 @@ class SafetyMonitor:
     # Nothing is near this place, so far, among the zones of this mission.
     _clear: tuple[Point, float, Mission] | None = None
 
-    def foreign_order(self, telemetry: Telemetry) -> str | None:
-        """The order that the vehicle surely follows and that is not ours; None if there is none.
+    def foreign_order(self, telemetry: Telemetry) -> ForeignOrder | None:
+        """The order that the vehicle seems to follow and that is not ours; None if there is none.
 
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
         changes no mode, and one who jumps to another plan item in Mission mode neither. While an
@@ -329,16 +343,12 @@ class SafetyMonitor:
         old = gate.pending is not None and before and self._foreign_since_s is None
         if order is None or told_s >= ORDER_STALE_S or old:
             self._foreign_since_s = None
-            self._context.interlocks.put(Doubt.FOREIGN_ORDER, raised=False)
-            if self._context.interlocks.take_deferred():
-                self._context.retry_in(0.0)
             return None
         if self._foreign_since_s is None:
             self._foreign_since_s = telemetry.told_s
-        self._context.interlocks.put(Doubt.FOREIGN_ORDER, raised=True)
         shown_s = telemetry.told_s - self._foreign_since_s
         # One message, that may be of before our own order, is no proof.
-        return order if told_s < shown_s and shown_s >= FOREIGN_ORDER_S else None
+        return ForeignOrder(order, sure=told_s < shown_s and shown_s >= FOREIGN_ORDER_S)
 
     def _order_of_others(self, telemetry: Telemetry, last: Motion | None) -> str | None:
         """What the vehicle follows in the mode of our order, and that is another; None if not."""

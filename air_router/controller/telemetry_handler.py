@@ -16,7 +16,7 @@ from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
-from air_router.controller.envelope import Envelope, ReturnMonitor
+from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.model import (
     ControlHolder,
@@ -72,7 +72,6 @@ class TelemetryHandler:
         phase: Whether it has taken off, landed, or fallen.
         home: Where home is, and whether the altitude is in doubt.
         monitor: Orders of others, and breaches.
-        envelope: Whether the flight keeps to what was planned.
         returns: When the mission ends.
         lag: Whether this program itself stood still.
         deviations: What follows from what is off.
@@ -91,7 +90,6 @@ class TelemetryHandler:
     _phase: FlightPhase
     _home: HomeWatch
     _monitor: SafetyMonitor
-    _envelope: Envelope
     _returns: ReturnMonitor
     _lag: LagMonitor
     _deviations: Deviations
@@ -156,7 +154,16 @@ class TelemetryHandler:
 
     def sent_elsewhere(self, seen: Seen) -> str | None:
         """It surely follows an order that is not ours; which, in words."""
-        return self._monitor.foreign_order(seen.telemetry) if seen.ours else None
+        if not seen.ours:
+            return None
+        # One that only seems to show is waited for.
+        context, order = self._context, self._monitor.foreign_order(seen.telemetry)
+        context.interlocks.put(Doubt.FOREIGN_ORDER, raised=order is not None)
+        if order is None:
+            if context.interlocks.take_deferred():
+                context.retry_in(0.0)
+            return None
+        return order.words if order.sure else None
 
     def waits_for_hold(self, _: Seen) -> bool:
         """It is being released, or the plan on board is being compared."""
@@ -230,7 +237,7 @@ class TelemetryHandler:
     def look_on(self, seen: Seen, _found: bool) -> None:
         """Say what the pilot may not see."""
         self._authority.look_on(seen.telemetry)
-        self._envelope.forget()
+        self._deviations.forget()
 
     def fly(self, seen: Seen, _found: bool) -> None:
         """Take the `STEPS`, until one says that the rest waits."""
@@ -253,10 +260,9 @@ class TelemetryHandler:
         if seen.moved is not None:
             self._deviations.home_moved(seen.moved, cruises=cruises)
         if not cruises:
-            self._envelope.forget()
+            self._deviations.forget()
         elif not context.interlocks.up(Doubt.FOREIGN_ORDER):
-            found = self._lag.look(seen.telemetry) + self._envelope.look(seen.telemetry)
-            self._deviations.follow(found)
+            self._deviations.follow(seen.telemetry)
         if self._home.in_doubt and context.spec.cruises:
             self._airspace_update.altitude_doubted(seen.telemetry)
         return False

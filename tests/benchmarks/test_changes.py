@@ -3,6 +3,7 @@
 from benchmarks.mutants import MUTANTS
 from benchmarks.patched import ChangeError, check
 from benchmarks.sabotage.table import SABOTAGES
+from benchmarks.stpa.__main__ import BREAKS
 from sitl.rehearsal.faults import Fault
 
 
@@ -23,3 +24,7 @@ def test_every_sabotage_applies_and_its_scenes_are_flown():
     assert [*misfits((sabotage.name, sabotage.changes) for sabotage in SABOTAGES)] == []
     scenes = {scene.rsplit("-", 1)[0] for sabotage in SABOTAGES for scene in sabotage.scenes}
     assert scenes <= set(Fault.__members__)
+
+
+def test_every_break_behind_the_table_of_unsafe_commands_applies():
+    assert [*misfits((each.test, each.changes) for each in BREAKS)] == []

@@ -301,7 +301,7 @@ class Navigator:
             return "it was called off"
         if isinstance(motion, HoldHere):
             return None
-        if self._context.doubts:
+        if self._context.interlocks.up(Doubt.FOREIGN_ORDER):
             return "an order shows that is not ours"
         return None if isinstance(motion, LandHere) else self._leg_refusal(motion, telemetry, now_s)
 

@@ -4,7 +4,6 @@ import pytest
 
 from air_router.controller.limits import BRAKED_S, FOREIGN_ORDER_S, ORDER_STALE_S
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.interlocks_raised import Doubt
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
@@ -37,7 +36,8 @@ def watched(pennovation, plan):
         for s in seconds:
             telemetry = Telemetry(time_s=s, **values | {"mode": mode} | shown)
             order, breach = monitor.foreign_order(telemetry), monitor.breach(telemetry)
-        return FOREIGN if order else BREACH if breach else None
+        look.suspected = order is not None
+        return FOREIGN if order and order.sure else BREACH if breach else None
 
     look.context = context
     return look
@@ -69,9 +69,10 @@ def waiting(pennovation, plan):
             monitor.foreign_order(dataclasses.replace(flying, time_s=time_s)) for time_s in seconds
         ]
         assert gate.pending is order
-        return found[-1]
+        look.suspected = found[-1] is not None
+        return found[-1] if look.suspected and found[-1].sure else None
 
-    look.context, look.gate = context, gate
+    look.gate = gate
     return look
 
 
@@ -80,7 +81,7 @@ def test_another_order_is_seen_while_one_of_ours_waits(waiting):
     assert waiting(order, HERE, (1.0, 9.0)) is None
     assert waiting(order, order.position, (10.0, 19.0)) is None  # it follows, unconfirmed
     assert waiting(order, theirs, (20.0, 20.0 + FOREIGN_ORDER_S - 0.1)) is None
-    assert waiting.context.doubts
+    assert waiting.suspected
     assert waiting(order, theirs, (20.0 + FOREIGN_ORDER_S,)) is not None
 
 
@@ -108,7 +109,7 @@ def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
 def test_a_target_that_is_told_no_more_is_no_order(watched):
     stale = {"target": THERE, "ages": Ages(target_s=ORDER_STALE_S)}
     assert watched(FlyToPoint(HERE, 40.0), (1.0, 9.0, 99.0), **stale) is None
-    assert not watched.context.interlocks.up(Doubt.FOREIGN_ORDER)
+    assert not watched.suspected
 
 
 def test_a_vehicle_that_does_not_tell_its_target_is_believed(watched):
