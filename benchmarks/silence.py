@@ -10,7 +10,8 @@ A return of theirs is silent if on some way through the function to it, by its s
 * no other function that is asked for a motion is called (that one is judged where it stands);
 * nothing leaves (`LEAVES`), and nothing of `TELLS` is called, nor a function of the controller that
   does so on all of its ways;
-* and no value but None is returned: a motion, or a verdict with a name.
+* and no value but None is returned: a motion, a verdict with a name, or `Rest`, which says why nothing
+  is wanted.
 
 The end of a function is a return. What a condition is true for is not known: a loop may run not at
 all, and each branch may be taken. So a motion that is under way already, for which nothing is to be
@@ -29,7 +30,7 @@ HANDLES: Final = ("begin", "arrived", "no_route", "retry", "replan")
 ASKED: Final[Mapping[str, tuple[str, ...]]] = {
     "CommandGate": ("command", "send", "hold", "_block", "wait_here", "wait_for_way"),
     "InitialClimb": ("first",),
-    "Navigator": ("fly_to", "fly_again", "advance"),
+    "Navigator": ("fly_to", "advance"),
 }
 """What else is asked for a motion, by class."""
 

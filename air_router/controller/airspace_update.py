@@ -332,7 +332,7 @@ class AirspaceUpdate:
                 self._context.come_home(f"{self._what} is not on board", BE_READY_AT_HOME)
                 return
         if self._context.in_air:
-            self._context.task.handler.replan()
+            self._navigator.follow(self._context.task.handler.replan())
 
     # The altitude in doubt.
 

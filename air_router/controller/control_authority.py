@@ -30,7 +30,7 @@ from air_router.controller.model import (
     Signal,
     State,
 )
-from air_router.controller.motion import MODES, RETRY_S, CommandGate, InitialClimb
+from air_router.controller.motion import MODES, RETRY_S, CommandGate, Navigator
 from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission import Mission
 from air_router.vehicle import (
@@ -111,13 +111,13 @@ class ControlAuthority:
     Args:
         context: Where it signals that the pilot flies, and that we do again.
         gate: Has it hold.
-        climb: Whether a vehicle that is taken back can climb to the mission's altitude.
+        navigator: Goes on with what the state wants.
         monitor: What is told of breaches while another flies.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _climb: InitialClimb
+    _navigator: Navigator
     _monitor: SafetyMonitor
     _instruction: Instruction = TAKE_WHERE_IT_HOLDS  # about why hands will be off
     _compared_by_s: float = 0.0  # so long the comparison is waited for
@@ -434,7 +434,7 @@ class ControlAuthority:
             self._gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         else:
-            context.task.handler.replan()
+            self._navigator.follow(context.task.handler.replan())
 
     def _differs(self, why: str) -> None:
         """Another plan is on board."""
@@ -449,7 +449,7 @@ class ControlAuthority:
         elif context.state in {State.LAND, State.PASSIVE}:
             context.warn(why, UPLOAD_OURS)
             context.authority.plan_checked()
-            context.task.handler.replan()  # a landing needs no plan
+            self._navigator.follow(context.task.handler.replan())  # a landing needs no plan
         elif context.in_charge and context.authority.releasing is None:
             self.give_up(why, TAKE_WHERE_IT_HOLDS)
 
@@ -467,7 +467,7 @@ class ControlAuthority:
         if self._context.authority.wrong_vehicle is not None:
             return f"{self._context.authority.wrong_vehicle}: land it by hand"
         why = why_not_resumed(self._context.mission, telemetry)
-        why = why or self._climb.why_not(telemetry)
+        why = why or self._gate.climb.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
         if self._context.authority.on_board is OnBoard.REPLACED:

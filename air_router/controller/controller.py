@@ -50,6 +50,7 @@ from air_router.controller.model import (
     State,
     StateChanged,
     Task,
+    Wanted,
 )
 from air_router.controller.motion import CommandGate, Interlock, Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, SafetyMonitor
@@ -129,7 +130,7 @@ class Controller:
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
         self.search = Search(context, navigator, setup, exploration, policy)
-        states = self.states = StateHandlers(context, gate, navigator, self.search, self._let_go)
+        states = self.states = StateHandlers(context, gate, navigator, self.search)
         # What is watched, in this order.
         self._phase = FlightPhase(context, gate)
         home = HomeWatch(context)
@@ -139,7 +140,7 @@ class Controller:
         standstill = Standstill(context)
         lag = LagMonitor(context)
         deviations = Deviations(context, gate, self.returns, lag, envelope)
-        authority = self._authority = ControlAuthority(context, gate, gate.climb, monitor)
+        authority = self._authority = ControlAuthority(context, gate, navigator, monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
         commands = self._commands = CommandHandler(
             context,
@@ -172,7 +173,7 @@ class Controller:
             setup.pilot_arms,
         )
         # Who takes which event in; others (links of others, metrics) only concern the record.
-        self._reactions: dict[type, Callable[[Any], None]] = {
+        self._reactions: dict[type, Callable[[Any], Wanted | None]] = {
             Telemetry: vehicle.received,
             ItemReached: self._item_reached,
             LinkSilent: authority.nothing_heard,
@@ -205,8 +206,9 @@ class Controller:
         if context.silent_s > 0.0 and not self._authority.heard_again(event):
             return context.actions
         reaction = self._reactions.get(type(event))
-        if reaction is not None:
-            reaction(event)
+        wanted = None if reaction is None else reaction(event)
+        if wanted is not None:
+            self.navigator.follow(wanted)
         context.actions.extend(context.alarms.due(context.now_s))
         sought = context.task.robot if context.spec.seeks else None
         if sought != self._told_sought:
@@ -272,7 +274,9 @@ class Controller:
         context.actions.append(StateChanged(left, signal, target, context.task.robot))
         if not spec.keeps_target:
             context.task.seek(None)
-        handler.begin()
+        if not spec.ours:
+            self._let_go()
+        self.navigator.follow(handler.begin())
 
     def _flown_before(self, event: FlownBefore) -> None:
         self.context.task.fly_since(event.airborne_s)

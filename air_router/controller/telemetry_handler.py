@@ -289,7 +289,9 @@ class TelemetryHandler:
             self._airspace_update.go_on(seen.telemetry)
             return True
         if climb.climb is not None and climb.go_on(seen.telemetry, self._gate.last):
-            if climb.stuck(seen.telemetry):
+            if climb.climb is None:
+                self._navigator.follow(context.task.handler.replan())
+            elif climb.stuck(seen.telemetry):
                 self._authority.give_up(
                     "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
                 )
@@ -318,7 +320,7 @@ class TelemetryHandler:
         """What could not be done before."""
         task = self._context.task
         if task.retry_at_s is not None and not self._gate.pending and self._context.take_retry():
-            task.handler.retry()
+            self._navigator.follow(task.handler.retry())
         return False
 
 

@@ -64,6 +64,7 @@ MAKERS = {
     "come_home": (0, "why", "coming home: {}", "warning"),
     "give_up": (0, "why", "hands off: {}", "alarm"),
     "take_over": (1, "why", "hands off: {}", "warning"),
+    "Hover": (0, "why", "holding: {}", "warning"),
     "wait_here": (0, "why", "holding: {}", "warning"),
 }
 # What a text says that comes from elsewhere, by function and instruction.

@@ -59,7 +59,12 @@ from air_router.controller.model.states import Spec as Spec
 from air_router.controller.model.states import State as State
 from air_router.controller.model.task import Ending as Ending
 from air_router.controller.model.task import Goal as Goal
+from air_router.controller.model.task import Hover as Hover
+from air_router.controller.model.task import NoWay as NoWay
+from air_router.controller.model.task import Planned as Planned
 from air_router.controller.model.task import Progress as Progress
+from air_router.controller.model.task import Rest as Rest
 from air_router.controller.model.task import StateHandler as StateHandler
 from air_router.controller.model.task import Task as Task
+from air_router.controller.model.task import Wanted as Wanted
 from air_router.controller.model.task import Way as Way

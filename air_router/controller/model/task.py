@@ -7,29 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 
-from air_router.controller.model.states import From, Requests, Spec, State
+from air_router.controller.model.actions import Motion
+from air_router.controller.model.states import From, Requests, Signal, Spec, State
 from air_router.routing import Leg, NoRoute
 from air_router.vehicle import Instruction
 from geo.frame import Point
-
-
-class StateHandler:
-    """What is flown in a state: asked while it lasts, never in another. This one flies nothing."""
-
-    def begin(self) -> None:
-        """The state was entered."""
-
-    def arrived(self) -> None:
-        """The vehicle is where it was sent; said again as long as it stays there."""
-
-    def no_route(self, refusal: str) -> None:
-        """No clear way leads there from here, and why."""
-
-    def retry(self) -> None:
-        """The pause is over after something that could not be done."""
-
-    def replan(self) -> None:
-        """Other zones count from now on, and nothing was commanded meanwhile: plan anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +48,85 @@ class Goal:
 
     position: Point
     node: int | None = None  # None: a point that is no node
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A way was planned already: its first motion; None: `Way.progress` says how it stands."""
+
+    motion: Motion | None
+
+
+@dataclass(frozen=True, slots=True)
+class Hover:
+    """Go nowhere any more, and hover.
+
+    Attributes:
+        why: In words.
+        instruction: What the pilot does about it: that is announced, and a way looked for again in
+            a moment; None: it hovers because that is wanted.
+        at_leg_s_end: The leg under way ends where it would stop: it is not braked for.
+    """
+
+    why: str
+    instruction: Instruction | None = None
+    at_leg_s_end: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NoWay:
+    """Hover where no clear way leads on, say so, and look again in a moment."""
+
+    refusal: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Nothing is commanded.
+
+    Attributes:
+        why: In words.
+        again_s: The handler is asked again after so long; None: once something happens.
+    """
+
+    why: str
+    again_s: float | None = None
+
+
+Wanted = Goal | Motion | Signal | Planned | Hover | NoWay | Rest
+"""What a state wants next.
+
+A `Goal` is flown to, by legs that are planned and checked; another motion is commanded as it is; a
+`Signal` leads to another state. Only the controller commands, and only past `INTERLOCKS`.
+"""
+
+
+class StateHandler:
+    """What is flown in a state: asked while it lasts, never in another. This one flies nothing.
+
+    Each method returns what is wanted next. It may announce (`MissionContext.say`, `warn`, `alarm`)
+    and plan (`Navigator.plan_to`); it commands nothing.
+    """
+
+    def begin(self) -> Wanted:
+        """The state was entered."""
+        return Rest("nothing is flown in this state")
+
+    def arrived(self) -> Wanted:
+        """The vehicle is where it was sent; asked again as long as it stays there."""
+        return Rest("it is there")
+
+    def no_route(self, refusal: str) -> Wanted:
+        """No clear way leads there from here, and why."""
+        return NoWay(refusal)
+
+    def retry(self) -> Wanted:
+        """The pause is over after something that could not be done."""
+        return Rest("nothing waits in this state")
+
+    def replan(self) -> Wanted:
+        """Other zones count from now on, and nothing was commanded meanwhile: plan anew."""
+        return Rest("nothing is flown in this state")
 
 
 @dataclass(slots=True, eq=False)

@@ -33,7 +33,7 @@ from air_router.controller.model import (
     ZoneChange,
 )
 from air_router.controller.motion.initial_climb import InitialClimb, NoClimb
-from air_router.controller.motion.interlocks import Blocked, Interlock, raised
+from air_router.controller.motion.interlocks import Blocked, Interlock, Verdict, raised
 from air_router.controller.motion.limits import (
     JUMPS,
     REACTION_S,
@@ -107,31 +107,32 @@ class CommandGate:
 
     # Commands.
 
-    def command(self, motion: Motion) -> None:
-        """Have the vehicle do this, if nothing stands against it; a hold it is told in any case."""
+    def command(self, motion: Motion) -> Verdict | Blocked:
+        """Have the vehicle do this, if nothing stands against it; a hold it is told in any case.
+
+        Returns what became of it.
+        """
         context = self._context
         if isinstance(motion, HoldHere):
-            self.send(motion)
-            return
+            return self.send(motion)
         if up := raised(context):
-            self._block(motion, up)
-            return
+            return self._block(motion, up)
         self.blocked = None
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
             context.task.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
-            return
-        climbs = context.interlocks.climbs_first
-        allowed = self.climb.first(motion, self.last, self.reaction_s) if climbs else motion
+            return Verdict.INSTEAD
+        if not context.interlocks.climbs_first:
+            return self.send(motion)
+        allowed = self.climb.first(motion, self.last, self.reaction_s)
         if isinstance(allowed, NoClimb):
-            self.wait_here(allowed.why, CLIMB_BY_HAND)
-        else:
-            self.send(allowed)
+            return self.wait_here(allowed.why, CLIMB_BY_HAND)
+        return self.send(allowed)
 
-    def _block(self, motion: Motion, up: Sequence[Interlock]) -> None:
+    def _block(self, motion: Motion, up: Sequence[Interlock]) -> Blocked:
         """The motion stays. The first row decides what follows; any may have it come back."""
         context, first = self._context, up[0]
-        self._waits_for(first)
+        blocked = self._waits_for(first)
         if any(row.defers for row in up):
             context.interlocks.defer_motion()
         if first.repeats_landing and isinstance(motion, LandHere):
@@ -141,6 +142,7 @@ class CommandGate:
             if context.airspace.change is ZoneChange.UPLOADING or self.last is not None:
                 context.airspace.stop_first()
                 self.hold("zones are being changed")
+        return blocked
 
     def mission_goes_on(self) -> None:
         """Nothing keeps it waiting: what does next counts from its own begin."""
@@ -165,16 +167,18 @@ class CommandGate:
         if up := raised(self._context):
             self._waits_for(up[0])
 
-    def _waits_for(self, row: Interlock) -> None:
-        if self.blocked is None or self.blocked.by is not row:
-            self.blocked = Blocked(row, self._context.now_s)
+    def _waits_for(self, row: Interlock) -> Blocked:
+        blocked = self.blocked
+        if blocked is None or blocked.by is not row:
+            blocked = self.blocked = Blocked(row, self._context.now_s)
+        return blocked
 
     def waits_for(self) -> Blocked | None:
         """What keeps the mission from what it wants; None if nothing does now."""
         found = self.blocked
         return found if found is not None and found.by.raised(self._context) else None
 
-    def send(self, motion: Motion) -> None:
+    def send(self, motion: Motion) -> Verdict:
         """The same, whatever stands against it.
 
         A hold only the operator asks for while it is not known whose the vehicle is.
@@ -183,9 +187,9 @@ class CommandGate:
         asked = context.state is State.HOLD
         unheard = context.inputs.silent or context.silent_s > 0.0
         if isinstance(motion, HoldHere) and unheard and not asked:
-            return  # a pilot may have the vehicle
+            return Verdict.MAY_BE_TAKEN
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
-            return  # that is under way
+            return Verdict.UNDER_WAY
         self.pending = self.last = motion
         shown = frozenset() if context.telemetry is None else {context.telemetry.mode}
         self.ends = self._assumed | shown
@@ -193,11 +197,13 @@ class CommandGate:
         self.modes |= {MODES[type(motion)]}
         self.setpoints.sent(motion)
         context.actions.append(motion)
+        return Verdict.SENT
 
-    def hold(self, why: str) -> None:
-        """Stop, unless that is what the vehicle was told last."""
-        if not isinstance(self.last, HoldHere):
-            self.send(HoldHere(why))
+    def hold(self, why: str) -> Verdict:
+        """Stop, unless that is what the vehicle was commanded last."""
+        if isinstance(self.last, HoldHere):
+            return Verdict.UNDER_WAY
+        return self.send(HoldHere(why))
 
     def stop(self) -> None:
         """Go nowhere from now on."""
@@ -217,12 +223,13 @@ class CommandGate:
 
     # Waiting.
 
-    def wait_for_way(self, refusal: str) -> None:
+    def wait_for_way(self, refusal: str) -> Verdict:
         """Hover where no way is clear, unless it waits for another already."""
-        if self._context.task.retry_at_s is None:
-            self.wait_here(refusal, FLY_OUT_OR_RELOAD)
+        if self._context.task.retry_at_s is not None:
+            return Verdict.WAITS
+        return self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 
-    def wait_here(self, why: str, instruction: Instruction) -> None:
+    def wait_here(self, why: str, instruction: Instruction) -> Verdict:
         """Hover where no way is clear, say so once, and look again in a moment."""
         now_s = self._context.now_s
         if why != self.waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
@@ -230,6 +237,7 @@ class CommandGate:
             self._context.warn(f"holding: {why}", instruction)
         self.hold(why)
         self._context.retry_in(RETRY_S)
+        return Verdict.WAITS
 
     # What became of them.
 

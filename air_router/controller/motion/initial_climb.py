@@ -116,7 +116,6 @@ class InitialClimb:
             return True
         self.climb = None
         self._context.interlocks.climbed()
-        self._context.task.handler.replan()
         return True
 
     def stuck(self, telemetry: Telemetry) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 from air_router.controller.model import Doubt, MissionContext, ZoneChange
@@ -182,6 +183,16 @@ class Blocked:
     def for_s(self, context: MissionContext) -> float:
         """For how long it has kept the mission back."""
         return max(context.now_s - self.since_s, 0.0)
+
+
+class Verdict(Enum):
+    """What became of a motion that was wanted and that no row keeps back."""
+
+    SENT = "it is commanded"
+    INSTEAD = "something else is commanded first: a hold, or a climb"
+    UNDER_WAY = "it is commanded already"
+    MAY_BE_TAKEN = "its flight mode is not received, and a hold might end a pilot's"
+    WAITS = "it hovers, and looks for another way in a moment"
 
 
 def raised(context: MissionContext) -> tuple[Interlock, ...]:

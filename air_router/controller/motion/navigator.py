@@ -21,10 +21,16 @@ from air_router.controller.model import (
     FlyToPoint,
     Goal,
     HoldHere,
+    Hover,
     LandHere,
     MissionContext,
     Motion,
+    NoWay,
+    Planned,
     Progress,
+    Rest,
+    Signal,
+    Wanted,
 )
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
@@ -59,7 +65,31 @@ class Navigator:
     _gate: CommandGate
     _settle_until_s: float = -math.inf  # when it looks again, vehicle's clock
 
-    # What handlers ask for.
+    # What a state wants.
+
+    def follow(self, wanted: Wanted) -> None:
+        """Have the vehicle do what a state wants, as far as nothing stands against it."""
+        gate, context = self._gate, self._context
+        match wanted:
+            case Goal():
+                self.fly_to(wanted)
+            case Planned(motion):
+                self.advance(motion)
+            case Hover(why, instruction, at_leg_s_end):
+                gate.stop()
+                if instruction is not None:
+                    gate.wait_here(why, instruction)
+                elif not at_leg_s_end:
+                    gate.hold(why)
+            case NoWay(refusal):
+                gate.wait_for_way(refusal)
+            case Signal():
+                context.signal(wanted)
+            case Rest(_, again_s):
+                if again_s is not None:
+                    context.retry_in(again_s)
+            case _:
+                gate.command(wanted)
 
     def plan_to(self, goal: Goal) -> Motion | None:
         """The first motion of a way to a goal from where the vehicle is, however fast it moves.
@@ -80,12 +110,8 @@ class Navigator:
         self._context.task.head_for(goal)
         self.advance(self._plan())
 
-    def fly_again(self) -> None:
-        """Set out for the same goal once more."""
-        self.advance(self.again())
-
-    def advance(self, motion: Motion | None) -> None:
-        """Command the next motion, if any, and tell the state's handler where it stands."""
+    def advance(self, motion: Motion | None) -> Progress:
+        """Command the next motion, if any, and follow what the state wants then; how far it is."""
         context = self._context
         if isinstance(motion, HoldHere) and context.interlocks.up(Doubt.FOREIGN_ORDER):
             # It may follow a pilot, whose order a hold would end; planned anew if it does not.
@@ -97,9 +123,10 @@ class Navigator:
                 self._gate.way_found()
         progress = self._context.task.way.progress
         if progress is Progress.ARRIVED:
-            self._context.task.handler.arrived()
+            self.follow(self._context.task.handler.arrived())
         elif progress is Progress.NO_ROUTE:
-            self._context.task.handler.no_route(self.refusal)
+            self.follow(self._context.task.handler.no_route(self.refusal))
+        return progress
 
     def hover(self, position: Point) -> tuple[Point, str]:
         """Where to hover for a place, and why not there; nothing if it is the place itself."""

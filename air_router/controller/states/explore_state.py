@@ -9,12 +9,15 @@ from typing import Final
 
 from air_router.controller.model import (
     Goal,
+    Hover,
     MissionContext,
+    Planned,
     Progress,
     Signal,
     StateHandler,
+    Wanted,
 )
-from air_router.controller.motion import CommandGate, Navigator
+from air_router.controller.motion import Navigator
 from air_router.controller.states.limits import PASSING_M
 from air_router.controller.states.return_state import HomeReachability
 from air_router.mission import Waypoint
@@ -149,28 +152,24 @@ class ExploreState(StateHandler):
 
     Args:
         context: Where it says what is skipped, and signals that no waypoint is left.
-        gate: Has it wait.
         navigator: Flies there.
         exploration: Whose turn it is.
         reachability: Whether zones leave a way home: without one no waypoint is skipped.
     """
 
     _context: MissionContext
-    _gate: CommandGate
     _navigator: Navigator
     _exploration: Exploration
     _reachability: HomeReachability
 
-    def begin(self) -> None:
+    def begin(self) -> Wanted:
         """Fly to the waypoint whose turn it is, or say that none is left."""
-        gate, navigator, exploration = self._gate, self._navigator, self._exploration
+        navigator, exploration = self._navigator, self._exploration
         if self._reachability.walls is not None:
             # What cannot be reached from home is skipped already.
-            gate.stop()
-            gate.wait_here(
+            return Hover(
                 "no waypoint can be reached from here: no clear way home", FLY_OUT_OR_RELOAD
             )
-            return
         refusals = []
         mark = exploration.mark()
         while (goal := exploration.goal) is not None:
@@ -186,33 +185,29 @@ class ExploreState(StateHandler):
             # All can be reached from home, or the mission would not fly: it is this place.
             exploration.back_to(mark)
             why = navigator.refusal
-            gate.stop()
-            gate.wait_here(f"no waypoint can be reached from here: {why}", FLY_OUT_OR_RELOAD)
-            return
+            return Hover(f"no waypoint can be reached from here: {why}", FLY_OUT_OR_RELOAD)
         for refusal in refusals:
             self._context.say(refusal)
         if goal is not None:
-            navigator.advance(motion)
-        else:
-            exploration.explored(self._context.now_s)
-            self._context.signal(Signal.EXPLORED)
+            return Planned(motion)
+        exploration.explored(self._context.now_s)
+        return Signal.EXPLORED
 
-    def arrived(self) -> None:
+    def arrived(self) -> Wanted:
         """On to the next."""
         self._exploration.visited()
-        self.begin()
+        return self.begin()
 
-    def no_route(self, refusal: str) -> None:
+    def no_route(self, refusal: str) -> Wanted:
         """On to the next, without this one."""
         self._context.say(self._left_out(refusal))
-        self.begin()
+        return self.begin()
 
-    def retry(self) -> None:
+    def retry(self) -> Wanted:
         """To the same waypoint, or to the first that can be reached."""
         if self._context.task.way.goal is None:
-            self.begin()
-        else:
-            self._navigator.fly_again()
+            return self.begin()
+        return Planned(self._navigator.again())
 
     replan = begin
 

@@ -10,10 +10,13 @@ from typing import NamedTuple
 from air_router.controller.model import (
     Goal,
     MissionContext,
+    Planned,
     Refusal,
     RequestRefusedError,
+    Rest,
     Signal,
     StateHandler,
+    Wanted,
 )
 from air_router.controller.motion import CommandGate, Navigator
 from air_router.controller.states.limits import SETTLING_S
@@ -179,39 +182,38 @@ class GotoState(StateHandler):
         self._context.task.carry(goto_task.hold_s if left_s is None else left_s)
         self._context.signal(Signal.GOTO)
 
-    def begin(self) -> None:
+    def begin(self) -> Wanted:
         """Fly to the point whose turn it is."""
         self._there_since_s = None
-        if self.goto_task is not None:
-            self._navigator.fly_to(self.goto_task.goal)
+        return Rest("no point was asked for") if self.goto_task is None else self.goto_task.goal
 
-    def arrived(self) -> None:
+    def arrived(self) -> Wanted:
         """On to the next point once it stands here; the state's timer runs at the last."""
-        if self._context.task.ends_s is not None or not self._settled:
-            return
-        if not self._next():
-            self._context.start_timer()
-            self._context.say("at the last point")
+        if self._context.task.ends_s is not None:
+            return Rest("it hovers at the last point")
+        if not self._settled:
+            return Rest("it settles")
+        if self._next():
+            return self.begin()
+        self._context.start_timer()
+        self._context.say("at the last point")
+        return Rest("it hovers at the last point")
 
-    def no_route(self, refusal: str) -> None:
+    def no_route(self, refusal: str) -> Wanted:
         """On to the next point, without this one."""
         if self.goto_task is not None:
             self._context.say(f"point {self.goto_task.done + 1} left out: {refusal}")
-        if not self._next():
-            self._context.signal(Signal.NO_WAY)
+        return self.begin() if self._next() else Signal.NO_WAY
 
-    def retry(self) -> None:
+    def retry(self) -> Wanted:
         """To the same point."""
-        self._navigator.fly_again()
+        return Planned(self._navigator.again())
 
     replan = begin
 
     def _next(self) -> bool:
-        """Fly to the next point, if there is one."""
-        if self.goto_task is None or not self.goto_task.next():
-            return False
-        self.begin()
-        return True
+        """Whether there is a next point."""
+        return self.goto_task is not None and self.goto_task.next()
 
     @property
     def _settled(self) -> bool:

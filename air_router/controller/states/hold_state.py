@@ -9,11 +9,14 @@ from air_router.controller.model import (
     Doubt,
     FlyToNode,
     FlyToPoint,
+    Hover,
     MissionContext,
     Refusal,
+    Rest,
     Signal,
     State,
     StateHandler,
+    Wanted,
 )
 from air_router.controller.motion import ALTITUDE_M, CommandGate, stopping_point
 from air_router.controller.states.goto_state import GotoState, GotoTask
@@ -115,7 +118,7 @@ class HoldState(StateHandler):
     def climb(self, altitude_m: float) -> None:
         """Climb or descend where it hovers; between the mission's altitudes all zones count."""
         self._altitude_m = altitude_m
-        self.replan()
+        self._gate.command(self._level(altitude_m))
 
     def stay(self) -> bool:
         """Stop a climb or descent; whether there was one."""
@@ -124,38 +127,35 @@ class HoldState(StateHandler):
             self._gate.hold("hold was requested")
         return climbs
 
-    def replan(self) -> None:
-        """To the altitude, if one was asked for."""
-        if self._altitude_m is not None:
-            place = stopping_point(self._context.heard, self._gate.reaction_s)
-            self._gate.command(FlyToPoint(place, self._altitude_m))
+    def _level(self, altitude_m: float) -> FlyToPoint:
+        """Straight up or down where it stops."""
+        place = stopping_point(self._context.heard, self._gate.reaction_s)
+        return FlyToPoint(place, altitude_m)
 
-    def begin(self) -> None:
+    def replan(self) -> Wanted:
+        """To the altitude, if one was asked for."""
+        if self._altitude_m is None:
+            return Rest("it hovers here")
+        return self._level(self._altitude_m)
+
+    def begin(self) -> Wanted:
         """Stop."""
         self._altitude_m = None
-        ending = self._stops_anyway()
-        self._gate.stop()
-        if not ending:
-            self._gate.hold("hold was requested")
+        return Hover("hold was requested", at_leg_s_end=self._stops_anyway())
 
-    def no_route(self, refusal: str) -> None:
-        """Stay."""
-        self._gate.wait_for_way(refusal)
-
-    def retry(self) -> None:
+    def retry(self) -> Wanted:
         """On with a climb or descent that was held; one that it did not follow is over."""
         altitude_m, here_m = self._altitude_m, self._context.heard.altitude_m
         under_way = altitude_m is not None and abs(here_m - altitude_m) > ALTITUDE_M
         if under_way and self._gate.last is not None:
-            self.replan()
-            return
+            return self.replan()
         if under_way:
             self._context.warn(
                 f"it holds at {here_m:.0f} m above home: the order to {altitude_m:g} m was not "
                 "followed, and is over",
                 ASK_AGAIN,
             )
-        self.begin()
+        return self.begin()
 
     def _stops_anyway(self) -> bool:
         """Whether the leg under way ends no farther off than braking now would.

@@ -7,11 +7,18 @@ may change that. Nothing is flown through them then: the operator is told until 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from air_router.controller.model import Goal, LandHere, MissionContext, Signal, StateHandler
-from air_router.controller.motion import RETRY_S, CommandGate, Navigator, stopping_point
+from air_router.controller.model import (
+    Goal,
+    LandHere,
+    MissionContext,
+    Rest,
+    Signal,
+    StateHandler,
+    Wanted,
+)
+from air_router.controller.motion import RETRY_S, CommandGate, stopping_point
 from air_router.controller.states.limits import (
     LANDING_M,
     LOOK_S,
@@ -123,14 +130,12 @@ class ReturnState(StateHandler):
     Args:
         context: Where it signals that the vehicle is above home.
         gate: What the vehicle was told before.
-        navigator: Flies home.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _navigator: Navigator
 
-    def begin(self) -> None:
+    def begin(self) -> Wanted:
         """Fly home along the graph, and say why."""
         ending = self._context.task.ending
         text = f"coming home: {ending.why if ending else None}"
@@ -140,28 +145,22 @@ class ReturnState(StateHandler):
             self._context.say(text)
         else:
             self._context.warn(text, ending.instruction)
-        self._go()
+        return self.retry()
 
-    def arrived(self) -> None:
+    def arrived(self) -> Wanted:
         """Land, if this is home."""
         goal = self._context.task.way.goal
-        if goal is not None and goal.node == HOME_NODE:
-            self._above_home(goal.position)
+        if goal is None or goal.node != HOME_NODE:
+            return Rest("this is not home")
+        return self._above_home(goal.position)
 
-    def no_route(self, refusal: str) -> None:
-        """Wait where it is."""
-        self._gate.wait_for_way(refusal)
-
-    def retry(self) -> None:
+    def retry(self) -> Wanted:
         """By another way, perhaps."""
-        self._go()
+        return Goal(self._context.mission.home, HOME_NODE)
 
     replan = retry
 
-    def _go(self) -> None:
-        self._navigator.fly_to(Goal(self._context.mission.home, HOME_NODE))
-
-    def _above_home(self, home: Point) -> None:
+    def _above_home(self, home: Point) -> Wanted:
         """Land if it stays here, and no order from before may take it away: it would land there."""
         telemetry = self._context.heard
         near_m = landing_radius_m(self._context.mission)
@@ -170,9 +169,9 @@ class ReturnState(StateHandler):
         known = telemetry.ages.position_s < POSITION_S
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
-            self._context.signal(Signal.ARRIVED)
-        elif not (self._gate.pending or self._context.task.retry_at_s is not None):
-            self._context.retry_in(RETRY_S)
+            return Signal.ARRIVED
+        waits = self._gate.pending is not None or self._context.task.retry_at_s is not None
+        return Rest("it settles above home", None if waits else RETRY_S)
 
 
 @dataclass(slots=True, eq=False)
@@ -205,18 +204,15 @@ class LandState(StateHandler):
                 return f"it would come too near to {names_of((what,))}; fly to another place first"
         return None
 
-    def begin(self) -> None:
+    def begin(self) -> Wanted:
         """Descend."""
-        self._gate.command(LandHere())
+        return LandHere()
 
-    def no_route(self, refusal: str) -> None:
-        """It stays above home."""
-        self._gate.wait_for_way(refusal)
-
-    def replan(self) -> None:
+    def replan(self) -> Wanted:
         """Descend, unless it does, or was told to and has not failed."""
         if not isinstance(self._gate.last, LandHere):
-            self.begin()
+            return self.begin()
+        return Rest("it descends")
 
     retry = replan
 
@@ -224,9 +220,3 @@ class LandState(StateHandler):
 @dataclass(slots=True, eq=False)
 class HandsOffState(StateHandler):
     """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
-
-    _begin: Callable[[], None]  # ends what is commanded
-
-    def begin(self) -> None:
-        """Leave nothing behind that would still be commanded."""
-        self._begin()

@@ -9,17 +9,21 @@ from dataclasses import dataclass, field
 
 from air_router.controller.model import (
     Goal,
+    Hover,
     MissionContext,
+    Planned,
     Progress,
     PublishMap,
+    Rest,
     RobotPath,
     RobotPose,
     RobotSought,
     Signal,
     State,
     StateHandler,
+    Wanted,
 )
-from air_router.controller.motion import CommandGate, Navigator
+from air_router.controller.motion import Navigator
 from air_router.controller.states.limits import FOLLOW_M, SEEK_AGAIN_S
 from air_router.controller.states.search_points import Search, SearchPoint
 from air_router.controller.targets import (
@@ -48,13 +52,11 @@ class SearchState(StateHandler):
 
     Args:
         context: Where it signals that the robot was found, or that no robot can be sought.
-        gate: Has it hold.
-        navigator: Flies there.
+        navigator: Plans the way there.
         search: The robots, and where to seek them.
     """
 
     _context: MissionContext
-    _gate: CommandGate
     _navigator: Navigator
     search: Search
     _wanted: str | None = None  # by a request, to be sought next
@@ -75,16 +77,15 @@ class SearchState(StateHandler):
 
     # The flight itself.
 
-    def begin(self) -> None:
+    def begin(self) -> Wanted:
         """Seek the requested robot, or else the robot whose turn it is."""
         self._asked_for, self._wanted = self._wanted, None
         self._over, self._began_s, self._waits_at = None, self._context.now_s, None
         if self._asked_for is None and self._began_s < self.search.next_due_s:
-            self._context.signal(Signal.ALL_MET)
-        else:
-            self._set_out(self._asked_for)
+            return Signal.ALL_MET
+        return self._set_out(self._asked_for)
 
-    def _set_out(self, first: str | None) -> None:
+    def _set_out(self, first: str | None) -> Wanted:
         """Seek this robot, if any, or the next one that there is a way to."""
         for point in self._candidates(first):
             over, *stops = *point.over, point.robot
@@ -99,12 +100,11 @@ class SearchState(StateHandler):
                 self.search.targets.sought(point.robot)
                 self._try(over)
                 self._context.say(f"SEARCH {point.robot}: {point.reason}")
-                self._navigator.advance(motion)
-                return
+                return Planned(motion)
             self._context.say(f"no way to {point.robot}: {self._navigator.refusal}")
         self._stops.clear()
         self._places.clear()
-        self._no_target()
+        return self._no_target()
 
     def _try(self, robot: str) -> None:
         """It is on the way to where a robot may be; planned anew, that is no further try."""
@@ -112,26 +112,25 @@ class SearchState(StateHandler):
             self.search.targets.tracks[robot].tried()
         self._over = robot
 
-    def arrived(self) -> None:
+    def arrived(self) -> Wanted:
         """On over the next robot, or wait for the one that is sought here."""
         while self._find_next_place():
             motion = self._navigator.plan_to(self._next_place())
             # Over a place where it is already, or that no way leads to, it goes on to the next.
             if self._context.task.way.progress is Progress.FLYING or not self._more:
-                self._navigator.advance(motion)
-                return
+                return Planned(motion)
         self._waits_at = self._context.task.way.goal
         if self._context.task.ends_s is None:
             self._context.start_timer()
             self._context.say(f"at the search position of {self._context.task.robot}")
+        return Rest("it waits for the robot")
 
-    def no_route(self, refusal: str) -> None:
+    def no_route(self, refusal: str) -> Wanted:
         """Give it up, or only those that were to be flown over on the way."""
         if self._more:
-            self.arrived()
-            return
+            return self.arrived()
         self._context.say(f"no way to {self._context.task.robot}: {refusal}")
-        self._no_target()
+        return self._no_target()
 
     @property
     def _more(self) -> bool:
@@ -166,16 +165,15 @@ class SearchState(StateHandler):
         """Whether both have had all from each other since the search began."""
         return self.search.targets.tracks[robot].met_s >= self._began_s
 
-    def retry(self) -> None:
+    def retry(self) -> Wanted:
         """To the same place, or choose again if no robot could be sought."""
         if self._context.task.robot is None:
-            self.begin()
-        else:
-            self._navigator.fly_again()
+            return self.begin()
+        return Planned(self._navigator.again())
 
-    def replan(self) -> None:
+    def replan(self) -> Wanted:
         """Seek the same robot, if there is a way to it now."""
-        self._set_out(self._context.task.robot)
+        return self._set_out(self._context.task.robot)
 
     def _candidates(self, first: str | None) -> Iterator[SearchPoint]:
         """Where to seek that robot, then the others in their turn."""
@@ -184,23 +182,22 @@ class SearchState(StateHandler):
             yield self._point(first)
         yield from (point for point in self.search.search_points(now_s) if point.robot != first)
 
-    def _no_target(self) -> None:
+    def _no_target(self) -> Wanted:
         self._context.task.seek(None)
-        self._gate.stop()
+        self._context.task.head_for(None)
         to_explore = self.search.to_explore
         if to_explore is not None and to_explore.remaining:
-            self._context.signal(Signal.NO_TARGET)
-        else:
-            self._gate.hold("no robot can be sought from here")
-            self._context.retry_in(SEEK_AGAIN_S)
+            return Signal.NO_TARGET
+        self._context.retry_in(SEEK_AGAIN_S)
+        return Hover("no robot can be sought from here")
 
-    def follow(self, *, force: bool = False) -> None:
+    def follow(self, *, force: bool = False) -> Wanted:
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""
         context, robot = self._context, self._context.task.robot
         track = None if robot is None else self.search.targets.tracks.get(robot)
         searching = context.state is State.SEARCH
         if robot is None or track is None or track.pose is None or (searching and self._more):
-            return
+            return Rest("it is not known where the robot is, or others are flown over first")
         if searching and self.search.foresees:
             point = self._point(robot)
             hover, beside_m = point.goal, point.beside_m
@@ -209,32 +206,31 @@ class SearchState(StateHandler):
             hover, beside_m = Goal(place), math.dist(track.pose.position, place)
         goal = context.task.way.goal
         if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
-            return
+            return Rest("the robot has not moved away")
         if not force:
             if not self._follows.allows(context.now_s):
-                return  # the robot's next pose, or path, does
+                return Rest("it was followed just now: the robot's next pose, or path, does")
             self._follows.moved(context.now_s)
         if beside_m > 0:
             context.say(f"no hovering over {robot}: waiting {beside_m:.0f} m beside it")
-        self._navigator.fly_to(hover)
+        return hover
 
-    # What is heard of robots.
+    # What is received of robots: what is wanted then, if anything.
 
-    def pose_heard(self, event: RobotPose) -> None:
+    def pose_heard(self, event: RobotPose) -> Wanted | None:
         """A robot is, or was, there; its own pose from itself means that it was found."""
         context, track = self._context, self.search.targets.tracks.get(event.robot)
         if track is None:
-            return
+            return None
         believed = track.pose_heard(event.position, event.stamp_s, context.now_s)
         if track.verdict is PoseVerdict.OLD:
-            return
+            return None
         self._tell_jumps(track)
         if event.robot != context.task.robot:
-            return
+            return None
         if context.state is State.SEARCH and event.peer == event.robot:
-            context.signal(Signal.FOUND)  # wherever it says to be, its radio is heard here
-        elif context.spec.seeks and believed:
-            self.follow()
+            return Signal.FOUND  # wherever it says to be, its radio is heard here
+        return self.follow() if context.spec.seeks and believed else None
 
     def _tell_jumps(self, track: TargetTrack) -> None:
         """Say once that a robot's position jumps, and that it is believed again."""
@@ -251,20 +247,19 @@ class SearchState(StateHandler):
             self._jumpers.discard(robot)
             self._context.say(f"the position of {robot} counts again: it stayed where it jumped to")
 
-    def path_heard(self, event: RobotPath) -> None:
+    def path_heard(self, event: RobotPath) -> Wanted | None:
         """A robot will drive there."""
         context, track = self._context, self.search.targets.tracks.get(event.robot)
         if track is None or not track.path_heard(event.points, event.stamp_s, context.now_s):
-            return
+            return None
         searching = context.state is State.SEARCH and event.robot == context.task.robot
-        if searching and self.search.foresees:
-            self.follow()
+        return self.follow() if searching and self.search.foresees else None
 
-    def radio_heard(self, event: RadioEvent) -> None:
+    def radio_heard(self, event: RadioEvent) -> Wanted | None:
         """A robot's radio was heard: it is near."""
         track, here = self.search.targets.tracks.get(event.peer), self.search.exploration.here
         if track is None:
-            return
+            return None
         if here is not None:
             track.radio_heard(here, self._context.now_s)
         if isinstance(event, SyncEnded) and event.complete:
@@ -272,9 +267,10 @@ class SearchState(StateHandler):
             passes = self._context.state is State.SEARCH and self._stops
             if passes and event.peer == self._over and self._met(event.peer):
                 self._places.clear()
-                self.arrived()
+                return self.arrived()
+        return None
 
-    def sought_by_other(self, event: RobotSought) -> None:
+    def sought_by_other(self, event: RobotSought) -> Wanted | None:
         """Another UAV seeks a robot: one of the two goes on, if it is ours."""
         context, targets = self._context, self.search.targets
         news = targets.sought_by_other(event.by, event.robot, context.now_s)
@@ -284,10 +280,11 @@ class SearchState(StateHandler):
         # A repeated message, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self.search.name and targets.free(context.now_s):
             if not self._yields.allows(context.now_s):
-                return  # two UAVs over one robot harm nothing
+                return None  # two UAVs over one robot harm nothing
             self._yields.moved(context.now_s)
             context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
-            context.signal(Signal.YIELDED)
+            return Signal.YIELDED
+        return None
 
 
 @dataclass(slots=True, eq=False)
@@ -298,47 +295,42 @@ class CommState(StateHandler):
     then.
 
     Args:
-        context: Where it signals that both directions have synced.
-        gate: Waits where no way leads on.
+        context: Which robot was found.
         search_state: Which robot was found; follows it.
     """
 
     _context: MissionContext
-    _gate: CommandGate
     _search_state: SearchState
     _began: set[Direction] = field(default_factory=set)  # syncs seen from their start
     _synced: set[Direction] = field(default_factory=set)  # syncs ended well since then
 
-    def begin(self) -> None:
+    def begin(self) -> Wanted:
         """Have the newest map ready, and go over the robot."""
         self._began.clear()
         self._synced.clear()
         context = self._context
         context.actions.append(PublishMap())
         context.say(f"COMM {context.task.robot}: found")
-        self._search_state.follow(force=True)
+        return self._search_state.follow(force=True)
 
-    def no_route(self, refusal: str) -> None:
-        """Wait where it is."""
-        self._gate.wait_for_way(refusal)
-
-    def retry(self) -> None:
+    def retry(self) -> Wanted:
         """Over the robot, wherever it is now."""
-        self._search_state.follow(force=True)
+        return self._search_state.follow(force=True)
 
     replan = retry
 
-    def sync_started(self, event: SyncStarted) -> None:
+    def sync_started(self, event: SyncStarted) -> Wanted | None:
         """Data begin to flow."""
         if event.peer == self._context.task.robot:
             self._began.add(event.direction)
-        self._search_state.radio_heard(event)
+        return self._search_state.radio_heard(event)
 
-    def sync_ended(self, event: SyncEnded) -> None:
+    def sync_ended(self, event: SyncEnded) -> Wanted | None:
         """One direction has everything."""
         if event.peer == self._context.task.robot and event.direction in self._began:
             self._began.discard(event.direction)
             self._synced.add(event.direction)
-        self._search_state.radio_heard(event)
+        wanted = self._search_state.radio_heard(event)
         if self._context.state is State.COMM and len(self._synced) == len(Direction):
-            self._context.signal(Signal.SYNCED)
+            return Signal.SYNCED
+        return wanted

@@ -6,7 +6,7 @@ diagram in docs/ is drawn from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
@@ -104,10 +104,9 @@ class StateHandlers:
 
     Args:
         context: What they share.
-        gate: Commands what they decide.
-        navigator: Flies where they say.
+        gate: What was commanded before.
+        navigator: Plans the ways.
         search: Whom to seek, and where; which waypoint is next.
-        let_go: Ends what is commanded, in PASSIVE and DONE.
 
     Attributes:
         reachability: Whether zones leave a way home.
@@ -121,27 +120,26 @@ class StateHandlers:
         gate: CommandGate,
         navigator: Navigator,
         search: Search,
-        let_go: Callable[[], None],
     ) -> None:
         self.reachability = HomeReachability(context)
         self.ready = ReadyState(context, gate)
-        self.search = SearchState(context, gate, navigator, search)
-        self.comm = CommState(context, gate, self.search)
+        self.search = SearchState(context, navigator, search)
+        self.comm = CommState(context, self.search)
         self.goto = GotoState(context, navigator)
         self.hold = HoldState(context, gate, self.goto, self.search)
-        self.home = ReturnState(context, gate, navigator)
+        self.home = ReturnState(context, gate)
         self.land = LandState(context, gate)
         handlers: tuple[StateHandler, ...] = (
             self.ready,
-            ExploreState(context, gate, navigator, search.exploration, self.reachability),
+            ExploreState(context, navigator, search.exploration, self.reachability),
             self.search,
             self.comm,
-            IdleState(context, gate, navigator, search),
+            IdleState(context, search),
             self.goto,
             self.hold,
             self.home,
             self.land,
-            HandsOffState(let_go),
+            HandsOffState(),
         )
         of_class = {type(handler): handler for handler in handlers}
         self.of = {state: of_class[spec.handler] for state, spec in STATES.items()}
