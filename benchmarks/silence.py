@@ -10,8 +10,8 @@ A return of theirs is silent if on some way through the function to it, by its s
 * no other function that is asked for a motion is called (that one is judged where it stands);
 * nothing leaves (`LEAVES`), and nothing of `TELLS` is called, nor a function of the controller that
   does so on all of its ways;
-* and no value but None is returned: a motion, a verdict with a name, or `Rest`, which says why nothing
-  is wanted.
+* and no value but None is returned: a motion, a verdict with a name, or `Rest`, which says why
+  nothing is wanted.
 
 The end of a function is a return. What a condition is true for is not known: a loop may run not at
 all, and each branch may be taken. So a motion that is under way already, for which nothing is to be

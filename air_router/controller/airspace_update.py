@@ -96,7 +96,7 @@ class AirspaceUpdate:
         context = self._context
         router, self.prepared = self.prepared, None
         replans, self.replans = self.replans, False
-        if context.state is State.DONE:
+        if context.task.state is State.DONE:
             context.say("zones not changed: the flight is over")
             return
         if self._context.airspace.change is ZoneChange.UPLOADING:
@@ -104,7 +104,10 @@ class AirspaceUpdate:
                 what = "zones not changed: others are being put on board just now"
                 context.warn(what, RELOAD_AGAIN)
             return
-        before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
+        before, mission = (
+            context.airspace.mission,
+            context.airspace.mission.with_areas(event.fences, event.zones),
+        )
         mission = counted(mission, all_zones=self.all_zones)
         if replans and mission.zones == before.zones:
             return  # it lands by now
@@ -125,7 +128,11 @@ class AirspaceUpdate:
         """Whether the vehicle is not ours, or not for long."""
         context = self._context
         by_hand = context.in_air and not context.in_charge  # also before it is handed over
-        return by_hand or context.state is State.PASSIVE or context.authority.releasing is not None
+        return (
+            by_hand
+            or context.task.state is State.PASSIVE
+            or context.authority.releasing is not None
+        )
 
     def objection(self) -> str | None:
         """Why nothing may be put on board any more; None if it may."""
@@ -155,7 +162,7 @@ class AirspaceUpdate:
 
     def _begin(self, before: Mission, now: Mission) -> None:
         """What is done at once, wherever the vehicle is."""
-        telemetry, state = self._context.telemetry, self._context.state
+        telemetry, state = self._context.telemetry, self._context.task.state
         if state is State.READY and (telemetry is None or not telemetry.armed):
             self._upload()
         climbs = self._context.in_air or state is not State.READY
@@ -223,7 +230,7 @@ class AirspaceUpdate:
             if self._navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return
-        airspace = self._context.mission.airspace_at(telemetry.altitude_m)
+        airspace = self._context.airspace.mission.airspace_at(telemetry.altitude_m)
         inside = airspace.holders(telemetry.position)
         if inside or change is ZoneChange.LEAVING:
             self._leave(telemetry, inside)
@@ -264,7 +271,7 @@ class AirspaceUpdate:
         if self._way_out is None or context.task.way.goal is not self._way_out:
             if telemetry.time_s < self._stuck_until_s:
                 return
-            found = nearest_way_out(context.router, context.mission, telemetry)
+            found = nearest_way_out(context.airspace.router, context.airspace.mission, telemetry)
             if self._way_out is None and inside:
                 context.warn(f"leaving {names_of(inside)}", OUT_OF_ITS_WAY)
             place = telemetry.position if found is None else found.place
@@ -294,7 +301,7 @@ class AirspaceUpdate:
     def _no_way_out(self, inside: tuple[str, ...], why: str) -> None:
         """Hover, alarm until it is over, and look again in a moment."""
         context, now_s = self._context, self._context.heard.time_s
-        instruction = BRING_HOME_BY_HEIGHT if context.mission.all_zones else FLY_OUT
+        instruction = BRING_HOME_BY_HEIGHT if context.airspace.mission.all_zones else FLY_OUT
         context.alarm_until_over(
             NO_WAY_OUT,
             f"no way out of {names_of(inside)}: {why}",
@@ -339,14 +346,14 @@ class AirspaceUpdate:
     @property
     def all_zones(self) -> bool:
         """Whether every zone is to count whatever its height; a landing goes on as it was begun."""
-        return self._doubted and not self._trusts and self._context.state is not State.LAND
+        return self._doubted and not self._trusts and self._context.task.state is not State.LAND
 
     def altitude_doubted(self, telemetry: Telemetry) -> None:
         """Have every zone count whatever its height, as long as the battery lets it wait for ways.
 
         The autopilot's own return would be clear of nothing.
         """
-        context, mission = self._context, self._context.mission
+        context, mission = self._context, self._context.airspace.mission
         self._doubted = True
         charge = telemetry.battery
         if charge is not None and charge <= mission.battery_reserve:
@@ -367,7 +374,7 @@ class AirspaceUpdate:
         no_way = (
             context.task.way.progress is Progress.NO_ROUTE or NO_WAY_OUT in context.alarms.shown
         )
-        if self._trusts or not (context.mission.all_zones and no_way):
+        if self._trusts or not (context.airspace.mission.all_zones and no_way):
             return False
         self._trusts, self._looked = True, None
         context.warn(f"coming home clear at the autopilot's altitude alone: {why}", WATCH_HEIGHT)

@@ -80,7 +80,7 @@ class CommandHandler:
 
     def asked(self, request: AnyRequest) -> None:
         """A request of the pilot, the operator or a program; points may wait for their time."""
-        if isinstance(request, GoTo) and request.waits and self._context.spec.puts_off:
+        if isinstance(request, GoTo) and request.waits and self._context.task.spec.puts_off:
             self._put_off(request)
             return
         context, number, by = self._context, request.request_id, request.by
@@ -119,14 +119,14 @@ class CommandHandler:
 
         A way home is only called off if it was requested, and nothing else demands it.
         """
-        context, requests = self._context, self._context.spec.requests
+        context, requests = self._context, self._context.task.spec.requests
         self._check_kept()
         if requests is Requests.ANY:
             return
         if requests is not Requests.CALL_OFF:
             self._check_in_the_air()
         ending = context.task.ending
-        by_request = context.state is State.HOME and ending is not None and ending.by_request
+        by_request = context.task.state is State.HOME and ending is not None and ending.by_request
         why = context.ending_why
         if by_request:
             due = self._returns.due(context.heard)
@@ -168,7 +168,7 @@ class CommandHandler:
 
     def _check_in_the_air(self) -> None:
         """It flies this mission."""
-        requests = self._context.spec.requests
+        requests = self._context.task.spec.requests
         code, why = _NOT_IN_THE_AIR.get(requests), requests.value
         if code is Refusal.NOT_OURS:
             taker = self._context.authority.taken_by
@@ -179,7 +179,7 @@ class CommandHandler:
 
     def _check_may_hold(self) -> None:
         """It holds already, or may be stopped."""
-        if self._context.state is not State.HOLD:
+        if self._context.task.state is not State.HOLD:
             self._check_may_stop()
 
     def _check_may_explore(self) -> None:
@@ -200,14 +200,14 @@ class CommandHandler:
 
     def _check_has_altitudes(self) -> None:
         """There is another altitude, and it may hold there; which one, the operator says then."""
-        low_m, high_m = self._context.mission.altitudes_m
+        low_m, high_m = self._context.airspace.mission.altitudes_m
         if low_m == high_m:
             raise RequestRefusedError(Refusal.ALTITUDE, self._states.hold.only_altitudes)
         self._check_may_climb(high_m)
 
     def _check_may_go_on(self) -> None:
         """Something is held, or was given away; whether that can be taken back is not looked at."""
-        context, state = self._context, self._context.state
+        context, state = self._context, self._context.task.state
         self._check_kept()
         if state in {State.READY, State.PASSIVE}:
             if context.in_air:
@@ -222,7 +222,7 @@ class CommandHandler:
     def _check_may_go_on_now(self) -> None:
         """Something is held, or can be taken back with the plan that is on board."""
         self._check_may_go_on()
-        if self._context.state in {State.READY, State.PASSIVE}:
+        if self._context.task.state in {State.READY, State.PASSIVE}:
             why = self._authority.why_not_back()
             if why is not None:
                 raise RequestRefusedError(self._why_ours_not(), why)
@@ -232,7 +232,7 @@ class CommandHandler:
         """It flies, and another has it, or no leg may begin where it is."""
         context = self._context
         not_ours = context.authority.held is not None or not context.in_charge
-        ends = context.state in {State.HOME, State.LAND, State.DONE}
+        ends = context.task.state in {State.HOME, State.LAND, State.DONE}
         return context.in_air and not_ours and not ends
 
     def _check_may_come_home(self) -> None:
@@ -243,12 +243,12 @@ class CommandHandler:
             why = self._authority.why_not_back(flies_plan=False)
             if why is not None:
                 raise RequestRefusedError(Refusal.NOT_OURS, why)
-        elif self._context.state is not State.READY:
+        elif self._context.task.state is not State.READY:
             self._check_in_the_air()
 
     def _check_may_land(self) -> None:
         """It does already, or hovers where it may come down."""
-        state = self._context.state
+        state = self._context.task.state
         if state is State.LAND:
             return
         self._check_may_move()
@@ -274,7 +274,7 @@ class CommandHandler:
 
     def _asked_to_hold(self, request: HoldNow) -> Accepted:
         self._check_may_hold()
-        if self._context.state is State.HOLD:
+        if self._context.task.state is State.HOLD:
             stops = self._states.hold.stay()
             return Accepted("it stops and hovers" if stops else "it holds already")
         self._states.hold.stop(request.by)
@@ -287,7 +287,7 @@ class CommandHandler:
             known = ", ".join(names) or "none"
             unknown = f"no robot '{robot}' is sought in this mission: {known}"
             raise RequestRefusedError(Refusal.UNKNOWN_ROBOT, unknown)
-        if robot == self._context.task.robot and self._context.state is State.COMM:
+        if robot == self._context.task.robot and self._context.task.state is State.COMM:
             return Accepted(f"it hovers over {robot} already")
         self._check_may_move()
         point = search.search_point(robot, self._context.now_s)
@@ -300,17 +300,19 @@ class CommandHandler:
         self._check_may_explore()
         exploration = self._states.search.search.exploration
         left = f"{exploration.remaining} waypoints are left"
-        if self._context.spec.explores:
+        if self._context.task.spec.explores:
             return Accepted(f"it explores already: {left}")
         self._context.signal(Signal.EXPLORE)
         return Accepted(f"it explores: {left}")
 
     def _asked_to_go_to(self, request: GoTo) -> Accepted:
         context = self._context
-        if request.waits and context.state is State.HOME:  # the operator asked for that
+        if request.waits and context.task.state is State.HOME:  # the operator asked for that
             raise _comes_home(context.ending_why)
         self._check_may_move()
-        hold_s = context.mission.timers.hold_s if request.hold_s is None else request.hold_s
+        hold_s = (
+            context.airspace.mission.timers.hold_s if request.hold_s is None else request.hold_s
+        )
         task = self._validator.goto_task(request.points, hold_s, request.by)
         self._states.goto.set_out(task)
         count = len(task.stops)
@@ -328,7 +330,7 @@ class CommandHandler:
     def _asked_to_go_on(self, request: GoOn) -> Accepted:
         context = self._context
         self._check_may_go_on()
-        if context.state in {State.READY, State.PASSIVE}:
+        if context.task.state in {State.READY, State.PASSIVE}:
             upload = request.upload
             if upload and context.authority.on_board is OnBoard.REPLACED:
                 reading = "the plan on board is being read: ask again in a moment"
@@ -349,7 +351,7 @@ class CommandHandler:
         return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
 
     def _asked_to_come_home(self, request: ComeHome) -> Accepted:
-        context, state = self._context, self._context.state
+        context, state = self._context, self._context.task.state
         self._check_may_come_home()
         if state is State.HOME and self._airspace_update.trust_altitude(f"{request.by} asked"):
             how = "by a way that is clear at the autopilot's altitude"
@@ -364,7 +366,7 @@ class CommandHandler:
         return answer
 
     def _asked_to_land(self, request: LandNow) -> Accepted:
-        context, state = self._context, self._context.state
+        context, state = self._context, self._context.task.state
         if state is State.LAND:
             return Accepted(self._unless_it_stands("it lands already"))
         self._check_may_land()
@@ -393,7 +395,7 @@ class CommandHandler:
 
     def _asked_to_reload(self, request: Reload) -> Accepted:
         del request
-        if self._context.state is State.DONE:
+        if self._context.task.state is State.DONE:
             raise RequestRefusedError(Refusal.FLIGHT_OVER, "the flight is over")
         self._check_kept()
         if self._context.airspace.change is ZoneChange.UPLOADING:
@@ -428,7 +430,7 @@ class CommandHandler:
 
     def now_what_waited(self) -> None:
         """The time of a request that waited has come, or will not come any more."""
-        if self.later is not None and not self._context.spec.puts_off:
+        if self.later is not None and not self._context.task.spec.puts_off:
             request, self.later = self.later, None
             if self._context.now_s <= self._until_s:
                 self.asked(request)

@@ -78,7 +78,7 @@ class ConditionsWatch:
 
     def _worse(self, telemetry: Telemetry) -> str | None:
         """What is worse than planned for, in words; None: the vehicle is no farther off by it."""
-        mission = self._context.mission
+        mission = self._context.airspace.mission
         planner, limit_m = mission.planner, mission.tracking.flown_m + SLACK_M
         wind_m_s, accuracy_m = planner.wind_m_s, planner.position_accuracy_m
         if telemetry.wind_m_s is not None:

@@ -361,7 +361,7 @@ class ControlAuthority:
             if before is not None:
                 context.say("a multicopter with PX4 is on the link again, and nothing else")
             return
-        if context.state is State.READY and not context.in_air:
+        if context.task.state is State.READY and not context.in_air:
             instruction = SEPARATE_TWINS if event.twins else CONNECT_ANOTHER
             context.alarm(why, instruction)
             context.task.stay(why)
@@ -393,12 +393,12 @@ class ControlAuthority:
         context.authority.plan_is(OnBoard.REPLACED)
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         context.warn(f"{what}; comparing it with this mission's", NO_UPLOADS)
-        flies_plan = context.in_charge and context.state is not State.LAND
+        flies_plan = context.in_charge and context.task.state is not State.LAND
         self._compared_by_s = context.now_s + PLAN_COMPARED_S
         self._hold_again_s = context.now_s + RETRY_S
         if flies_plan and context.authority.releasing is None:
             context.authority.check_plan(what)
-            if context.state is State.READY:
+            if context.task.state is State.READY:
                 context.authority.stop(what)
             self._gate.stop()
             self._gate.hold(what)
@@ -430,7 +430,7 @@ class ControlAuthority:
         context.interlocks.climb_first()  # it may have sunk, or have been stopped in its climb
         if not context.in_air:
             return
-        if context.state is State.READY:  # it hovers, stopped in its climb
+        if context.task.state is State.READY:  # it hovers, stopped in its climb
             self._gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         else:
@@ -441,12 +441,12 @@ class ControlAuthority:
         context = self._context
         context.authority.plan_is(OnBoard.ANOTHER)
         telemetry = context.telemetry
-        if context.state is State.READY and telemetry is not None and not telemetry.armed:
+        if context.task.state is State.READY and telemetry is not None and not telemetry.armed:
             context.task.stay(why)
             context.signal(Signal.GROUNDED)
-        elif context.state is State.READY and not context.in_charge:
+        elif context.task.state is State.READY and not context.in_charge:
             self.take_over(ControlHolder.PILOT, why, UPLOAD_OURS)
-        elif context.state in {State.LAND, State.PASSIVE}:
+        elif context.task.state in {State.LAND, State.PASSIVE}:
             context.warn(why, UPLOAD_OURS)
             context.authority.plan_checked()
             self._navigator.follow(context.task.handler.replan())  # a landing needs no plan
@@ -466,7 +466,7 @@ class ControlAuthority:
             return "nothing was heard of the vehicle: wait for it"
         if self._context.authority.wrong_vehicle is not None:
             return f"{self._context.authority.wrong_vehicle}: land it by hand"
-        why = why_not_resumed(self._context.mission, telemetry)
+        why = why_not_resumed(self._context.airspace.mission, telemetry)
         why = why or self._gate.climb.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
@@ -498,7 +498,7 @@ class ControlAuthority:
             return why
         self._context.say("resumed: the mission goes on from here")
         self._take_back()
-        ready = self._context.state is State.READY
+        ready = self._context.task.state is State.READY
         self._context.signal(Signal.AIRBORNE if ready else Signal.RESUMED)
         return None
 

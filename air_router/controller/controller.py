@@ -210,7 +210,7 @@ class Controller:
         if wanted is not None:
             self.navigator.follow(wanted)
         context.actions.extend(context.alarms.due(context.now_s))
-        sought = context.task.robot if context.spec.seeks else None
+        sought = context.task.robot if context.task.spec.seeks else None
         if sought != self._told_sought:
             self._told_sought = sought
             context.actions.append(Seeking(sought))
@@ -262,14 +262,14 @@ class Controller:
 
     def _signal(self, signal: Signal) -> None:
         """Something has happened to the mission: another state is entered, or the same anew."""
-        context, left = self.context, self.context.state
+        context, left = self.context, self.context.task.state
         target = self._transitions[left].get(signal)
         if target is None:
             return
         self._left = left
         spec, handler = STATES[target], self.states.of[target]
         self.gate.mission_goes_on()
-        own_s = None if spec.timer is None else getattr(context.mission.timers, spec.timer)
+        own_s = None if spec.timer is None else getattr(context.airspace.mission.timers, spec.timer)
         context.task.enter(target, spec, handler, own_s, context.now_s)
         context.actions.append(StateChanged(left, signal, target, context.task.robot))
         if not spec.keeps_target:
@@ -285,7 +285,7 @@ class Controller:
     def _let_go(self) -> None:
         """Hands are off, or the flight is over."""
         context = self.context
-        done = context.state is State.DONE
+        done = context.task.state is State.DONE
         context.authority.let_go()
         context.alarms.end_all()
         if done:
@@ -321,17 +321,17 @@ class Controller:
     @property
     def state(self) -> State:
         """What the mission is doing."""
-        return self.context.state
+        return self.context.task.state
 
     @property
     def mission(self) -> Mission:
         """With the zones and fences of now."""
-        return self.context.mission
+        return self.context.airspace.mission
 
     @property
     def router(self) -> Router:
         """Plans among these."""
-        return self.context.router
+        return self.context.airspace.router
 
     @property
     def telemetry(self) -> Telemetry | None:
@@ -357,9 +357,9 @@ class Controller:
         """The flight as of now."""
         context, goto, blocked = self.context, self.states.goto.goto_task, self.gate.waits_for()
         targets = self.search.targets
-        goes_to = context.state is State.GOTO and goto is not None
+        goes_to = context.task.state is State.GOTO and goto is not None
         return FlightStatus(
-            state=context.state,
+            state=context.task.state,
             robot=context.task.robot,
             robots={robot: targets.position_of(robot) for robot in targets.names},
             left_s=context.left_s,

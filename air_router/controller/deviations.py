@@ -99,11 +99,11 @@ class Deviations:
     def inputs_missing(self, status: InputStatus, telemetry: Telemetry) -> bool:
         """Tell which inputs are missing; whether too few of them come to fly on by."""
         context = self._context
-        landing = context.state is State.LAND  # PX4 does so without a position too
+        landing = context.task.state is State.LAND  # PX4 does so without a position too
         self._tell_inputs(status, telemetry, landing=landing)
         if status.home_why is not None:
             context.come_home(status.home_why, BE_READY_AT_HOME)
-        if context.state is State.READY:
+        if context.task.state is State.READY:
             return False
         if status.stop is Stop.NONE:
             if status.back:
@@ -126,7 +126,7 @@ class Deviations:
             then = news.then
             if then and landing:
                 then = "landing on"
-            elif then and context.state is State.READY:
+            elif then and context.task.state is State.READY:
                 then = "the climb goes on"  # it ends above home by itself
             text = f"{news.what}: {then}" if then else news.what
             if news.alarms and news.instruction is not None and not landing:

@@ -73,12 +73,14 @@ class HeightWatch:
 
     def look(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the altitude jumps, is off, or is back."""
-        band, now_s, before = self._context.mission.cruise, telemetry.time_s, self._before
+        band, now_s, before = self._context.airspace.mission.cruise, telemetry.time_s, self._before
         altitude_m = telemetry.altitude_m
         # With nothing in it of home, which the autopilot corrects by a metre or two.
         amsl_m = altitude_m if telemetry.altitude_amsl_m is None else telemetry.altitude_amsl_m
         self._before = (now_s, amsl_m)
-        slack_m = max(OFF_ALTITUDE_M - self._context.mission.planner.vertical_margin_m, 0.0)
+        slack_m = max(
+            OFF_ALTITUDE_M - self._context.airspace.mission.planner.vertical_margin_m, 0.0
+        )
         out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, slack_m) - slack_m
         gained_m = 0.0 if before is None else amsl_m - before[1]
         passed_s = 0.0 if before is None else max(now_s - before[0], 0.0)
@@ -126,7 +128,7 @@ class HeightWatch:
         )
 
     def _off(self, altitude_m: float) -> str:
-        band = self._context.mission.cruise
+        band = self._context.airspace.mission.cruise
         side = "low" if altitude_m < band.lower_m else "high"
         flown = f"{band.lower_m:.0f} to {band.upper_m:.0f} m is flown"
         return f"{side}: {altitude_m:.0f} m above home, {flown}"
@@ -152,7 +154,7 @@ class ClearanceWatch:
     def look(self, telemetry: Telemetry) -> Deviation | None:
         """Whether it has come too near to something, or nearer still."""
         here = telemetry.position
-        mission, altitude_m = self._context.mission, telemetry.altitude_m
+        mission, altitude_m = self._context.airspace.mission, telemetry.altitude_m
         cruises = mission.cruise.lower_m <= altitude_m <= mission.cruise.upper_m
         if self._spare is not None:
             spare_m, there, cruised, among = self._spare
@@ -201,7 +203,7 @@ class SpeedWatch:
 
     def look(self, telemetry: Telemetry) -> Deviation | None:
         """Whether it flies faster, or much slower, than it was told."""
-        commanded_m_s = self._context.mission.speed_m_s
+        commanded_m_s = self._context.airspace.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         self._slow_told &= speed_m_s < commanded_m_s * (1.0 + UNDERSPEED) / 2.0
         if speed_m_s > UNDERSPEED * commanded_m_s:
@@ -219,8 +221,9 @@ class SpeedWatch:
         if self._fast_told or telemetry.time_s - self._fast_since_s < OVERSPEED_S:
             return None
         self._fast_told = True
+        commanded_m_s = self._context.airspace.mission.speed_m_s
         words = (
-            f"it flies {speed_m_s:.1f} m/s and was told {self._context.mission.speed_m_s:.1f} m/s: "
+            f"it flies {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s: "
             "another ground station changed its speed, or the wind carries it"
         )
         if isinstance(self._gate.last, HoldHere):  # for another reason; it brakes
@@ -228,7 +231,7 @@ class SpeedWatch:
         return Deviation(Response.HOLD, words, NO_OTHER_SPEED, counts=True)
 
     def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
-        leg, mission, far = self._gate.last, self._context.mission, False
+        leg, mission, far = self._gate.last, self._context.airspace.mission, False
         if self._gate.pending is None and isinstance(leg, FlyToNode | FlyToPoint):
             up_m = mission.altitude_of(leg.node) if isinstance(leg, FlyToNode) else leg.altitude_m
             climbs = below(up_m, telemetry)  # PX4 does so before it sets out for an item
@@ -280,7 +283,7 @@ class Envelope:
         self._looks = True
         in_doubt = abs(self._home.receiver_off_m) >= ALTITUDE_DOUBT_M
         conditions, accuracy_m = self._conditions, telemetry.accuracy_m
-        planned_m = self._context.mission.planner.position_accuracy_m
+        planned_m = self._context.airspace.mission.planner.position_accuracy_m
         poor = accuracy_m is not None and accuracy_m > planned_m
         rough = conditions.waits or poor or telemetry.wind_m_s is not None
         found = (
@@ -328,13 +331,13 @@ class ReturnMonitor:
     def check(self, telemetry: Telemetry) -> None:
         """End the mission if it is time; say it, loudly, where no way leads home."""
         context, reachability = self._context, self._reachability
-        if context.state is not State.LAND and (
+        if context.task.state is not State.LAND and (
             telemetry.time_s >= reachability.look_at_s
             or reachability.walls is not None
-            or reachability.among is not context.router
+            or reachability.among is not context.airspace.router
         ):
-            reachability.look(telemetry, due=context.state is State.HOME)
-        if Signal.COME_HOME in context.spec.on:
+            reachability.look(telemetry, due=context.task.state is State.HOME)
+        if Signal.COME_HOME in context.task.spec.on:
             self.end_if_due(telemetry)
 
     def end_if_due(self, telemetry: Telemetry) -> None:
@@ -345,10 +348,10 @@ class ReturnMonitor:
 
     def due(self, telemetry: Telemetry, *, by_time: bool = True) -> Due | None:
         """Why the vehicle comes home now, for its battery or its time; None to stay out."""
-        context, mission, charge = self._context, self._context.mission, telemetry.battery
+        context, mission, charge = self._context, self._context.airspace.mission, telemetry.battery
         need_home = None
         if context.pace.endurance_s is not None:
-            need_home = self._way_home.need(telemetry, context.router)
+            need_home = self._way_home.need(telemetry, context.airspace.router)
         if charge is not None and charge <= mission.battery_reserve:
             return Due(f"battery at {charge:.0%}", BE_READY_AT_HOME)
         if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:

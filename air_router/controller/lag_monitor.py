@@ -76,7 +76,7 @@ class LagMonitor:
         if gap is None or telemetry.told_s - gap[2] > LAG_RECENT_S:
             return None
         start, end, _ = gap
-        airspace = self._context.mission.airspace_at(telemetry.altitude_m)
+        airspace = self._context.airspace.mission.airspace_at(telemetry.altitude_m)
         steps = max(1, math.ceil(math.dist(start, end) / LAG_STEP_M))
         shares = (step / steps for step in range(steps + 1))
         places = [

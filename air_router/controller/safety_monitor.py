@@ -94,7 +94,7 @@ class FlightPhase:
         self._was_armed |= telemetry.armed
         if telemetry.armed or telemetry.in_air:
             self._up_s = telemetry.told_s
-        ready = self._context.state is State.READY and not self._context.authority.handed_over
+        ready = self._context.task.state is State.READY and not self._context.authority.handed_over
         if ready and telemetry.armed and telemetry.mode is FlightMode.MISSION:
             self._context.authority.hand_over()
             self._gate.assume(FlightMode.MISSION)
@@ -394,7 +394,10 @@ class SafetyMonitor:
         Without satellites PX4 goes on with what it makes of its other sensors, which drifts by
         hundreds of metres a minute.
         """
-        accuracy_m, kept_m = telemetry.accuracy_m or 0.0, self._context.mission.planner.clearance_m
+        accuracy_m, kept_m = (
+            telemetry.accuracy_m or 0.0,
+            self._context.airspace.mission.planner.clearance_m,
+        )
         position_s = telemetry.ages.position_s
         if not telemetry.in_air:
             return None
@@ -411,7 +414,7 @@ class SafetyMonitor:
 
         Where it is not known where it is, an input is missing, which is held for and alarmed of.
         """
-        here, mission, clear = telemetry.position, self._context.mission, self._clear
+        here, mission, clear = telemetry.position, self._context.airspace.mission, self._clear
         if not telemetry.in_air or self.position_doubt(telemetry) is not None:
             return None
         if clear is not None and clear[2] is mission and math.dist(here, clear[0]) < clear[1]:
@@ -420,7 +423,7 @@ class SafetyMonitor:
         everywhere = (mission.climb_airspace, mission.above_airspace)
         clear_m = min(airspace.distance_m(here) for airspace in everywhere)
         self._clear = (here, clear_m, mission)
-        lands = self._context.state is State.LAND  # into what is below, too
+        lands = self._context.task.state is State.LAND  # into what is below, too
         airspace = mission.climb_airspace if lands else mission.airspace_at(telemetry.altitude_m)
         holders = [name for name in airspace.holders(here) if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None

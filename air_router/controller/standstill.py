@@ -108,13 +108,13 @@ class Watch(NamedTuple):
 def _in_zone(context: MissionContext, telemetry: Telemetry) -> str | None:
     if not telemetry.fix:
         return None  # by a position that drifts
-    holders = context.mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+    holders = context.airspace.mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
     return names_of(holders) if holders else None
 
 
 def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
     charge = telemetry.battery
-    low = charge is not None and charge <= context.mission.battery_reserve
+    low = charge is not None and charge <= context.airspace.mission.battery_reserve
     return f"{charge:.0%}" if low else None
 
 
@@ -128,7 +128,7 @@ def _waits_for_plan(context: MissionContext, telemetry: Telemetry) -> str | None
 def _in(state: State) -> Callable[[MissionContext, Telemetry], str | None]:
     def holds(context: MissionContext, telemetry: Telemetry) -> str | None:
         waits = _waits_for_plan(context, telemetry) is not None
-        return "" if context.state is state and not waits else None
+        return "" if context.task.state is state and not waits else None
 
     return holds
 
@@ -136,10 +136,10 @@ def _in(state: State) -> Callable[[MissionContext, Telemetry], str | None]:
 def _elsewhere(context: MissionContext, telemetry: Telemetry) -> str | None:
     """Its mission goes on elsewhere; where it hovers for a robot, or on request, it does not."""
     rests = {State.HOLD, State.COMM} | ({State.READY} if context.authority.held else set())
-    if context.state in rests or _waits_for_plan(context, telemetry) is not None:
+    if context.task.state in rests or _waits_for_plan(context, telemetry) is not None:
         return None
     flies = context.task.way.progress in {Progress.FLYING, Progress.NO_ROUTE}
-    waits = context.spec.explores and context.task.retry_at_s is not None
+    waits = context.task.spec.explores and context.task.retry_at_s is not None
     return "" if flies or waits or context.airspace.change is not None else None
 
 

@@ -136,7 +136,7 @@ class TelemetryHandler:
 
     def over(self, seen: Seen) -> bool:
         """It is on the ground, disarmed, after having been armed."""
-        ends = Signal.GROUNDED in self._context.spec.on
+        ends = Signal.GROUNDED in self._context.task.spec.on
         return ends and not self._phase.flies and self._phase.over(seen.telemetry)
 
     def fallen(self, _: Seen) -> str | None:
@@ -178,11 +178,11 @@ class TelemetryHandler:
 
     def takes_off(self, _: Seen) -> bool:
         """The mission has not begun in the air."""
-        return self._context.state is State.READY
+        return self._context.task.state is State.READY
 
     def is_another_s(self, _: Seen) -> bool:
         """A pilot or a failsafe has it."""
-        return self._context.state is State.PASSIVE
+        return self._context.task.state is State.PASSIVE
 
     def is_ours(self, seen: Seen) -> bool:
         """It flies its mission."""
@@ -192,7 +192,7 @@ class TelemetryHandler:
 
     def end(self, _seen: Seen, _found: bool) -> None:
         """The flight is over, or everything begins anew."""
-        if self._pilot_arms and self._context.state is State.READY and self._phase.again():
+        if self._pilot_arms and self._context.task.state is State.READY and self._phase.again():
             self._states.ready.disarmed()
         else:
             self._context.signal(Signal.GROUNDED)
@@ -226,9 +226,11 @@ class TelemetryHandler:
             status = context.inputs.look(telemetry)
             if status is not CALM:  # the climb ends above home by itself
                 self._deviations.inputs_missing(status, telemetry)
-        if context.state is State.READY:
+        if context.task.state is State.READY:
             self._states.ready.watch(telemetry)
-        climbs = context.state is State.READY and context.authority.handed_over and telemetry.in_air
+        climbs = (
+            context.task.state is State.READY and context.authority.handed_over and telemetry.in_air
+        )
         if climbs:
             self._returns.end_if_due(telemetry)
         if seen.moved is Response.HOLD and context.in_charge:
@@ -256,14 +258,14 @@ class TelemetryHandler:
     def keep_to_plan(self, seen: Seen) -> bool:
         """What is off what was planned is announced, and followed by what `deviations` says."""
         context, climb = self._context, self._gate.climb.climb
-        cruises = context.spec.cruises and context.airspace.change is None and climb is None
+        cruises = context.task.spec.cruises and context.airspace.change is None and climb is None
         if seen.moved is not None:
             self._deviations.home_moved(seen.moved, cruises=cruises)
         if not cruises:
             self._deviations.forget()
         elif not context.interlocks.up(Doubt.FOREIGN_ORDER):
             self._deviations.follow(seen.telemetry)
-        if self._home.in_doubt and context.spec.cruises:
+        if self._home.in_doubt and context.task.spec.cruises:
             self._airspace_update.altitude_doubted(seen.telemetry)
         return False
 

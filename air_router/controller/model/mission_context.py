@@ -10,7 +10,7 @@ from air_router.controller.model.airspace_in_force import AirspaceInForce
 from air_router.controller.model.authority import Authority
 from air_router.controller.model.interlocks_raised import RaisedInterlocks
 from air_router.controller.model.standing_alarms import StandingAlarms
-from air_router.controller.model.states import Signal, Spec, State
+from air_router.controller.model.states import Signal, State
 from air_router.controller.model.task import Ending, Task
 from air_router.mission import Mission
 from air_router.routing import Pace, Router
@@ -87,35 +87,15 @@ class MissionContext:
 
     # What others read.
 
-    @property
-    def mission(self) -> Mission:
-        """With the zones and fences of now."""
-        return self.airspace.mission
-
-    @property
-    def router(self) -> Router:
-        """Plans among these."""
-        return self.airspace.router
-
-    @property
-    def state(self) -> State:
-        """What the mission is doing."""
-        return self.task.state
-
-    @property
-    def spec(self) -> Spec:
-        """The row of the table of states for it."""
-        return self.task.spec
-
     @cached_property
     def pace(self) -> Pace:
         """What ways take the vehicle: zones do not change that."""
-        return Pace.of(self.mission)
+        return Pace.of(self.airspace.mission)
 
     @cached_property
     def layer_top_m(self) -> float:
         """Higher above home it would be in the layer of another UAV; nor do they change that."""
-        return self.mission.layer_top_m
+        return self.airspace.mission.layer_top_m
 
     @property
     def in_air(self) -> bool:
@@ -136,11 +116,11 @@ class MissionContext:
     @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
-        return self.authority.handed_over if self.state is State.READY else self.spec.ours
+        return self.authority.handed_over if self.task.state is State.READY else self.task.spec.ours
 
     def knows(self, signal: Signal) -> bool:
         """Whether the state reacts to a signal."""
-        return signal in self.spec.on
+        return signal in self.task.spec.on
 
     def come_home(
         self, why: str, instruction: Instruction | None = None, *, by_request: bool = False
@@ -162,7 +142,7 @@ class MissionContext:
                 self.alarm(f"{why}: it should come home, and cannot: {held.why}", held.instruction)
             return
         if not self.knows(Signal.COME_HOME):
-            requested = task.ending if self.state is State.HOME else None
+            requested = task.ending if self.task.state is State.HOME else None
             if requested is not None and requested.by_request and not by_request:
                 # It may not be called off any more.
                 words = f"{requested.why}; {why}"

@@ -95,7 +95,7 @@ class CommandGate:
     _assumed: frozenset[FlightMode] = frozenset()  # by what was confirmed, or begun, last
 
     def __post_init__(self) -> None:
-        mission = self._context.mission
+        mission = self._context.airspace.mission
         self.climb = InitialClimb(self._context)
         self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
 
@@ -184,7 +184,7 @@ class CommandGate:
         A hold only the operator asks for while it is not known whose the vehicle is.
         """
         pending, context = self.pending, self._context
-        asked = context.state is State.HOLD
+        asked = context.task.state is State.HOLD
         unheard = context.inputs.silent or context.silent_s > 0.0
         if isinstance(motion, HoldHere) and unheard and not asked:
             return Verdict.MAY_BE_TAKEN

@@ -58,7 +58,7 @@ class InitialClimb:
 
     def why_not(self, telemetry: Telemetry) -> str | None:
         """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""
-        mission, here = self._context.mission, telemetry.position
+        mission, here = self._context.airspace.mission, telemetry.position
         if not low(mission, telemetry):
             return None
         # What a first leg keeps: where it has left a zone it hovers on the edge of the margin of
@@ -84,7 +84,7 @@ class InitialClimb:
         """
         if not isinstance(motion, FlyToNode | FlyToPoint):
             return motion
-        mission, telemetry = self._context.mission, self._context.heard
+        mission, telemetry = self._context.airspace.mission, self._context.heard
         if not low(mission, telemetry):
             self._context.interlocks.climbed()
             return motion

@@ -133,7 +133,7 @@ class Navigator:
         place = self.hover_point(position)
         if place == position:
             return place, ""
-        airspace = self._context.mission.planning_airspace
+        airspace = self._context.airspace.mission.planning_airspace
         holders = airspace.holders(position)
         if FENCE in holders:
             return place, "it is outside of the fence"
@@ -146,7 +146,9 @@ class Navigator:
     def hover_point(self, position: Point) -> Point:
         """The place itself, or the nearest clear one that a clear way leads to from home."""
         context = self._context
-        place = context.router.graph.paths.nearest(position, reachable_from=context.mission.home)
+        place = context.airspace.router.graph.paths.nearest(
+            position, reachable_from=context.airspace.mission.home
+        )
         return place or position  # the router says why not
 
     @property
@@ -279,7 +281,7 @@ class Navigator:
                 return None
             way.follow(legs)
             refusal = self._height_refusal(telemetry, legs[0].to)
-            if refusal is not None and low(self._context.mission, telemetry):
+            if refusal is not None and low(self._context.airspace.mission, telemetry):
                 # Where it is low the gate has it climb instead, or says why it cannot.
                 self._context.interlocks.climb_first()
                 refusal = None
@@ -296,7 +298,7 @@ class Navigator:
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
         """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
         after = self._context.airspace.flown_router.route(stopping, target)
-        spare_m = STOP_S * self._context.mission.speed_m_s
+        spare_m = STOP_S * self._context.airspace.mission.speed_m_s
         return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
     def _command(
@@ -314,7 +316,7 @@ class Navigator:
         moved = telemetry.home_moved is not None and telemetry.home_moved.changes_heights
         if leg.node is not None and not (self._gate.by_points or moved):
             return FlyToNode(leg.node, leg.to)
-        mission = self._context.mission
+        mission = self._context.airspace.mission
         if leg.node is None:
             return FlyToPoint(leg.to, mission.altitude_above_home_m)
         return FlyToPoint(leg.to, mission.altitude_of(leg.node))
@@ -382,11 +384,11 @@ class Navigator:
         On the way out of a zone these are all that it is planned among.
         """
         context, altitude_m = self._context, telemetry.altitude_m
-        cruise = context.mission.cruise
+        cruise = context.airspace.mission.cruise
         cruises = cruise.lower_m <= altitude_m <= cruise.upper_m
         if cruises or context.airspace.flown_router is context.airspace.way_out_router:
             return None
         here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)
         places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry, unsent)]
         swept = (here, momentum.rest, momentum.turn(here, target), *places, target)
-        return self._context.router.off_cruise(altitude_m, swept)
+        return self._context.airspace.router.off_cruise(altitude_m, swept)

@@ -93,7 +93,7 @@ class GotoValidator:
             if not math.hypot(*point) <= FARTHEST_M:
                 away = f"{name} is more than {FARTHEST_M / 1000:.0f} km away"
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, away)
-            if FENCE in self._context.mission.airspace.holders(point):
+            if FENCE in self._context.airspace.mission.airspace.holders(point):
                 outside = f"{name} lies outside of the fence"
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, outside)
             hover, why = self._navigator.hover(point)
@@ -137,7 +137,7 @@ class GotoValidator:
 
     def _route(self, start: Point, goal: Goal, momentum: Momentum | None = None) -> Route | NoRoute:
         target = goal.position if goal.node is None else goal.node
-        return self._context.router.route(start, target, momentum=momentum)
+        return self._context.airspace.router.route(start, target, momentum=momentum)
 
     def _short(self, charge: float | None, way: Way, place: Point, stay_s: float) -> str | None:
         """Why the battery does not last for a way, a stay there, and the way home.
@@ -148,11 +148,11 @@ class GotoValidator:
         pace = self._context.pace
         if pace.endurance_s is None or charge is None:
             return None
-        home = self._context.router.route(place, HOME_NODE)
+        home = self._context.airspace.router.route(place, HOME_NODE)
         if isinstance(home, NoRoute):
             return f"no clear way home ({home.reason}) from"
         need = pace.home_s(Way(home.length_m, len(home.legs))) / pace.endurance_s + LANDING_MARGIN
-        need = max(need, self._context.mission.battery_reserve)
+        need = max(need, self._context.airspace.mission.battery_reserve)
         left = charge - (pace.time_s(way) + stay_s) / pace.endurance_s
         if left > need:
             return None

@@ -65,8 +65,8 @@ class HoldState(StateHandler):
     def stop(self, by: str) -> None:
         """Hold, as `by` asked; what is done now is gone on with later, in the time it had left."""
         context, goto_task = self._context, self._goto_state.goto_task
-        task, explores = context.task, context.spec.explores
-        self._held = Held(context.state, explores, task.robot, goto_task, context.left_s)
+        task, explores = context.task, context.task.spec.explores
+        self._held = Held(context.task.state, explores, task.robot, goto_task, context.left_s)
         context.say(f"holding, as {by} asked")
         context.signal(Signal.HOLD)
 
@@ -91,16 +91,16 @@ class HoldState(StateHandler):
     @property
     def only_altitudes(self) -> str:
         """Which altitudes are flown, and what allows others."""
-        low_m, high_m = self._context.mission.altitudes_m
+        low_m, high_m = self._context.airspace.mission.altitudes_m
         flown = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
         return f"only {flown} above home is flown; 'altitudes_m' in the mission allows others"
 
     def why_no_climb(self, altitude_m: float) -> tuple[Refusal, str] | None:
         """Why it may not hold at another altitude above home; None if it may."""
-        low_m, high_m = self._context.mission.altitudes_m
+        low_m, high_m = self._context.airspace.mission.altitudes_m
         if not low_m <= altitude_m <= high_m:
             return Refusal.ALTITUDE, self.only_altitudes
-        if self._context.state is not State.HOLD:
+        if self._context.task.state is not State.HOLD:
             return Refusal.BUSY, "its altitude is changed where it hovers: have it hold first"
         context, gate = self._context, self._gate
         if context.interlocks.up(Doubt.FOREIGN_ORDER):

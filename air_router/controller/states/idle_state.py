@@ -40,7 +40,7 @@ class IdleState(StateHandler):
     def begin(self) -> Wanted:
         """Hover here or amid the robots, or come home."""
         context = self._context
-        if context.mission.when_explored == "home" or not self._search.targets.names:
+        if context.airspace.mission.when_explored == "home" or not self._search.targets.names:
             context.come_home(ALL_MET if self._search.targets.names else ALL_EXPLORED)
             return Rest("it comes home")
         self._wait()
@@ -62,7 +62,7 @@ class IdleState(StateHandler):
 
     @property
     def _hovers_amid(self) -> bool:
-        return self._context.mission.when_explored == "hover"
+        return self._context.airspace.mission.when_explored == "hover"
 
     @property
     def _middle(self) -> Goal | None:
@@ -79,4 +79,4 @@ class IdleState(StateHandler):
         """Look again when the next robot is due, or when the robots may have driven away."""
         context = self._context
         due_s = max(0.0, self._search.next_due_s - context.now_s)
-        context.retry_in(context.mission.timers.revisit_s if self._hovers_amid else due_s)
+        context.retry_in(context.airspace.mission.timers.revisit_s if self._hovers_amid else due_s)

@@ -52,7 +52,7 @@ def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
     """
     if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
         return TakeOff.TO_COME
-    mission = context.mission
+    mission = context.airspace.mission
     if telemetry.altitude_m > context.layer_top_m:
         return TakeOff.TOO_HIGH
     altitude_m = mission.altitude_above_home_m

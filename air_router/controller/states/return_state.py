@@ -68,8 +68,8 @@ class HomeReachability:
             telemetry: where the vehicle is, in the air.
             due: it should be on its way home.
         """
-        if self.among is not self._context.router:
-            self.among = self._context.router
+        if self.among is not self._context.airspace.router:
+            self.among = self._context.airspace.router
             self.look_at_s = self._tell_at_s = -math.inf
         if telemetry.time_s >= self.look_at_s:
             before = self.walls
@@ -84,7 +84,7 @@ class HomeReachability:
         self._tell(telemetry, due=due)
 
     def _look(self, telemetry: Telemetry) -> None:
-        mission, router = self._context.mission, self._context.router
+        mission, router = self._context.airspace.mission, self._context.airspace.router
         here, home = telemetry.position, mission.home
         if mission.airspace_at(telemetry.altitude_m).holders(here):
             return  # it leaves that first
@@ -107,7 +107,7 @@ class HomeReachability:
         named = names_of(walls[::-1][:NAMED]) or "zones"  # the newest are last
         more = f" and {len(walls) - NAMED} more" if len(walls) > NAMED else ""
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
-        if due and context.mission.all_zones:
+        if due and context.airspace.mission.all_zones:
             context.alarm(
                 f"no way home is clear at every altitude{charge}, for {named}{more}: it hovers, "
                 "and comes home by the autopilot's altitude at the battery's reserve",
@@ -156,14 +156,14 @@ class ReturnState(StateHandler):
 
     def retry(self) -> Wanted:
         """By another way, perhaps."""
-        return Goal(self._context.mission.home, HOME_NODE)
+        return Goal(self._context.airspace.mission.home, HOME_NODE)
 
     replan = retry
 
     def _above_home(self, home: Point) -> Wanted:
         """Land if it stays here, and no order from before may take it away: it would land there."""
         telemetry = self._context.heard
-        near_m = landing_radius_m(self._context.mission)
+        near_m = landing_radius_m(self._context.airspace.mission)
         under_way = set(self._gate.setpoints.open(telemetry)) - {home}
         places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
         known = telemetry.ages.position_s < POSITION_S
@@ -188,7 +188,7 @@ class LandState(StateHandler):
 
     def why_no_landing(self) -> str | None:
         """Why it may not land where it hovers; None if nothing is below, and it stays there."""
-        mission, telemetry = self._context.mission, self._context.heard
+        mission, telemetry = self._context.airspace.mission, self._context.heard
         drift_m = math.dist(telemetry.position, stopping_point(telemetry))
         gate = self._gate
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:

@@ -70,11 +70,13 @@ class Search:
     ) -> None:
         self.name = setup.name
         self.targets = TargetList(setup.seek)
-        self.policy: Policy = POLICIES[context.mission.seek_policy] if policy is None else policy
+        self.policy: Policy = (
+            POLICIES[context.airspace.mission.seek_policy] if policy is None else policy
+        )
         self._context, self._navigator = context, navigator
         self.exploration = exploration
         self.to_explore = exploration if setup.explore else None
-        timers = context.mission.timers
+        timers = context.airspace.mission.timers
         self._visit_s = timers.search_s + timers.communicate_s
         self._explore_s, self._revisit_s = timers.explore_s, timers.revisit_s
 
@@ -111,7 +113,7 @@ class Search:
         if free and robot not in free:
             return math.inf
         met_s = self.targets.tracks[robot].met_s
-        if self._context.mission.when_explored == "patrol":
+        if self._context.airspace.mission.when_explored == "patrol":
             return met_s + self._revisit_s
         explored_s = -math.inf if self.to_explore is None else self.to_explore.explored_s
         return math.inf if met_s > explored_s else -math.inf
@@ -148,7 +150,7 @@ class Search:
         here = self.exploration.here
         if here is None:
             return 0.0
-        route = self._context.router.route(here, self._navigator.hover_point(place))
+        route = self._context.airspace.router.route(here, self._navigator.hover_point(place))
         if isinstance(route, NoRoute):
             return math.inf
         return self._context.pace.time_s(Way(route.length_m, len(route.legs)))

@@ -195,7 +195,7 @@ class SearchState(StateHandler):
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""
         context, robot = self._context, self._context.task.robot
         track = None if robot is None else self.search.targets.tracks.get(robot)
-        searching = context.state is State.SEARCH
+        searching = context.task.state is State.SEARCH
         if robot is None or track is None or track.pose is None or (searching and self._more):
             return Rest("it is not known where the robot is, or others are flown over first")
         if searching and self.search.foresees:
@@ -228,9 +228,9 @@ class SearchState(StateHandler):
         self._tell_jumps(track)
         if event.robot != context.task.robot:
             return None
-        if context.state is State.SEARCH and event.peer == event.robot:
+        if context.task.state is State.SEARCH and event.peer == event.robot:
             return Signal.FOUND  # wherever it says to be, its radio is heard here
-        return self.follow() if context.spec.seeks and believed else None
+        return self.follow() if context.task.spec.seeks and believed else None
 
     def _tell_jumps(self, track: TargetTrack) -> None:
         """Say once that a robot's position jumps, and that it is believed again."""
@@ -252,7 +252,7 @@ class SearchState(StateHandler):
         context, track = self._context, self.search.targets.tracks.get(event.robot)
         if track is None or not track.path_heard(event.points, event.stamp_s, context.now_s):
             return None
-        searching = context.state is State.SEARCH and event.robot == context.task.robot
+        searching = context.task.state is State.SEARCH and event.robot == context.task.robot
         return self.follow() if searching and self.search.foresees else None
 
     def radio_heard(self, event: RadioEvent) -> Wanted | None:
@@ -264,7 +264,7 @@ class SearchState(StateHandler):
             track.radio_heard(here, self._context.now_s)
         if isinstance(event, SyncEnded) and event.complete:
             track.synced(event.direction, self._context.now_s)
-            passes = self._context.state is State.SEARCH and self._stops
+            passes = self._context.task.state is State.SEARCH and self._stops
             if passes and event.peer == self._over and self._met(event.peer):
                 self._places.clear()
                 return self.arrived()
@@ -275,7 +275,7 @@ class SearchState(StateHandler):
         context, targets = self._context, self.search.targets
         news = targets.sought_by_other(event.by, event.robot, context.now_s)
         # A requested robot is not given up.
-        free = context.state is State.SEARCH and context.task.robot != self._asked_for
+        free = context.task.state is State.SEARCH and context.task.robot != self._asked_for
         ours = free and context.task.robot is not None and context.task.robot == event.robot
         # A repeated message, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self.search.name and targets.free(context.now_s):
@@ -331,6 +331,6 @@ class CommState(StateHandler):
             self._began.discard(event.direction)
             self._synced.add(event.direction)
         wanted = self._search_state.radio_heard(event)
-        if self._context.state is State.COMM and len(self._synced) == len(Direction):
+        if self._context.task.state is State.COMM and len(self._synced) == len(Direction):
             return Signal.SYNCED
         return wanted

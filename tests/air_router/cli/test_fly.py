@@ -61,7 +61,7 @@ def resumed(tmp_path, monkeypatch):
                 recorder.note(PREFLIGHT, 0.0, {})
 
         async def run(flight, _page):
-            seen.append(flight.controller.context.mission)
+            seen.append(flight.controller.context.airspace.mission)
             raise RefusedError("enough was seen")
 
         monkeypatch.setattr(Flight, "run", run)

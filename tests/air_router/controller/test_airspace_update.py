@@ -242,7 +242,7 @@ def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend, airborne
     flight.fly_until(lambda: flight.controller.exploration.remaining < 36, 300.0)
     inside = next(w for w in flight.mission.waypoints if w.number == 10)
     change(flight, box(inside.position))
-    skipped = flight.controller.context.mission.skipped
+    skipped = flight.controller.context.airspace.mission.skipped
     assert skipped == {10}
     assert "waypoint 10 left out: no clear way leads there" in flight.said
     goes_on_board(flight)
@@ -696,7 +696,7 @@ def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
     commanded = len(flight.motions)
     change(flight, box(ahead(flight, 60.0)))
     assert "'new' is new; they go on board when the mission is resumed" in flight.said[-1]
-    assert "new" in {zone.name for zone in flight.controller.context.mission.zones}
+    assert "new" in {zone.name for zone in flight.controller.context.airspace.mission.zones}
     assert (boarding(flight), flight.motions[commanded:]) == (0, [])
     flight.deaf = False
     flight.fly_to_state(State.PASSIVE, 5.0)

@@ -87,7 +87,7 @@ def test_hold_stops_a_climb_and_land_ends_it(holding):
 def test_what_interrupts_a_climb_does_not_end_it(holding):
     assert holding.operator_asks(ChangeAltitude(60.0)).accepted
     holding.fly_for(2.0)
-    mission = holding.controller.context.mission
+    mission = holding.controller.context.airspace.mission
     holding.give(AirspaceChanged(mission.fences, mission.zones[1:]))
     holding.fly_for(1.0)
     commanded = len(holding.motions)

@@ -539,7 +539,7 @@ def test_a_flight_is_not_resumed_while_nothing_is_heard_of_it(in_state):
 
 def test_what_waits_for_changed_zones_is_answered_so(in_state):
     flight = in_state(State.INIT)
-    mission = flight.controller.context.mission
+    mission = flight.controller.context.airspace.mission
     flight.give(AirspaceChanged(mission.fences, mission.zones[1:]))
     flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions), 30.0)
     answer, commanded = ask(flight, ComeHome())

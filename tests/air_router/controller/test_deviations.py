@@ -296,7 +296,7 @@ def asked(flight, action):
 
 def replanned(flight):
     """The ways that were asked for are there."""
-    mission = flight.controller.context.mission
+    mission = flight.controller.context.airspace.mission
     flight.give(AirspaceChanged(mission.fences, mission.drawn))
 
 
@@ -310,9 +310,11 @@ def on_board(flight):
 @pytest.mark.parametrize(("off", "band"), [(8.0, ABOVE), (-8.0, ABOVE), (8.0, BELOW)])
 def test_with_its_altitude_in_doubt_it_comes_home_clear_of_zones_at_every_height(off_by, off, band):
     flight, zone = in_doubt(off_by, off, beside(band))
-    since, router = len(flight.track), flight.controller.context.router
+    since, router = len(flight.track), flight.controller.context.airspace.router
     flight.step()
-    assert flight.controller.context.router is router  # it is replaced by one made elsewhere
+    assert (
+        flight.controller.context.airspace.router is router
+    )  # it is replaced by one made elsewhere
     replanned(flight)
     assert "zones changed: each counts whatever its height" in flight.said
     on_board(flight)
@@ -354,10 +356,10 @@ def test_zones_above_home_are_none_with_the_altitude_in_doubt_either(off_by):
 
 def test_zones_that_are_reloaded_with_the_altitude_in_doubt_count_at_every_height_too(off_by):
     flight, _ = in_doubt(off_by, 8.0, beside(ABOVE))
-    mission = flight.controller.context.mission
+    mission = flight.controller.context.airspace.mission
     another = Zone("another", Circle(Point(500.0, 500.0), 9.0), band=BELOW)
     flight.give(AirspaceChanged(mission.fences, (*mission.zones, another)))
-    now = flight.controller.context.mission
+    now = flight.controller.context.airspace.mission
     assert {"doubtful", "another"} <= {zone.name for zone in now.airspace.zones}
     assert now.drawn[-1] == another
     on_board(flight)
@@ -499,7 +501,7 @@ def test_while_a_way_is_opened_home_once_more_trusts_no_altitude_that_is_in_doub
     replanned(flight)
     on_board(flight)
     flight.fly_until(lambda: told(flight, "no way home is clear at every altitude"), 10.0)
-    mission = flight.controller.context.mission
+    mission = flight.controller.context.airspace.mission
     zones = tuple(zone for zone in mission.drawn if zone.name != "ring")
     flight.give(AirspaceChanged(mission.fences, zones))
     fly(flight, 3.0)

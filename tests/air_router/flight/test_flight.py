@@ -112,7 +112,9 @@ def test_a_flight_from_connecting_to_landing(rig):
     steps = [(change["number"], change["left"], change["signal"]) for change in view["changes"]]
     assert steps[:2] == [(1, "READY", "AIRBORNE"), (2, "INIT", "COME_HOME")]
     assert (view["uav"], view["state"], view["known_cells"]) == ("titan", "DONE", 0)
-    assert view["areas"]["name"] == flight.flight.controller.context.router.graph.mission.name
+    assert (
+        view["areas"]["name"] == flight.flight.controller.context.airspace.router.graph.mission.name
+    )
     assert SemanticGrid.decode(zlib.decompress(base64.b64decode(view["map"]))).known_cells == 0
 
 
