@@ -1,7 +1,7 @@
 """Taking part in the pace of a simulated world: its clock waits for who has to keep up with it.
 
 A process that works with simulated time says up to which moment all is done, as lines of JSON over
-TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes `ALLOWANCE_S`
+TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes `PACE_ALLOWANCE_S`
 beyond the slowest, and no further; a connection that has ended is waited for no more.
 """
 

@@ -42,7 +42,7 @@ def vehicle(vehicle):
 @pytest.fixture
 def impatient(monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
-    monkeypatch.setattr(px4, "DATA_S", 0.5)
+    monkeypatch.setattr(px4, "FIRST_POSITIONS_S", 0.5)
 
 
 def run(mission, port, script, **options):
@@ -237,7 +237,7 @@ def with_zones(mission, *zones):
 
 def test_a_stored_plan_that_cannot_be_flown_is_refused(standing, monkeypatch):
     mission, udp_port = standing
-    monkeypatch.setattr(px4_plan, "FEASIBLE_S", 1.0)  # twenty seconds of the vehicle
+    monkeypatch.setattr(px4_plan, "PLAN_FEASIBLE_S", 1.0)  # twenty seconds of the vehicle
     east_m, north_m = mission.waypoints[4].position
     corners = [(-3, -3), (3, -3), (3, 3), (-3, 3)]
     hidden = Zone("new", tuple(Point(east_m + x, north_m + y) for x, y in corners))

@@ -29,8 +29,8 @@ def mission(short_mission):
 @pytest.fixture
 def patient(monkeypatch):
     """A test in which something was waited for to the end does not end."""
-    monkeypatch.setattr(px4_commands, "CONFIRM_S", 2.0 * LIMIT_S)
-    monkeypatch.setattr(px4_commands, "LONGEST_S", 2.0 * LIMIT_S)
+    monkeypatch.setattr(px4_commands, "ORDER_CONFIRM_S", 2.0 * LIMIT_S)
+    monkeypatch.setattr(px4_commands, "ORDER_LONGEST_S", 2.0 * LIMIT_S)
 
 
 @pytest.fixture

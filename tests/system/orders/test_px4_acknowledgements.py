@@ -171,8 +171,8 @@ def test_what_is_refused_for_now_is_asked_for_again(run, first):
 
 
 def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):
-    monkeypatch.setattr(px4_commands, "CONFIRM_S", 2.0)
-    monkeypatch.setattr(px4_commands, "LONGEST_S", 2.0 * LIMIT_S)
+    monkeypatch.setattr(px4_commands, "ORDER_CONFIRM_S", 2.0)
+    monkeypatch.setattr(px4_commands, "ORDER_LONGEST_S", 2.0 * LIMIT_S)
 
     class Slow:
         """Says so with each of its next hundred heartbeats: five seconds."""
