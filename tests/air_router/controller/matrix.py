@@ -403,6 +403,12 @@ def table(cells, columns, column_of, words):
 def pages(cells):
     """Both tables of the docs: what is flown, and what becomes of events while it explores."""
     alone = [found for found in cells if found.event == "nothing"]
-    yield table(alone, RAISES, lambda found: (found.state.name, found.interlock), does)
+    yield (
+        "states and interlocks",
+        table(alone, RAISES, lambda found: (found.state.name, found.interlock), does),
+    )
     explores = [found for found in cells if found.state is State.EXPL and found.event != "nothing"]
-    yield table(explores, RAISES, lambda found: (f"`{found.event}`", found.interlock), answers)
+    yield (
+        "events and interlocks",
+        table(explores, RAISES, lambda found: (f"`{found.event}`", found.interlock), answers),
+    )

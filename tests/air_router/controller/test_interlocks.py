@@ -1,7 +1,6 @@
 """What keeps a motion back: each row of the table alone, two at once, and what is shown of it."""
 
 from itertools import combinations
-from pathlib import Path
 
 import pytest
 
@@ -14,6 +13,7 @@ from air_router.vehicle.input_limits import Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from sitl.rehearsal.faults import Fault
+from tests.printed import assert_printed
 
 HERE = Point(0.0, 0.0)
 LEG = FlyToPoint(Point(50.0, 0.0), 40.0)
@@ -149,8 +149,7 @@ def table():
 
 
 def test_the_table_in_the_docs_is_the_one_that_decides():
-    page = Path(__file__).parents[3] / "docs" / "state-machine.md"
-    assert "\n".join(table()) in page.read_text(encoding="utf-8")
+    assert_printed("state-machine.md", "interlocks", table())
 
 
 def test_each_change_of_what_keeps_the_mission_waiting_is_decided_once(airborne):

@@ -1,12 +1,11 @@
 """The table of states: the controller driven through it, and drawn as the docs have it."""
 
-from pathlib import Path
-
 import pytest
 
 from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.states.table import STATES, transitions
+from tests.printed import assert_printed
 
 PAPER = {
     (State.INIT, Signal.TIMER): State.SEARCH,
@@ -169,7 +168,17 @@ def searcher_diagram():
     return ["stateDiagram-v2", *arrows(others)]
 
 
-@pytest.mark.parametrize("drawn", [diagram, from_the_air, searcher_diagram])
-def test_the_diagrams_in_the_docs_are_those_drawn_from_the_table(drawn):
-    page = Path(__file__).parents[3] / "docs" / "state-machine.md"
-    assert "\n".join(drawn()) in page.read_text(encoding="utf-8")
+def mermaid(lines):
+    return ["```mermaid", *lines, "```"]
+
+
+@pytest.mark.parametrize(
+    ("name", "drawn"),
+    [
+        ("states", mermaid(diagram())),
+        ("from the air", from_the_air()),
+        ("a searcher", mermaid(searcher_diagram())),
+    ],
+)
+def test_the_diagrams_in_the_docs_are_those_drawn_from_the_table(name, drawn):
+    assert_printed("state-machine.md", name, drawn)

@@ -1,10 +1,7 @@
 """The tables that say what follows from a telemetry: in the docs as they decide."""
 
-from pathlib import Path
-
 from air_router.controller.telemetry_handler import MATTERS, STEPS
-
-PAGE = Path(__file__).parents[3] / "docs" / "state-machine.md"
+from tests.printed import assert_printed
 
 
 def matters():
@@ -23,9 +20,8 @@ def steps():
 
 
 def test_the_tables_in_the_docs_are_those_that_decide():
-    text = PAGE.read_text(encoding="utf-8")
-    for lines in (matters(), steps()):
-        assert "\n".join(lines) in text
+    assert_printed("state-machine.md", "matters", matters())
+    assert_printed("state-machine.md", "steps", steps())
 
 
 def test_each_row_says_why_it_stands_where_it_stands():
