@@ -193,7 +193,7 @@ MUTANTS = (
     _row("any detour out", "air_router.routing/limits", "WAY_OUT_DETOUR: Final = 1.05",
          "WAY_OUT_DETOUR: Final = 10.0", "router"),
     _row("nearer than allowed", "air_router.departure",
-         "if kept is not None and not kept.swept_clear(area):", "if False:", "router"),
+         "if self._whole is not None and not self._whole.swept_clear(area):", "if False:", "router"),
     _row("late command", "air_router.departure", "return [*elsewhere, end]",
          "return [end]", "router"),
     _row("no inertia", "air_router.departure",

@@ -17,10 +17,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from enum import Enum
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 from air_router.routing.limits import (
     BRAKING_M_S2,
@@ -86,20 +88,45 @@ class PendingSetpoint(NamedTuple):
     reach: Point  # behind it, where it swings to
 
 
-class _Leeway(NamedTuple):
-    """How a leg may begin where routes do not go.
+class Stand(Enum):
+    """Where the vehicle is as it sets out, and where it would come to rest: a row of `RULES`.
+
+    *Near* is nearer to a zone or the fence than routes keep, *too near* nearer than the clearance.
+    """
+
+    CLEAR = "it stands where routes go"
+    MOVING = "it moves, and comes to rest where routes go"
+    WITHIN = "it is in a zone or outside of the fence, and near to no other"
+    WITHIN_NEAR = "it is in a zone or outside of the fence, and near to another, or will be"
+    TOO_FAST = "it comes to rest too near, or nearer still than too near"
+    TOO_NEAR = "it is too near"
+    NEAR = "it is near, or comes to rest there"
+
+
+class Begins(Enum):
+    """How the first leg may begin."""
+
+    AS_ROUTES = "clear over its whole length, with all that its turn may sweep"
+    BY_LEEWAY = "its first metres nearer than routes keep; then clear"
+    BRAKING = "not at all: the vehicle brakes first"
+
+
+class Rule(NamedTuple):
+    """What a first leg has to keep to; each function takes the departure.
 
     Attributes:
-        near: What its first metres keep to; None: the vehicle has to brake before anything else.
-        reach_m: How far these first metres reach.
-        kept: What the whole leg keeps to beside that; None: nothing.
+        begins: How it may begin.
+        first: What its first metres keep to.
+        reach_m: How far these reach.
+        whole: What the whole leg keeps to beside that; None: nothing.
         warning: What the operator should know about where the vehicle is; empty: nothing.
     """
 
-    near: Airspace | None
-    reach_m: float = 0.0
-    kept: Airspace | None = None
-    warning: str = ""
+    begins: Begins
+    first: Callable[[Departure], Airspace] | None = None
+    reach_m: Callable[[Departure], float] | None = None
+    whole: Callable[[Departure], Airspace] | None = None
+    warning: Callable[[Departure], str] | None = None
 
 
 class Departure:
@@ -135,6 +162,22 @@ class Departure:
         self.pending = tuple(pending)
         self.moving = self.rest != start or bool(self.pending)
 
+    # Where it stands.
+
+    @cached_property
+    def stand(self) -> Stand:
+        """The row of `RULES` that holds."""
+        if not self.in_margin:
+            return Stand.MOVING if self.moving else Stand.CLEAR
+        if self._holders:
+            here_m, rest_m = self._others_spare_m
+            clear = min(here_m, rest_m) >= 0 or rest_m < here_m - HOVER_DRIFT_M
+            return Stand.WITHIN if clear else Stand.WITHIN_NEAR
+        too_near = self._here_m < 0
+        if self._kept_m < (self._here_m - HOVER_DRIFT_M if too_near else 0):
+            return Stand.TOO_FAST
+        return Stand.TOO_NEAR if too_near else Stand.NEAR
+
     @cached_property
     def in_margin(self) -> bool:
         """Whether the vehicle is, or would come to rest, where routes do not go."""
@@ -144,51 +187,107 @@ class Departure:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the operator should know about where the vehicle is."""
-        warning = self._leeway.warning if self.in_margin else ""
+        rule = RULES[self.stand]
+        warning = "" if rule.warning is None else rule.warning(self)
         return (warning,) if warning else ()
 
     @cached_property
-    def _leeway(self) -> _Leeway:
-        """How close to zones, and over how many metres, the leg may be at first."""
-        airspace, margin_m = self._airspace, self._airspace.margin_m
-        holders = airspace.holders(self.start)
-        if holders:
-            return self._way_from_within(holders)
-        spare_m, name = airspace.spare_m(self.start)
-        here_m = spare_m + margin_m  # what there is on top of the clearance; less than 0: too near
-        warning = ""
-        if here_m < 0:
-            distance_m = spare_m + airspace.kept_m(name)
-            where = f"{distance_m:.1f} m from {names_of((name,))}"
-            warning = f"the vehicle is {where}: it moves away first"
-        kept_m = min(here_m, airspace.spare_m(self.rest)[0] + margin_m)
-        if kept_m < (0 if here_m >= 0 else here_m - HOVER_DRIFT_M):
-            return _Leeway(None, warning=warning)  # too fast towards a zone
-        drift_m = math.dist(self.start, self.rest)
-        reach_m = 2 * (margin_m - kept_m) + drift_m + LEEWAY_M
-        near = airspace.relaxed(
-            margin_m - kept_m + LEG_ROUNDING_M, self._nearest_m(airspace) - LEG_ROUNDING_M
-        )
-        kept = airspace.with_margin(0.0).kept_from(self.start, self.rest)
-        return _Leeway(near, reach_m, kept, warning)
+    def _holders(self) -> tuple[str, ...]:
+        """The zones that it is in, and the fence that it is outside of."""
+        return tuple(self._airspace.holders(self.start))
 
-    def _way_from_within(self, holders: Sequence[str]) -> _Leeway:
-        """Out of the zones that it is in; to others it may stay as near as it is."""
-        where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
-        warning = f"the vehicle is {where}: it takes the shortest way out"
-        nearest = self._paths.nearest(self.start)
-        reach_m = 0.0
-        if nearest is not None:
-            reach_m = LEEWAY_OUT_OF_ZONE * math.dist(self.start, nearest) + LEEWAY_M
+    @cached_property
+    def _here_m(self) -> float:
+        """What there is on top of the clearance; less than 0: it is too near."""
+        return self._airspace.spare_m(self.start)[0] + self._airspace.margin_m
+
+    @cached_property
+    def _kept_m(self) -> float:
+        """The least that there is on top of the clearance, here and where it comes to rest."""
+        return min(self._here_m, self._airspace.spare_m(self.rest)[0] + self._airspace.margin_m)
+
+    @cached_property
+    def _others(self) -> Airspace:
+        """All that it is not in, with half of the margin."""
         others = self._airspace.leaving(self.start)
-        near = others.with_margin((others.margin_m - others.clearance_m) / 2)
-        here_m, rest_m = (near.spare_m(place)[0] for place in (self.start, self.rest))
-        if min(here_m, rest_m) >= 0 or rest_m < here_m - HOVER_DRIFT_M:
-            return _Leeway(near, reach_m, warning=warning)
-        kept = near.kept_from(self.start, self.rest)
-        shortfall_m = LEG_ROUNDING_M - min(here_m, rest_m)
-        near = near.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
-        return _Leeway(near, reach_m, kept, warning)
+        return others.with_margin((others.margin_m - others.clearance_m) / 2)
+
+    @cached_property
+    def _others_spare_m(self) -> tuple[float, float]:
+        """What there is to spare to these, here and where it comes to rest."""
+        here_m, rest_m = (self._others.spare_m(place)[0] for place in (self.start, self.rest))
+        return here_m, rest_m
+
+    # What the rules ask for.
+
+    def first_near(self) -> Airspace:
+        """As near as it is, or comes to rest."""
+        airspace = self._airspace
+        return airspace.relaxed(
+            airspace.margin_m - self._kept_m + LEG_ROUNDING_M,
+            self._nearest_m(airspace) - LEG_ROUNDING_M,
+        )
+
+    def reach_near_m(self) -> float:
+        """Twice as far as it takes to be clear, straight away from there."""
+        drift_m = math.dist(self.start, self.rest)
+        return 2 * (self._airspace.margin_m - self._kept_m) + drift_m + LEEWAY_M
+
+    def whole_near(self) -> Airspace:
+        """To what it keeps the clearance from now it keeps it all the way."""
+        return self._airspace.with_margin(0.0).kept_from(self.start, self.rest)
+
+    def warning_near(self) -> str:
+        """That it is too near, if it is."""
+        if self._here_m >= 0:
+            return ""
+        spare_m, name = self._airspace.spare_m(self.start)
+        distance_m = spare_m + self._airspace.kept_m(name)
+        where = f"{distance_m:.1f} m from {names_of((name,))}"
+        return f"the vehicle is {where}: it moves away first"
+
+    def first_within(self) -> Airspace:
+        """Out of what it is in; half of the margin to all else."""
+        return self._others
+
+    def reach_within_m(self) -> float:
+        """Somewhat farther than to the nearest clear place."""
+        nearest = self._paths.nearest(self.start)
+        if nearest is None:
+            return 0.0
+        return LEEWAY_OUT_OF_ZONE * math.dist(self.start, nearest) + LEEWAY_M
+
+    def warning_within(self) -> str:
+        """That it is in a zone, or outside of the fence."""
+        holders = self._holders
+        where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
+        return f"the vehicle is {where}: it takes the shortest way out"
+
+    def first_within_near(self) -> Airspace:
+        """The same, and to others as near as it is, or comes to rest."""
+        shortfall_m = LEG_ROUNDING_M - min(self._others_spare_m)
+        others = self._airspace.leaving(self.start)
+        return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
+
+    def whole_within_near(self) -> Airspace:
+        """To others that it keeps half of the margin from now it keeps it all the way."""
+        return self._others.kept_from(self.start, self.rest)
+
+    @cached_property
+    def _first(self) -> Airspace | None:
+        """What the first metres keep to; None: routes' own airspace, or no leg at all."""
+        first = RULES[self.stand].first
+        return None if first is None else first(self)
+
+    @cached_property
+    def _whole(self) -> Airspace | None:
+        whole = RULES[self.stand].whole
+        return None if whole is None else whole(self)
+
+    @cached_property
+    def _reach_m(self) -> float:
+        reach_m = RULES[self.stand].reach_m
+        return 0.0 if reach_m is None else reach_m(self)
 
     def _nearest_m(self, airspace: Airspace) -> float:
         """How near to anything it is, or comes to rest."""
@@ -205,20 +304,19 @@ class Departure:
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""
-        if not self.in_margin:
+        if RULES[self.stand].begins is Begins.AS_ROUTES:
             return self.clear(end)
-        near, reach_m, kept, _ = self._leeway
-        if near is None:
-            return False
+        if self._first is None:
+            return False  # it brakes first
         turning, bound = self._turning(end), self._bound(end)
         area = [*turning, *bound]
-        if kept is not None and not kept.swept_clear(area):
+        if self._whole is not None and not self._whole.swept_clear(area):
             return False
-        if math.dist(self.start, end) > reach_m:
-            later = [_along(place, end, reach_m) for place in turning]
+        if math.dist(self.start, end) > self._reach_m:
+            later = [_along(place, end, self._reach_m) for place in turning]
             if not self._airspace.swept_clear([*later, *bound]):
                 return False
-        return near.swept_clear(area)
+        return self._first.swept_clear(area)
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
@@ -242,7 +340,7 @@ class Departure:
     @cached_property
     def way_out(self) -> tuple[Point, ...] | None:
         """The shortest way out of a tight place that no single leg leads out of."""
-        near = self._leeway.near if self.in_margin else None
+        near = self._first
         if near is None or any(self.allows(place) for place in self._paths.exits(self.start)):
             return None
         way = self._paths.way_out(self.start, near)
@@ -252,7 +350,7 @@ class Departure:
 
     def leads_out(self, end: Point) -> bool:
         """Whether a leg is a step of the shortest way out of a tight place; see `way_out`."""
-        near = self._leeway.near if self.way_out is not None else None
+        near = self._first
         if near is None or self.way_out is None or not near.swept_clear(self._area(end)):
             return False
         left_m = 0.0
@@ -272,6 +370,44 @@ class Departure:
         if not self.moving:
             return straight
         return [ok and self.allows(end) for ok, end in zip(straight, ends, strict=True)]
+
+
+RULES: Final[Mapping[Stand, Rule]] = MappingProxyType(
+    {
+        Stand.CLEAR: Rule(Begins.AS_ROUTES),
+        Stand.MOVING: Rule(Begins.AS_ROUTES),
+        Stand.WITHIN: Rule(
+            Begins.BY_LEEWAY,
+            first=Departure.first_within,
+            reach_m=Departure.reach_within_m,
+            warning=Departure.warning_within,
+        ),
+        Stand.WITHIN_NEAR: Rule(
+            Begins.BY_LEEWAY,
+            first=Departure.first_within_near,
+            reach_m=Departure.reach_within_m,
+            whole=Departure.whole_within_near,
+            warning=Departure.warning_within,
+        ),
+        Stand.TOO_FAST: Rule(Begins.BRAKING, warning=Departure.warning_near),
+        Stand.TOO_NEAR: Rule(
+            Begins.BY_LEEWAY,
+            first=Departure.first_near,
+            reach_m=Departure.reach_near_m,
+            whole=Departure.whole_near,
+            warning=Departure.warning_near,
+        ),
+        Stand.NEAR: Rule(
+            Begins.BY_LEEWAY,
+            first=Departure.first_near,
+            reach_m=Departure.reach_near_m,
+            whole=Departure.whole_near,
+        ),
+    }
+)
+"""What a first leg has to keep to, by where the vehicle is. Where none leads out of a tight place
+there is `Departure.way_out`.
+"""
 
 
 def _along(start: Point, end: Point, reach_m: float) -> Point:
