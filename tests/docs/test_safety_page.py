@@ -10,6 +10,8 @@ from sitl.rehearsal.faults import Fault
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "safety.md").read_text("utf-8")
 SHOWN = (ROOT / "docs" / "evidence" / "faults-of-c597b59.csv").read_text("utf-8")
+SECOND = (ROOT / "docs" / "evidence" / "faults-of-7f645deb.csv").read_text("utf-8")
+OF_SECOND = (ROOT / "tests" / "data" / "found_in_7f645deb.py").read_text("utf-8")
 SURVIVORS = (ROOT / "docs" / "evidence" / "sabotages-that-survive.csv").read_text("utf-8")
 NAME = re.compile(r"^ *(?:async )?def (test_\w+)", re.MULTILINE)
 
@@ -53,6 +55,17 @@ def test_what_shows_the_faults_of_an_older_version_exists():
     named = set(re.findall(r"test_\w+_\w+_\w+", SHOWN))
     assert len(named) > 40
     assert named <= set(names_of_tests())
+
+
+def test_every_fault_of_the_second_version_has_a_test_that_failed_there():
+    known = {*names_of_tests(), *NAME.findall(OF_SECOND), *Fault.__members__, "test_standstill"}
+    found = list(csv.DictReader(SECOND.splitlines()))
+    assert {row["section"] for row in found} == set("12345678")
+    for row in found:
+        named = set(re.findall(r"\b(?:test_\w+|[A-Z]{2,}_?[A-Z]+)\b", row["test"]))
+        assert named, row["bullet"]
+        assert named <= known, (row["bullet"], named - known)
+        assert row["how it failed there"], row["bullet"]
 
 
 def test_each_survivor_of_the_list_is_there_with_the_wall_behind_it_and_its_test():
