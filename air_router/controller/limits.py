@@ -195,5 +195,9 @@ the altitude after 30 s."""
 STANDS_FOR_PLAN_S: Final = 90.0
 """A plan is put on board, and read back, within 10 s; over a poor link within a minute."""
 
+SETS_OUT_S: Final = 10.0
+"""A vehicle that was kept back moves so soon once it is not: after a fix, which it waits 3 s for, a
+leg is planned, commanded and followed."""
+
 STANDSTILL_LOOK_S: Final = 1.0
 """How often a vehicle that does not move is looked at."""

@@ -17,12 +17,14 @@ from typing import Final, NamedTuple
 
 from air_router.controller.limits import (
     MOVED_M,
+    SETS_OUT_S,
     STANDS_FOR_PLAN_S,
     STANDS_IN_ZONE_S,
     STANDS_S,
     STANDSTILL_LOOK_S,
 )
 from air_router.controller.model import Doubt, MissionContext, Progress, State, ZoneChange
+from air_router.controller.motion import raised
 from air_router.routing import names_of
 from air_router.vehicle import (
     FLY_OUT,
@@ -179,6 +181,8 @@ class Standstill:
     _anchor: _Anchor | None = None
     _looked_s: float = -math.inf  # when it was looked at last, vehicle's clock
     _told: Watch | None = None  # what it stands in now
+    _kept_back: bool = False  # an interlock kept it here when it was looked at last
+    _moves_by_s: float = -math.inf  # it was kept back until just now, and has to set out first
 
     def look(self, telemetry: Telemetry, *, ours: bool) -> None:
         """Take a telemetry in, after all that was decided on it.
@@ -211,7 +215,10 @@ class Standstill:
             self._over()
         stands_s = now_s - anchor.time_s
         graves = [(watch, more) for watch, more in lasts if stands_s >= watch.after_s]
-        if graves:
+        kept_back, self._kept_back = self._kept_back, bool(raised(self._context))
+        if kept_back and not self._kept_back and self._moves_by_s < anchor.time_s:
+            self._moves_by_s = now_s + SETS_OUT_S  # once, until it has moved
+        if graves and now_s >= self._moves_by_s:
             self._alarm(*graves[0], anchor.time_s)
 
     def _alarm(self, watch: Watch, more: str, since_s: float) -> None:

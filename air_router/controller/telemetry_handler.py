@@ -154,10 +154,12 @@ class TelemetryHandler:
 
     def sent_elsewhere(self, seen: Seen) -> str | None:
         """It surely follows an order that is not ours; which, in words."""
+        context = self._context
         if not seen.ours:
+            context.interlocks.put(Doubt.FOREIGN_ORDER, raised=False)
             return None
         # One that only seems to show is waited for.
-        context, order = self._context, self._monitor.foreign_order(seen.telemetry)
+        order = self._monitor.foreign_order(seen.telemetry)
         context.interlocks.put(Doubt.FOREIGN_ORDER, raised=order is not None)
         if order is None:
             if context.interlocks.take_deferred():
@@ -251,12 +253,12 @@ class TelemetryHandler:
     # The steps: each says whether those below it wait.
 
     def look_at_inputs(self, seen: Seen) -> bool:
-        """Too few inputs come to fly on by."""
+        """Missing inputs are announced and held for; battery, duration and the timer go on."""
         status = self._context.inputs.look(seen.telemetry)
         return status is not CALM and self._deviations.inputs_missing(status, seen.telemetry)
 
     def keep_to_plan(self, seen: Seen) -> bool:
-        """What is off what was planned is announced, and followed by what `deviations` says."""
+        """Deviations (altitude, clearance, speed, wind, home): the table in `deviations`."""
         context, climb = self._context, self._gate.climb.climb
         cruises = context.task.spec.cruises and context.airspace.change is None and climb is None
         if seen.moved is not None:
@@ -283,7 +285,7 @@ class TelemetryHandler:
         return False
 
     def wait_for_interlocks(self, seen: Seen) -> bool:
-        """A row of `INTERLOCKS` is raised, or it climbs first."""
+        """Zones that change, and a climb, go on here; other interlocks are waited for."""
         context, climb = self._context, self._gate.climb
         if context.interlocks.up(Doubt.FOREIGN_ORDER):
             return True  # a hold would end the order of a pilot before it is known as such
@@ -374,7 +376,7 @@ MATTERS: Final = (
     ),
     Matter(
         "SENT_ELSEWHERE",
-        "it follows an order that is not ours, and has done so for 1.5 s",
+        "for 1.5 s its plan item, or in Hold its target, has been none of ours",
         TelemetryHandler.sent_elsewhere,
         TelemetryHandler.follow_order,
         "hands off at once",
@@ -385,12 +387,12 @@ MATTERS: Final = (
         "it is being released, or the plan on board is being compared",
         TelemetryHandler.waits_for_hold,
         TelemetryHandler.wait_for_hold,
-        "it is commanded to hold, again and again; then released, or planned anew",
+        "a hold is repeated until it shows; then it is released, or the mission planned again",
         "the mission is over or in doubt; a breach below would release it, too",
     ),
     Matter(
         "BREACH",
-        "it is in a zone or outside of a fence, though none was drawn over it",
+        "it is in a no-fly zone or outside a fence; zones just drawn over it do not count",
         TelemetryHandler.breach,
         TelemetryHandler.release,
         "it holds, and is released with an alarm",
@@ -405,11 +407,11 @@ MATTERS: Final = (
         "all below is about a mission that flies",
     ),
     Matter(
-        "ANOTHER_S",
+        "NOT_OURS",
         "a pilot or a failsafe has it",
         TelemetryHandler.is_another_s,
         TelemetryHandler.look_on,
-        "breaches and lost inputs are announced; nothing is commanded",
+        "missing inputs are announced, and breaches while its position is known",
         "only what is ours flies the mission",
     ),
     Matter(
@@ -452,7 +454,7 @@ STEPS: Final = (
         "PLAN_KEPT",
         TelemetryHandler.keep_to_plan,
         "",
-        "it raises what is waited for below, and looks at a position that is known",
+        "it raises what INTERLOCKS waits for; by now the position is known",
     ),
     Step(
         "WAYPOINTS_NEAR",
@@ -470,15 +472,22 @@ STEPS: Final = (
         "INTERLOCKS",
         TelemetryHandler.wait_for_interlocks,
         "a row of `INTERLOCKS` is raised, or it climbs first",
-        "no leg and no other state may begin meanwhile",
+        "no leg begins and no state times out meanwhile; requests and coming home still do",
     ),
     Step(
-        "STATE_S_TIME",
+        "STATE_TIMER",
         TelemetryHandler.end_the_state_in_time,
         "",
         "a state whose time is over begins no other leg",
     ),
-    Step("NEXT_LEG", TelemetryHandler.fly_on, "", "the state has not changed, or set out anew"),
-    Step("TRY_AGAIN", TelemetryHandler.try_again, "", "a leg that was just commanded may follow"),
+    Step(
+        "NEXT_LEG", TelemetryHandler.fly_on, "", "a state that has just changed has already set out"
+    ),
+    Step(
+        "TRY_AGAIN",
+        TelemetryHandler.try_again,
+        "",
+        "nothing is retried while a command from the steps above is pending",
+    ),
 )
 """Taken in this order, until one says that the rest waits."""

@@ -20,7 +20,7 @@ class ZoneChange(Enum):
 
 @dataclass(slots=True, eq=False)
 class AirspaceInForce:
-    """Facts; what follows from them `AirspaceUpdate` decides. Only its methods change it.
+    """State only; `AirspaceUpdate` decides what follows from it. Only its methods change it.
 
     Attributes:
         mission: With the zones and fences of now.

@@ -27,7 +27,7 @@ class Held:
 
 @dataclass(slots=True, eq=False)
 class Authority:
-    """Facts; what follows from them `ControlAuthority` decides. Only its methods change it.
+    """State only; `ControlAuthority` decides what follows from it. Only its methods change it.
 
     Attributes:
         handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.

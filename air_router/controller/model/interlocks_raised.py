@@ -19,9 +19,10 @@ class RaisedInterlocks:
     """What stands against a motion. Only its methods change it.
 
     Attributes:
-        motion_deferred: A motion was kept back by a doubt: it is planned anew once that is over.
-        climbs_first: The next leg is begun at the mission's altitude: the vehicle was taken over,
-            and may be anywhere. Stays until it is there.
+        motion_deferred: A motion was kept back by a row with `defers`, or a stop because another
+            order showed: it is planned again at the next telemetry without one.
+        climbs_first: Climb to the mission's altitude before the next leg: the vehicle was taken
+            back, or may have sunk, or left a zone below. Stays until it is there.
     """
 
     motion_deferred: bool = False

@@ -22,7 +22,7 @@ class Ending:
         why: In words.
         by_request: Such a return may be called off.
         place: Where it lands, in words.
-        in_haste: The battery demands it: it waits for nothing that is put on board.
+        in_haste: The battery demands it: it does not wait for an upload.
         instruction: What the pilot or the operator does about it; None: it ends as it was to.
     """
 
@@ -97,7 +97,8 @@ Wanted = Goal | Motion | Signal | Planned | Hover | NoWay | Rest
 """What a state wants next.
 
 A `Goal` is flown to, by legs that are planned and checked; another motion is commanded as it is; a
-`Signal` leads to another state. Only the controller commands, and only past `INTERLOCKS`.
+`Signal` leads to another state. The navigator hands a motion to the gate, which commands legs and
+landings only past `INTERLOCKS`.
 """
 
 
@@ -105,7 +106,8 @@ class StateHandler:
     """What is flown in a state: asked while it lasts, never in another. This one flies nothing.
 
     Each method returns what is wanted next. It may announce (`MissionContext.say`, `warn`, `alarm`)
-    and plan (`Navigator.plan_to`); it commands nothing.
+    and plan (`Navigator.plan_to`), and command nothing; `HoldState` and `ReadyState` have methods
+    beside these that do.
     """
 
     def begin(self) -> Wanted:
@@ -220,8 +222,8 @@ class Task:
         ending: Why the vehicle comes home or lands; None while it does not.
         stayed_why: Why the mission ended before take-off, if it does.
         airborne_s: When the mission began in the air; None: it has not.
-        home_by_s: When it comes home, on the vehicle's clock, if some zones have their hours: they
-            may be others later.
+        home_by_s: When it comes home, vehicle's clock, where zones have active hours: other zones
+            may apply later.
         limit_s: How long the state lasts once its timer runs; None: it has none.
         carried_s: How long the state that begins next lasts, instead of what the mission says.
         ends_s: When the state's timer ends; None while it does not run.

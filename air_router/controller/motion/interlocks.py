@@ -1,9 +1,11 @@
 """What may keep a leg, or a landing, from being sent: one table; the first raised row decides.
 
-The mission's states say what it wants; these rows say what keeps it from getting that now. A hold
-is sent in any case: see `CommandGate.send`. The order is the safety argument, and each row says why
-it stands where it stands. `CommandGate.command` reads the table, `air-router`'s status line and its
-answers to `status` show the row that decides, and docs/state-machine.md prints it.
+The mission's states say what it wants; these rows say what keeps it from getting that now. They
+keep no hold back: see `CommandGate.send`. Any raised row keeps a motion back. The first one is
+reported, and decides whether a landing is commanded again and whether the leg under way is called
+off; each row says why it stands where it stands. `CommandGate.command` reads the table; the status
+line, the page, ROS 2, the record and answers to `status` show the row that decides, and
+docs/state-machine.md prints it.
 """
 
 from __future__ import annotations
@@ -64,13 +66,25 @@ def _missing(context: MissionContext) -> str:
 
 INTERLOCKS: Final = (
     Interlock(
+        "LINK_SILENT",
+        "nothing is received from the vehicle",
+        lambda context: context.silent_s > 0.0,
+        while_up="sends nothing, unless the operator asks for a hold",
+        clears="telemetry and the flight mode are received",
+        then="it plans again",
+        otherwise="an alarm after 10 s; after 20 s it asks the pilot to fly by hand",
+        why="all that is known is old, so are the rows below; a pilot may have taken it unseen",
+        scene="SILENCE",
+        defers=True,
+    ),
+    Interlock(
         "INPUT_MISSING",
         "an input is missing",
         _input_missing,
         while_up="holds; sends nothing while the flight mode is not received",
         clears="all inputs have come for 3 s",
         then="it plans again",
-        otherwise="comes home after the input's own limit",
+        otherwise="no fix or flight mode: it waits for that; other inputs: home after 30 s",
         why="without its inputs the program cannot judge any row below",
         scene="LOST_FIX",
         detail=_missing,
@@ -98,26 +112,14 @@ INTERLOCKS: Final = (
         scene="POOR_FIX",
     ),
     Interlock(
-        "LINK_SILENT",
-        "nothing is received from the vehicle",
-        lambda context: context.silent_s > 0.0,
-        while_up="sends nothing, unless the operator asks for a hold",
-        clears="telemetry and the flight mode are received",
-        then="it plans again",
-        otherwise="an alarm after 10 s; after 20 s it asks the pilot to fly by hand",
-        why="a pilot may have taken the vehicle unseen; the rows above hold by what was received",
-        scene="SILENCE",
-        defers=True,
-    ),
-    Interlock(
         "FOREIGN_ORDER",
         "an order shows that is not ours",
         lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
         while_up="sends nothing",
         clears="our own order shows",
         then="it plans again",
-        otherwise="releases the vehicle after 1.5 s",
-        why="it is a guess from telemetry, which the row above says is there",
+        otherwise="after 1.5 s hands off at once, without a hold",
+        why="it is a guess from telemetry, which the rows above say is there",
         scene="DIVERTED",
         defers=True,
     ),
@@ -149,10 +151,10 @@ INTERLOCKS: Final = (
         "ZONE_UPDATE",
         "zones are being changed",
         lambda context: context.airspace.change is not None,
-        while_up="holds, or leaves a new zone by the nearest way out",
+        while_up="flies on where its leg stays clear, else holds; leaves a new zone",
         clears="the changed zones are on board",
         then="it plans again",
-        otherwise="where PX4 refuses them it flies to points, checked here, and warns",
+        otherwise="if the upload fails: a warning, and it comes home, by points",
         why="it is ours to end, so all that others or the sensors decide comes first",
         scene="RELOAD",
         repeats_landing=False,

@@ -144,13 +144,18 @@ class GotoValidator:
 
         Nothing is known of that without the vehicle's endurance: then the way home is watched for
         in flight by `battery_reserve` alone.
+
+        Raises:
+            RequestRefusedError: no clear way leads home from the place.
         """
         pace = self._context.pace
         if pace.endurance_s is None or charge is None:
             return None
         home = self._context.airspace.router.route(place, HOME_NODE)
         if isinstance(home, NoRoute):
-            return f"no clear way home ({home.reason}) from"
+            raise RequestRefusedError(
+                Refusal.NO_WAY, f"no clear way home from there ({home.reason})"
+            )
         need = pace.home_s(Way(home.length_m, len(home.legs))) / pace.endurance_s + LANDING_MARGIN
         need = max(need, self._context.airspace.mission.battery_reserve)
         left = charge - (pace.time_s(way) + stay_s) / pace.endurance_s

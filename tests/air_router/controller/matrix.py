@@ -190,10 +190,10 @@ def _zones(flight):
 
 RAISES = {
     "none": _nothing,
+    "LINK_SILENT": _nothing,
     "INPUT_MISSING": _no_fix,
     "ALTITUDE_JUMP": _high,
     "CONDITIONS": _inaccurate,
-    "LINK_SILENT": _nothing,
     "FOREIGN_ORDER": _other_order,
     "RELEASING": _other_plan,
     "PLAN_CHECK": _plan_replaced,

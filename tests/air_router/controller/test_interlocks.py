@@ -27,16 +27,16 @@ def doubt(found):
 
 
 RAISED = {  # how each is raised, and how it clears
+    "LINK_SILENT": (
+        lambda context: context.silent_for(1.0),
+        lambda context: context.silent_for(0.0),
+    ),
     "INPUT_MISSING": (
         lambda context: context.inputs.stopped.update({"position not heard": Stop.HOLD}),
         lambda context: context.inputs.stopped.clear(),
     ),
     "ALTITUDE_JUMP": doubt(Doubt.ALTITUDE_JUMP),
     "CONDITIONS": doubt(Doubt.CONDITIONS),
-    "LINK_SILENT": (
-        lambda context: context.silent_for(1.0),
-        lambda context: context.silent_for(0.0),
-    ),
     "FOREIGN_ORDER": doubt(Doubt.FOREIGN_ORDER),
     "RELEASING": (
         lambda context: context.authority.release("a breach"),

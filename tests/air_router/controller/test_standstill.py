@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from air_router.controller.limits import STANDS_FOR_PLAN_S, STANDS_IN_ZONE_S, STANDS_S
+from air_router.controller.limits import SETS_OUT_S, STANDS_FOR_PLAN_S, STANDS_IN_ZONE_S, STANDS_S
 from air_router.controller.model.actions import Announce, FlyToPoint
 from air_router.controller.model.airspace_in_force import ZoneChange
 from air_router.controller.model.interlocks_raised import Doubt
@@ -202,3 +202,26 @@ def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
     context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
     assert cause_of(context) == "its altitude has jumped"
     assert len(CAUSES) > 5
+
+
+def test_one_that_was_kept_back_has_a_moment_to_set_out(pretend):
+    """The fix is back after the vehicle stood for longer than it may: it is only just sent on."""
+    flight = cruising(pretend, duration_s=None)
+    flight.fix = False
+    flight.fly_for(STANDS_S - 2.0)
+    flight.fix = True
+    flight.fly_until(lambda: flight.controller.status().waiting is None, 10.0)
+    since = len(flight.actions)
+    flight.fly_for(20.0)
+    assert [a for a in alarms(flight) if a in flight.actions[since:]] == []
+
+
+def test_one_that_does_not_set_out_then_is_an_alarm_after_that_moment(pretend):
+    flight = cruising(pretend, duration_s=None)
+    flight.fix = False
+    flight.fly_for(STANDS_S - 2.0)
+    flight.fix, flight.slow = True, True  # nothing is followed any more
+    flight.fly_until(lambda: flight.controller.status().waiting is None, 10.0)
+    since = len(flight.actions)
+    flight.fly_for(SETS_OUT_S + 3.0)
+    assert [a for a in alarms(flight) if a in flight.actions[since:]]
