@@ -39,7 +39,7 @@ from functools import partial
 from air_router.controller.envelope import Envelope, ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.limits import DEVIATION_HOLD_S, DEVIATION_TIMES, DEVIATION_WITHIN_S
-from air_router.controller.model import Doubt, MissionContext, Signal, State
+from air_router.controller.model import OFF_PLAN, MissionContext, Signal, State
 from air_router.controller.motion import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.vehicle import (
@@ -109,8 +109,10 @@ class Deviations:
             if status.back:
                 context.retry_in(0.0)
             return False
-        may_retry = context.take_retry() or context.task.retry_at_s is None
-        if status.stop is Stop.HOLD and not landing and may_retry:
+        # What is flown ends at once; a hold that was not followed is commanded again after a pause.
+        pauses = not context.take_retry() and context.task.retry_at_s is not None
+        pauses &= self._gate.last is None
+        if status.stop is Stop.HOLD and not landing and not pauses:
             self._gate.hold(status.why)  # unless that is what it does
         self._returns.check(telemetry)  # time and charge go on
         if context.left_s == 0.0 and context.airspace.change is None:
@@ -157,7 +159,7 @@ class Deviations:
     def forget(self) -> None:
         """It does not fly its mission by our commands just now: what was off is looked at anew."""
         self._envelope.forget()
-        for doubt in (Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS):
+        for doubt in OFF_PLAN:
             self._context.interlocks.put(doubt, raised=False)
 
     def _respond(self, deviation: Deviation, *, said: bool = False) -> None:

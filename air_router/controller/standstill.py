@@ -70,11 +70,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     lambda context: None if context.authority.held is None else context.authority.held.why,
     _if("nothing is heard of it", lambda context: context.silent_s > 0.0),
     lambda context: next(iter(context.inputs.stopped), None),
-    _if("its altitude has jumped", lambda context: context.interlocks.up(Doubt.ALTITUDE_JUMP)),
-    _if(
-        "an order shows that is not ours",
-        lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
-    ),
+    lambda context: context.interlocks.words(*Doubt),
     _releasing,
     _plan_check,
     _zones,

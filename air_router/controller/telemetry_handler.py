@@ -19,6 +19,7 @@ from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.model import (
+    OFF_PLAN,
     ControlHolder,
     Doubt,
     MissionContext,
@@ -300,7 +301,7 @@ class TelemetryHandler:
                     "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
                 )
             return True
-        return context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS)
+        return context.interlocks.up(*OFF_PLAN)
 
     def end_the_state_in_time(self, _: Seen) -> bool:
         """The state's time is over, or points wait for another state."""

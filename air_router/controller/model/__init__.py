@@ -41,7 +41,7 @@ __getattr__, __dir__, __all__ = door(
         "flight_setup": ("FlightSetup",),
         "airspace_in_force": ("AirspaceInForce", "ZoneChange"),
         "authority": ("Authority", "Held", "OnBoard"),
-        "interlocks_raised": ("Doubt", "RaisedInterlocks"),
+        "interlocks_raised": ("Doubt", "OFF_PLAN", "RaisedInterlocks"),
         "mission_context": ("MissionContext",),
         "task": (
             "Ending",

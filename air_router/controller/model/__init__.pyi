@@ -35,6 +35,7 @@ from air_router.controller.model.events import RobotPath as RobotPath
 from air_router.controller.model.events import RobotPose as RobotPose
 from air_router.controller.model.events import RobotSought as RobotSought
 from air_router.controller.model.flight_setup import FlightSetup as FlightSetup
+from air_router.controller.model.interlocks_raised import OFF_PLAN as OFF_PLAN
 from air_router.controller.model.interlocks_raised import Doubt as Doubt
 from air_router.controller.model.interlocks_raised import RaisedInterlocks as RaisedInterlocks
 from air_router.controller.model.mission_context import MissionContext as MissionContext

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Final
 
 
 class Doubt(Enum):
@@ -12,6 +13,12 @@ class Doubt(Enum):
     ALTITUDE_JUMP = "the altitude has jumped"
     CONDITIONS = "satellites or wind are worse than planned for"
     FOREIGN_ORDER = "an order shows that is not ours"
+
+
+OFF_PLAN: Final = tuple(doubt for doubt in Doubt if doubt is not Doubt.FOREIGN_ORDER)
+"""What watches find while the mission cruises: raised and cleared by `Deviations`, void when it
+does not cruise.
+"""
 
 
 @dataclass(slots=True, eq=False)
@@ -32,6 +39,10 @@ class RaisedInterlocks:
     def up(self, *doubts: Doubt) -> bool:
         """Whether one of them is raised."""
         return not self._up.isdisjoint(doubts)
+
+    def words(self, *doubts: Doubt) -> str | None:
+        """The first of them that is raised, in words; None: none is."""
+        return next((doubt.value for doubt in doubts if doubt in self._up), None)
 
     def put(self, doubt: Doubt, *, raised: bool) -> None:
         """Raise it, or clear it."""

@@ -86,7 +86,8 @@ class Rest:
 
     Attributes:
         why: In words.
-        again_s: The handler is asked again after so long; None: once something happens.
+        again_s: `retry` is asked after so long; None: it waits for what happens. At a goal
+            `arrived` is asked with every telemetry, whatever it returned.
     """
 
     why: str

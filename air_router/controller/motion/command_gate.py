@@ -226,6 +226,8 @@ class CommandGate:
     def wait_for_way(self, refusal: str) -> Verdict:
         """Hover where no way is clear, unless it waits for another already."""
         if self._context.task.retry_at_s is not None:
+            if self.last is not None:  # else it was not followed, and is commanded after the pause
+                self.hold(refusal)
             return Verdict.WAITS
         return self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 

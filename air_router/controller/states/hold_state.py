@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from air_router.controller.model import (
+    OFF_PLAN,
     Doubt,
     FlyToNode,
     FlyToPoint,
@@ -105,10 +106,9 @@ class HoldState(StateHandler):
         context, gate = self._context, self._gate
         if context.interlocks.up(Doubt.FOREIGN_ORDER):
             return Refusal.BUSY, "another's order seems to show; ask again in a moment"
-        if context.interlocks.up(Doubt.ALTITUDE_JUMP, Doubt.CONDITIONS):
-            jumped = context.interlocks.up(Doubt.ALTITUDE_JUMP)
-            off = "its altitude has jumped" if jumped else "the wind or satellites are poor"
-            return Refusal.BUSY, f"{off}; ask again once it is back"
+        off = context.interlocks.words(*OFF_PLAN)
+        if off is not None:
+            return Refusal.BUSY, f"{off}; ask again once that is over"
         telemetry = context.heard
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         if moves or gate.pending or gate.setpoints.open(telemetry):

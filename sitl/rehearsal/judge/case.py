@@ -68,8 +68,8 @@ _SETTLED_S: Final = 8.0
 
 _ANSWERED_S: Final = 1.0
 _LANDS_HERE: Final = ": accepted: it lands where it hovers"
-_STATUS: Final = re.compile(r"^[A-Z]+ *\|")
-_STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
+_STATUS: Final = re.compile(r"^[A-Z_]+ *\|")
+_STATE: Final = re.compile(r"\b[A-Z_]+ -> ([A-Z_]+)$")
 _DOUBTED: Final = re.compile(
     r"coming home: the altitude is in doubt|the altitude is in doubt: .*(: holding|cannot)"
 )

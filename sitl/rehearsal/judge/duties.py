@@ -88,7 +88,7 @@ _ENDS: Final = re.compile("coming home|hands off|leaving ")
 _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HOLD"})
 
 _ANNOUNCED: Final = re.compile(
-    r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"
+    r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z_]+ -> )(.+)"
 )
 _AGAIN: Final = re.compile(r"^ *[0-9.]+ s  again( [0-9]+ times)?: ")
 """The terminal counts what was announced before; the ground station reads each."""

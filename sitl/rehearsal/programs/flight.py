@@ -62,7 +62,7 @@ _NEED: Final = frozenset({Fault.PILOT, Fault.TWO_STATIONS, Fault.DISARMED, Fault
 _OLD_S: Final = 2.0
 _LEFT_S: Final = 12.0
 """A file that is not taken is left so long after it was to be read."""
-_STATE: Final = re.compile(r"-> ([A-Z]+)")
+_STATE: Final = re.compile(r"-> ([A-Z_]+)")
 
 
 @dataclass(eq=False)

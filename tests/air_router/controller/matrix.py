@@ -346,15 +346,22 @@ def entered(flight, since):
 
 # As tables for docs/state-machine.md.
 
+_LANDS_OR_NOT_OURS = (State.LAND, State.PASSIVE, State.DONE)
 NOT_RAISED = {
-    "ALTITUDE_JUMP": "looked at where the mission cruises",
-    "CONDITIONS": "looked at where the mission cruises, and not on the way home",
-    "FOREIGN_ORDER": "looked at while a leg or a hold of ours is flown",
-    "RELEASING": "a landing goes on, and what is not ours is not released",
-    "PLAN_CHECK": "a landing needs no plan, and what is not ours is not held for it",
-    "ZONE_UPDATE": "the flight is over",
+    "ALTITUDE_JUMP": ((State.READY, *_LANDS_OR_NOT_OURS), "looked at where the mission cruises"),
+    "CONDITIONS": (
+        (State.READY, State.HOME, *_LANDS_OR_NOT_OURS),
+        "looked at where the mission cruises, and not on the way home",
+    ),
+    "FOREIGN_ORDER": (
+        (State.READY, *_LANDS_OR_NOT_OURS),
+        "looked at while a leg or a hold of ours is flown",
+    ),
+    "RELEASING": (_LANDS_OR_NOT_OURS, "a landing goes on, and what is not ours is not released"),
+    "PLAN_CHECK": (_LANDS_OR_NOT_OURS, "a landing needs no plan, nor does what is not ours"),
+    "ZONE_UPDATE": ((State.DONE,), "the flight is over"),
 }
-"""Why an interlock is not raised in the states in which a table has a dash."""
+"""In which states an interlock is not raised (a dash in the table), and why."""
 
 
 def does(found):

@@ -174,7 +174,7 @@ def test_while_its_altitude_has_jumped_no_other_one_is_taken(holding):
     assert holding.controller.context.interlocks.up(Doubt.ALTITUDE_JUMP)
     refused = holding.operator_asks(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
-    assert refused.why == "its altitude has jumped; ask again once it is back"
+    assert refused.why == "the altitude has jumped; ask again once that is over"
     holding.altitude_m = before_m
     holding.fly_for(3.0)
     assert holding.operator_asks(ChangeAltitude(60.0)).accepted

@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from air_router.controller.model.actions import HoldHere
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.states import State
 from geo.frame import Point
@@ -70,6 +71,21 @@ def test_it_comes_home_where_the_mission_says_so(explored):
     flight.lands()
     assert State.COMM in flight.states
     assert "everything is explored and every robot has been met" in " ".join(flight.said)
+
+
+def test_on_its_way_to_the_middle_it_holds_at_once_for_an_input_that_is_missing(explored):
+    """The next look at the robots, which is due much later, keeps no hold back."""
+    flight = explored(when_explored="hover")
+    flight.fly_to_state(State.IDLE)
+    flight.fly_for(1.0)
+    flight.robots["callisto"] = Point(-60.0, -20.0)  # so the middle is elsewhere
+    for name, place in flight.robots.items():
+        flight.give(RobotPose(name, place, flight.now_s, name))
+    flight.fly_until(lambda: math.hypot(*flight.velocity) > 3.0, 200.0)
+    assert flight.controller.context.task.retry_at_s is not None
+    since, flight.fix = len(flight.motions), False
+    flight.fly_for(2.0)
+    assert [*map(type, flight.motions[since:])] == [HoldHere]
 
 
 def test_it_hovers_in_the_middle_of_the_robots_and_follows_it(explored):

@@ -200,7 +200,7 @@ def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
     context.airspace.change = ZoneChange.UPLOADING
     assert cause_of(context) == ZoneChange.UPLOADING.value
     context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
-    assert cause_of(context) == "its altitude has jumped"
+    assert cause_of(context) == "the altitude has jumped"
     assert len(CAUSES) > 5
 
 

@@ -89,9 +89,9 @@ def test_states_have_the_same_colours_on_the_report_as_on_the_pages():
         resources.files(f"air_router.{room}").joinpath(*path).read_text("utf-8")
         for room, path in (("report", ["flight_page.css"]), ("live", ["page", "live.css"]))
     )
-    rules = re.findall(r"\n((?:\.chip\.[A-Z]+[, ]*)+)\{ background: var\(--([\w-]+)\)", page)
-    chips = {state: colour for names, colour in rules for state in re.findall("[A-Z]+", names)}
+    rules = re.findall(r"\n((?:\.chip\.[A-Z_]+[, ]*)+)\{ background: var\(--([\w-]+)\)", page)
+    chips = {state: colour for names, colour in rules for state in re.findall("[A-Z_]+", names)}
     assert chips.keys() == {"HOLD", "GOTO", "HOME", "LAND", "PASSIVE"}
-    drawn = dict(re.findall(r"--([A-Z]+): var\(--([\w-]+)\)", report))
+    drawn = dict(re.findall(r"--([A-Z_]+): var\(--([\w-]+)\)", report))
     assert {state: drawn.get(state) for state in chips} == chips
     assert not set(chips.values()) & {c for state, c in drawn.items() if state not in chips}
