@@ -254,7 +254,10 @@ class TelemetryHandler:
     # The steps: each says whether those below it wait.
 
     def look_at_inputs(self, seen: Seen) -> bool:
-        """Missing inputs are announced and held for; battery, duration and the timer go on."""
+        """Missing inputs are announced and held for; battery and time go on.
+
+        So does the state's timer, unless zones are being changed.
+        """
         status = self._context.inputs.look(seen.telemetry)
         return status is not CALM and self._deviations.inputs_missing(status, seen.telemetry)
 

@@ -118,7 +118,8 @@ INTERLOCKS: Final = (
         while_up="sends nothing",
         clears="our own order shows",
         then="it plans again",
-        otherwise="after 1.5 s hands off at once, without a hold",
+        otherwise="once it has shown for 1.5 s without a break: SENT_ELSEWHERE, hands off at once, "
+        "without a hold",
         why="it is a guess from telemetry, which the rows above say is there",
         scene="DIVERTED",
         defers=True,
@@ -154,7 +155,8 @@ INTERLOCKS: Final = (
         while_up="flies on where its leg stays clear, else holds; leaves a new zone",
         clears="the changed zones are on board",
         then="it plans again",
-        otherwise="if the upload fails: a warning, and it comes home, by points",
+        otherwise="if the upload fails: a warning, and it comes home, by points; if a pilot takes "
+        "the vehicle: the list under way is finished, and all is uploaded again on resume",
         why="it is ours to end, so all that others or the sensors decide comes first",
         scene="RELOAD",
         repeats_landing=False,

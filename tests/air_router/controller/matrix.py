@@ -19,6 +19,7 @@ from air_router.controller.model.actions import (
 from air_router.controller.model.events import AirspaceChanged, RobotPose
 from air_router.controller.model.states import State
 from air_router.controller.motion.interlocks import INTERLOCKS
+from air_router.vehicle.px4.limits import LINK_SILENT_S
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
@@ -247,7 +248,7 @@ EVENTS = {
     "robot": _robot,
     "zones": _zone_on_the_way,
     "plan": _plan_replaced,
-    "silence": lambda flight: flight.give(LinkSilent(flight.now_s, 1.0)),
+    "silence": lambda flight: flight.give(LinkSilent(flight.now_s, LINK_SILENT_S + 1.0)),
 }
 REQUESTS = ("hold", "resume", "home", "land", "goto", "seek", "explore", "altitude")
 
@@ -291,7 +292,7 @@ def raise_interlock(flight, name):
     before = len(flight.actions)
     RAISES[name](flight)
     if name == "LINK_SILENT":
-        return _pass(flight, 1.0, silent_s=0.0), before
+        return _pass(flight, LINK_SILENT_S + 1.0, silent_s=0.0), before
     for _ in range(round(RAISED_S / STEP_S)):
         if stands(flight, name):
             break
@@ -313,7 +314,7 @@ def cell(flight, state, interlock, event, after_s=AFTER_S):
     since = len(flight.actions)
     EVENTS[event](flight)
     if event == "silence" and silent_s is None:
-        silent_s = 1.0
+        silent_s = LINK_SILENT_S + 1.0
     if event in {"pilot", "failsafe"}:
         silent_s = None  # it is received
     _pass(flight, after_s, silent_s)
