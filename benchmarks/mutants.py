@@ -156,7 +156,7 @@ MUTANTS = (
     _row("flight level as it stands", "air_router.maps/limits", "metres * _COLDEST - _LOWEST_M",
          "metres", "airspace_files"),
     _row("arcs turn one way", "air_router.openair", "clockwise=zone.clockwise)[1:-1]", "clockwise=True)[1:-1]",
-         "airspace_files"),
+         "countries"),
     # Beside those of the review: the controller,
     _row("take-off anywhere", "air_router.ready_state", "away_m > HOME_TOLERANCE_M", "away_m > 1e4",
          "safety_monitor faults_in_flight"),

@@ -218,9 +218,13 @@ def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation)
     assert board.uploads == 1
 
 
+@pytest.mark.parametrize("numbered", [False, True])
 @pytest.mark.parametrize("what", ["geofence", "rally_points", "mission"])
-def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what):
+def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what, numbered):
+    """One that tells no ids is read back list by list; one that tells them, in the end."""
     board = Board()
+    if numbered:
+        board.numbered()
     take = getattr(board, f"upload_{what}_async")
     setattr(board, f"upload_{what}_async", lambda items, answer: take(items[:-1], answer))
     with pytest.raises(PlanRefusedError, match=r"\d+ items sent, \d+ are on board"):
