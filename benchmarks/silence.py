@@ -30,7 +30,7 @@ HANDLES: Final = ("begin", "arrived", "no_route", "retry", "replan")
 ASKED: Final[Mapping[str, tuple[str, ...]]] = {
     "CommandGate": ("command", "send", "hold", "_block", "wait_here", "wait_for_way"),
     "InitialClimb": ("first",),
-    "Navigator": ("fly_to", "advance"),
+    "Navigator": ("fly_to",),
 }
 """What else is asked for a motion, by class."""
 
@@ -41,6 +41,7 @@ TELLS: Final[Mapping[str, str]] = {
     "alarm_until_over": "an announcement",
     "signal": "a change of state, which is recorded, and whose handler is asked",
     "come_home": "the same",
+    "advance": "the next motion is commanded, or the state is asked what it wants",
     "_waits_for": "a verdict: the row of `INTERLOCKS` that keeps the motion back",
 }
 """Calls that say what becomes of it."""

@@ -28,7 +28,13 @@ from air_router.controller.model import (
     State,
 )
 from air_router.controller.motion import CommandGate, Navigator
-from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
+from air_router.controller.safety_monitor import (
+    FlightPhase,
+    ForeignOrder,
+    HomeWatch,
+    Response,
+    SafetyMonitor,
+)
 from air_router.controller.standstill import Standstill
 from air_router.controller.states import Exploration, StateHandlers
 from air_router.vehicle import (
@@ -52,12 +58,14 @@ class Seen(NamedTuple):
         moved: What follows home having been moved just now; None: it was not.
         ours: The vehicle flies, or is to take off, by our commands.
         flies: It is in the air with its motors armed.
+        order: One that it seems to follow, and that is not ours; None: none shows.
     """
 
     telemetry: Telemetry
     moved: Response | None
     ours: bool
     flies: bool
+    order: ForeignOrder | None
 
 
 @dataclass(slots=True, eq=False)
@@ -111,7 +119,10 @@ class TelemetryHandler:
         self._home.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
         flies = telemetry.in_air and telemetry.armed
-        seen = Seen(telemetry, moved, context.in_charge, flies)
+        ours = context.in_charge
+        order = self._monitor.foreign_order(telemetry) if ours else None
+        self._suspect(order)
+        seen = Seen(telemetry, moved, ours, flies, order)
         for matter in MATTERS:
             found = matter.found(self, seen)
             if found is not None and found is not False:
@@ -132,6 +143,13 @@ class TelemetryHandler:
                 WATCH_BATTERY,
             )
         return replace(telemetry, battery=charge)
+
+    def _suspect(self, order: ForeignOrder | None) -> None:
+        """Wait while an order only seems to show, and plan anew what that kept back."""
+        interlocks = self._context.interlocks
+        interlocks.put(Doubt.FOREIGN_ORDER, raised=order is not None)
+        if order is None and interlocks.take_deferred():
+            self._context.retry_in(0.0)
 
     # What a telemetry may show.
 
@@ -155,18 +173,7 @@ class TelemetryHandler:
 
     def sent_elsewhere(self, seen: Seen) -> str | None:
         """It surely follows an order that is not ours; which, in words."""
-        context = self._context
-        if not seen.ours:
-            context.interlocks.put(Doubt.FOREIGN_ORDER, raised=False)
-            return None
-        # One that only seems to show is waited for.
-        order = self._monitor.foreign_order(seen.telemetry)
-        context.interlocks.put(Doubt.FOREIGN_ORDER, raised=order is not None)
-        if order is None:
-            if context.interlocks.take_deferred():
-                context.retry_in(0.0)
-            return None
-        return order.words if order.sure else None
+        return seen.order.words if seen.order is not None and seen.order.sure else None
 
     def waits_for_hold(self, _: Seen) -> bool:
         """It is being released, or the plan on board is being compared."""
@@ -183,7 +190,7 @@ class TelemetryHandler:
         """The mission has not begun in the air."""
         return self._context.task.state is State.READY
 
-    def is_another_s(self, _: Seen) -> bool:
+    def is_not_ours(self, _: Seen) -> bool:
         """A pilot or a failsafe has it."""
         return self._context.task.state is State.PASSIVE
 
@@ -368,7 +375,7 @@ MATTERS: Final = (
         TelemetryHandler.fallen,
         TelemetryHandler.say_fallen,
         "an alarm; nothing is commanded",
-        "whoever had it, nothing can be done for it",
+        "a pilot's or ours, nothing can be done for it",
     ),
     Matter(
         "TAKEN",
@@ -413,7 +420,7 @@ MATTERS: Final = (
     Matter(
         "NOT_OURS",
         "a pilot or a failsafe has it",
-        TelemetryHandler.is_another_s,
+        TelemetryHandler.is_not_ours,
         TelemetryHandler.look_on,
         "missing inputs are announced, and breaches while its position is known",
         "only what is ours flies the mission",

@@ -65,12 +65,12 @@ class Hover:
         why: In words.
         instruction: What the pilot does about it: that is announced, and a way looked for again in
             a moment; None: it hovers because that is wanted.
-        at_leg_s_end: The leg under way ends where it would stop: it is not braked for.
+        at_leg_end: The leg under way ends where it would stop: it is not braked for.
     """
 
     why: str
     instruction: Instruction | None = None
-    at_leg_s_end: bool = False
+    at_leg_end: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = door(
     {
         "command_gate": ("CommandGate",),
         "initial_climb": ("ClimbWatch", "InitialClimb", "below"),
-        "interlocks": ("INTERLOCKS", "Blocked", "Interlock", "Verdict", "raised"),
+        "interlocks": ("INTERLOCKS", "Blocked", "Interlock", "MotionOutcome", "raised"),
         "limits": ("ALTITUDE_M", "REACTION_S", "RETRY_S"),
         "navigator": ("Navigator",),
         "setpoints": ("MODES", "stopping_point"),

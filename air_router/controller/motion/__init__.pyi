@@ -7,7 +7,7 @@ from air_router.controller.motion.initial_climb import below as below
 from air_router.controller.motion.interlocks import INTERLOCKS as INTERLOCKS
 from air_router.controller.motion.interlocks import Blocked as Blocked
 from air_router.controller.motion.interlocks import Interlock as Interlock
-from air_router.controller.motion.interlocks import Verdict as Verdict
+from air_router.controller.motion.interlocks import MotionOutcome as MotionOutcome
 from air_router.controller.motion.interlocks import raised as raised
 from air_router.controller.motion.limits import ALTITUDE_M as ALTITUDE_M
 from air_router.controller.motion.limits import REACTION_S as REACTION_S

@@ -33,7 +33,7 @@ from air_router.controller.model import (
     ZoneChange,
 )
 from air_router.controller.motion.initial_climb import InitialClimb, NoClimb
-from air_router.controller.motion.interlocks import Blocked, Interlock, Verdict, raised
+from air_router.controller.motion.interlocks import Blocked, Interlock, MotionOutcome, raised
 from air_router.controller.motion.limits import (
     JUMPS,
     REACTION_S,
@@ -107,7 +107,7 @@ class CommandGate:
 
     # Commands.
 
-    def command(self, motion: Motion) -> Verdict | Blocked:
+    def command(self, motion: Motion) -> MotionOutcome | Blocked:
         """Have the vehicle do this, if nothing stands against it; a hold it is told in any case.
 
         Returns what became of it.
@@ -121,7 +121,7 @@ class CommandGate:
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
             context.task.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
-            return Verdict.INSTEAD
+            return MotionOutcome.INSTEAD
         if not context.interlocks.climbs_first:
             return self.send(motion)
         allowed = self.climb.first(motion, self.last, self.reaction_s)
@@ -178,7 +178,7 @@ class CommandGate:
         found = self.blocked
         return found if found is not None and found.by.raised(self._context) else None
 
-    def send(self, motion: Motion) -> Verdict:
+    def send(self, motion: Motion) -> MotionOutcome:
         """The same, whatever stands against it.
 
         A hold only the operator asks for while it is not known whose the vehicle is.
@@ -187,9 +187,9 @@ class CommandGate:
         asked = context.task.state is State.HOLD
         unheard = context.inputs.silent or context.silent_s > 0.0
         if isinstance(motion, HoldHere) and unheard and not asked:
-            return Verdict.MAY_BE_TAKEN
+            return MotionOutcome.MAY_BE_TAKEN
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
-            return Verdict.UNDER_WAY
+            return MotionOutcome.UNDER_WAY
         self.pending = self.last = motion
         shown = frozenset() if context.telemetry is None else {context.telemetry.mode}
         self.ends = self._assumed | shown
@@ -197,12 +197,12 @@ class CommandGate:
         self.modes |= {MODES[type(motion)]}
         self.setpoints.sent(motion)
         context.actions.append(motion)
-        return Verdict.SENT
+        return MotionOutcome.SENT
 
-    def hold(self, why: str) -> Verdict:
+    def hold(self, why: str) -> MotionOutcome:
         """Stop, unless that is what the vehicle was commanded last."""
         if isinstance(self.last, HoldHere):
-            return Verdict.UNDER_WAY
+            return MotionOutcome.UNDER_WAY
         return self.send(HoldHere(why))
 
     def stop(self) -> None:
@@ -223,15 +223,15 @@ class CommandGate:
 
     # Waiting.
 
-    def wait_for_way(self, refusal: str) -> Verdict:
+    def wait_for_way(self, refusal: str) -> MotionOutcome:
         """Hover where no way is clear, unless it waits for another already."""
         if self._context.task.retry_at_s is not None:
             if self.last is not None:  # else it was not followed, and is commanded after the pause
                 self.hold(refusal)
-            return Verdict.WAITS
+            return MotionOutcome.WAITS
         return self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 
-    def wait_here(self, why: str, instruction: Instruction) -> Verdict:
+    def wait_here(self, why: str, instruction: Instruction) -> MotionOutcome:
         """Hover where no way is clear, say so once, and look again in a moment."""
         now_s = self._context.now_s
         if why != self.waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
@@ -239,7 +239,7 @@ class CommandGate:
             self._context.warn(f"holding: {why}", instruction)
         self.hold(why)
         self._context.retry_in(RETRY_S)
-        return Verdict.WAITS
+        return MotionOutcome.WAITS
 
     # What became of them.
 

@@ -189,7 +189,7 @@ class Blocked:
         return max(context.now_s - self.since_s, 0.0)
 
 
-class Verdict(Enum):
+class MotionOutcome(Enum):
     """What became of a motion that was wanted and that no row keeps back."""
 
     SENT = "it is commanded"

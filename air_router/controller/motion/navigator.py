@@ -75,11 +75,11 @@ class Navigator:
                 self.fly_to(wanted)
             case Planned(motion):
                 self.advance(motion)
-            case Hover(why, instruction, at_leg_s_end):
+            case Hover(why, instruction, at_leg_end):
                 gate.stop()
                 if instruction is not None:
                     gate.wait_here(why, instruction)
-                elif not at_leg_s_end:
+                elif not at_leg_end:
                     gate.hold(why)
             case NoWay(refusal):
                 gate.wait_for_way(refusal)
@@ -110,8 +110,8 @@ class Navigator:
         self._context.task.head_for(goal)
         self.advance(self._plan())
 
-    def advance(self, motion: Motion | None) -> Progress:
-        """Command the next motion, if any, and follow what the state wants then; how far it is."""
+    def advance(self, motion: Motion | None) -> None:
+        """Command the next motion, if any, and follow what the state wants then."""
         context = self._context
         if isinstance(motion, HoldHere) and context.interlocks.up(Doubt.FOREIGN_ORDER):
             # It may follow a pilot, whose order a hold would end; planned anew if it does not.
@@ -126,7 +126,6 @@ class Navigator:
             self.follow(self._context.task.handler.arrived())
         elif progress is Progress.NO_ROUTE:
             self.follow(self._context.task.handler.no_route(self.refusal))
-        return progress
 
     def hover(self, position: Point) -> tuple[Point, str]:
         """Where to hover for a place, and why not there; nothing if it is the place itself."""

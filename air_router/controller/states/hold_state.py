@@ -141,7 +141,7 @@ class HoldState(StateHandler):
     def begin(self) -> Wanted:
         """Stop."""
         self._altitude_m = None
-        return Hover("hold was requested", at_leg_s_end=self._stops_anyway())
+        return Hover("hold was requested", at_leg_end=self._stops_anyway())
 
     def retry(self) -> Wanted:
         """On with a climb or descent that was held; one that it did not follow is over."""

@@ -380,7 +380,7 @@ def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
 
 
 def a_failsafe_that_goes_on_to_another_mode_is_told(case: Case) -> Iterator[Violation]:
-    """PX4 holds for some seconds, and then returns or lands: that is said, whoever has it."""
+    """PX4 holds for a while, and then returns or lands: that is said, also in a pilot's flight."""
     messages = case.heard("HEARTBEAT")
     acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
     for begin_s, end_s in _spans(messages, acts):

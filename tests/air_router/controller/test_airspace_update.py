@@ -7,59 +7,32 @@ import random
 import pytest
 
 from air_router.controller.model.actions import (
-    Announce,
     FlyToNode,
     FlyToPoint,
     HoldHere,
     ReadAgain,
-    RenewPlan,
 )
 from air_router.controller.model.airspace_in_force import ZoneChange
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
+from air_router.controller.model.events import PlanRenewed, RobotPose, RobotSought
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, Reload, SeekNow
 from air_router.controller.model.states import State
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from air_router.vehicle.instructions import FLY_OUT_OR_RELOAD, Severity
 from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced, PlanTried
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Band, Circle, Outline, Zone
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
-
-SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-
-
-def box(centre, half_m=12.0, name="new"):
-    east_m, north_m = centre
-    return Zone(name, tuple(Point(east_m + half_m * e, north_m + half_m * n) for e, n in SQUARE))
-
-
-def change(flight, *zones, fences=None):
-    mission = flight.mission
-    fences = mission.fences if fences is None else fences
-    flight.give(AirspaceChanged(fences, (*mission.zones, *zones)))
-
-
-def boarding(flight):
-    return sum(isinstance(action, RenewPlan) for action in flight.actions)
-
-
-def moves(flight, since):
-    return [m for m in flight.motions[since:] if not isinstance(m, HoldHere)]
-
-
-def ahead(flight, metres):
-    speed = math.hypot(*flight.velocity)
-    return tuple(
-        p + metres * v / speed for p, v in zip(flight.position, flight.velocity, strict=True)
-    )
-
-
-def cruising(pretend, **changes):
-    flight = pretend(**{"duration_s": 200.0, **changes})
-    flight.take_off()
-    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
-    return flight
+from tests.air_router.controller.drawing import (
+    ahead,
+    boarding,
+    box,
+    change,
+    clear_of,
+    climbing,
+    cruising,
+    goes_on_board,
+    moves,
+)
 
 
 @pytest.mark.parametrize(("share", "reached"), [(0.9, True), (1.4, True), (1.7, False)])
@@ -77,21 +50,12 @@ def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
     assert (zone.name in found) is reached
 
 
-def goes_on_board(flight, limit_s=60.0, why_not=None, *, times=1):
-    flight.fly_until(lambda: boarding(flight) == times, limit_s)
-    flight.give(PlanRenewed(why_not))
-
-
 def drawn_over(pretend):
     """A zone that is drawn where the vehicle flies."""
     flight = cruising(pretend)
     zone = box(flight.position, half_m=8.0)
     change(flight, zone)
     return flight, zone
-
-
-def clear_of(flight, zone, since=0):
-    return Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0]
 
 
 def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
@@ -110,19 +74,6 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
     assert moves(flight, commanded) != []
     flight.lands(600.0)
     assert clear_of(flight, zone) >= 5.0
-
-
-def climbing(pretend):
-    """A vehicle that climbs to the mission's altitude where a pilot has left it."""
-    flight = cruising(pretend)
-    flight.pilot_chooses(FlightMode.POSITION)
-    flight.altitude_m = 8.0
-    flight.pilot_chooses(FlightMode.HOLD)
-    flight.fly_for(3.0)
-    flight.operator_asks(GoOn())
-    flight.fly_for(2.0)
-    assert "climbing from 8 to 40 m first" in flight.said
-    return flight
 
 
 LOW = Zone("low", Circle(Point(200.0, 200.0), 5.0), band=Band(0.0, 20.0))
@@ -717,98 +668,6 @@ def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pre
     assert boarding(flight) == 2
     flight.give(PlanRenewed())
     flight.lands(600.0)
-
-
-def walls(centre):
-    """Four zones around a place, as an operator would draw them one after the other."""
-    east_m, north_m = centre
-    sides = {"north": (0, 35), "south": (0, -35), "east": (35, 0), "west": (-35, 0)}
-    for name, (east, north) in sides.items():
-        yield box((east_m + east, north_m + north), half_m=19.0, name=name)
-
-
-def enclosed(pretend, **changes):
-    flight = cruising(pretend, **{"duration_s": None, **changes})
-    flight.give(HoldNow())
-    flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.01, 10.0)
-    drawn = []
-    for zone in walls(flight.position):
-        drawn.append(zone)
-        change(flight, *drawn)
-        flight.fly_until(
-            lambda: flight.controller.context.airspace.change is ZoneChange.UPLOADING, 10.0
-        )
-        flight.give(PlanRenewed())
-        flight.step()
-        if flight.controller.states.reachability.no_way_home:  # the mission's zones are walls too
-            return flight, drawn
-    raise AssertionError(drawn)
-
-
-def told_no_way_home(flight):
-    return [text for text in flight.said if text.startswith("no way home")]
-
-
-def test_without_a_way_home_by_several_reloads_it_says_so_at_once_and_now_and_then(pretend):
-    flight, drawn = enclosed(pretend)
-    (told,) = told_no_way_home(flight)
-    assert f"'{drawn[-1].name}'" in told
-    assert Announce(told, Severity.WARNING, FLY_OUT_OR_RELOAD) in flight.announced
-    flight.fly_until(lambda: len(told_no_way_home(flight)) == 3, 70.0)
-    assert flight.controller.state is State.HOLD
-
-
-def test_without_a_way_home_at_its_reserve_it_hovers_and_says_what_will_happen(pretend):
-    flight, _ = enclosed(pretend)
-    commanded = len(flight.motions)
-    flight.battery = flight.mission.battery_reserve
-    flight.step()
-    assert flight.controller.state is State.HOME
-    flight.step()
-    assert "it should come home and cannot" in told_no_way_home(flight)[-1]
-    assert "autopilot's battery failsafe" in told_no_way_home(flight)[-1]
-    flight.fly_for(60.0)
-    assert moves(flight, commanded) == []
-    assert len(told_no_way_home(flight)) == 3  # every half minute, and once for its reserve
-    flight.failsafe = True  # the autopilot acts: it is left to it
-    flight.step()
-    assert flight.controller.state is State.PASSIVE
-
-
-def test_without_a_way_home_it_comes_home_once_a_zone_is_taken_away(pretend):
-    flight, (*rest, _) = enclosed(pretend)
-    flight.battery, before = flight.mission.battery_reserve, boarding(flight)
-    flight.step()
-    change(flight, *rest)
-    since = len(flight.track)
-    flight.step()
-    assert flight.said.count("a clear way leads home again") == 1
-    assert not flight.controller.states.reachability.no_way_home
-    flight.fly_until(lambda: boarding(flight) == before + 1, 10.0)
-    flight.give(PlanRenewed())
-    flight.lands(600.0)
-    assert min(clear_of(flight, zone, since) for zone in rest) >= 5.0
-
-
-def test_without_a_way_home_it_goes_on_with_what_it_can_do_inside(pretend):
-    flight, drawn = enclosed(pretend)
-    flight.give(GoOn())
-    since = len(flight.track)
-    flight.fly_for(120.0)
-    assert told_no_way_home(flight)
-    assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
-
-
-def test_a_way_that_is_not_there_is_said_once(airborne):
-    flight = airborne(duration_s=600.0)
-    flight.operator_asks(SeekNow("io", by="operator"))
-    flight.fly_until(lambda: flight.now_s > 110.0)
-    outer, inner = (box(flight.position, half_m).shape.ring for half_m in (60.0, 30.0))
-    change(flight, Zone("ring", Outline(outer, (inner,))))
-    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
-    before = len(flight.said)
-    flight.give(PlanRenewed())
-    assert sum("no way to io" in text for text in flight.said[before:]) == 1
 
 
 def test_another_stations_plan_during_a_renewal_ends_that_and_is_a_takeover(pretend):

@@ -6,6 +6,7 @@ from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate, PendingSetpoints
+from air_router.controller.motion.interlocks import MotionOutcome
 from air_router.controller.motion.limits import JUMPS
 from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -85,6 +86,21 @@ def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(gate, sen
 
 
 # What stands against a motion.
+
+
+def test_what_became_of_a_motion_has_a_name(gate):
+    leg, context = FlyToPoint(HERE, 40.0), gate._context
+    assert gate.command(leg) is MotionOutcome.SENT
+    assert gate.command(leg) is MotionOutcome.UNDER_WAY
+    context.silent_for(1.0)
+    assert gate.command(FlyToPoint(Point(9.0, 0.0), 40.0)).by.name == "LINK_SILENT"
+    assert gate.command(HoldHere("why")) is MotionOutcome.MAY_BE_TAKEN
+    context.silent_for(0.0)
+    assert gate.wait_for_way("no way") is MotionOutcome.WAITS
+    assert gate.hold("why") is MotionOutcome.UNDER_WAY
+    gate.send(NODE)  # given up, and may come late
+    gate.send(FlyToPoint(Point(0.0, 100.0), 40.0))
+    assert gate.command(NODE) is MotionOutcome.INSTEAD
 
 
 def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(gate):

@@ -20,7 +20,7 @@ from air_router.vehicle.instructions import (
     Severity,
 )
 from geo.airspace.zone import Band, Circle, Zone
-from tests.air_router.controller.test_airspace_update import (
+from tests.air_router.controller.drawing import (
     boarding,
     box,
     change,
