@@ -1,13 +1,15 @@
-"""What a program or an operator asks for, as JSON or in words, places in degrees; never trusted.
+"""What the operator and programs may request of a flight: one tagged union.
 
-docs/control.md describes both. Whether it is done is for the controller to say.
+A request comes as JSON (page, socket, ROS 2) or in words (terminal, `air-router ask`), with places
+in degrees, and is never trusted. Its model says what it has to look like; docs/control.md describes
+it, and docs/schemas/flight-request.json is its JSON schema. The controller decides on it.
 """
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Final, Protocol
+from typing import Annotated, Any, ClassVar, Final, Literal, Protocol, get_args
 
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from air_router.controller.model import (
     OPERATOR,
@@ -35,120 +37,241 @@ MAX_BYTES: Final = 64 * 1024
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 
-
-_PLAIN: Final[Mapping[str, Callable[..., AnyRequest]]] = {
-    "hold": HoldNow,
-    "explore": ExploreNow,
-    "home": ComeHome,
-    "land": LandNow,
-    "reload": Reload,
-}
-"""Requests that say nothing but who asks, by their verbs."""
+_NO_WORDS: Final = "'{verb}' stands alone"
 
 
 class CommandRequest(Request):
-    """A request as it comes; `by`: who asks, for the record and the pilot."""
+    """What every request has.
+
+    Attributes:
+        by: Who requests it, for the record and the pilot.
+    """
 
     by: Annotated[str, Field(max_length=60)] | None = None
 
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> AnyRequest | None:
-        """The request for a mission; None for one that only wants to know something.
+    def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> AnyRequest | None:
+        """The request in the mission's metres; None for one that only reads the flight's state.
 
         Args:
             frame: The mission's.
-            by: Who asks, if the request does not say.
+            by: Who requests it, if the request does not say.
 
         Raises:
-            RequestError: a place cannot be told in the mission's frame.
+            RequestError: a place is out of the frame's reach.
         """
-        del frame
-        plain = _PLAIN.get(self.request)
-        return None if plain is None else plain(by=self.who(by))
+        del frame, by
+        return None
 
-    def who(self, by: str) -> str:
-        """Who asks, in letters that a terminal shows."""
+    @classmethod
+    def fields_of(cls, words: str) -> dict[str, Any]:
+        """The fields that an operator typed behind the verb. Raises RequestError."""
+        if words:
+            raise RequestError(_NO_WORDS.format(verb=cls.verb()))
+        return {}
+
+    @classmethod
+    def verb(cls) -> str:
+        """The name of the request."""
+        [verb] = get_args(cls.model_fields["request"].annotation)
+        return str(verb)
+
+    def requester(self, by: str) -> str:
+        """Who requests it, in letters that a terminal shows."""
         return (sanitize(self.by).strip() if self.by else "") or by
 
 
-class _Resume(CommandRequest):
-    upload: bool = False  # put this mission's plan on board first
+class _Plain(CommandRequest):
+    """A request with no fields of its own."""
 
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoOn:
+    made: ClassVar[Callable[..., AnyRequest]]  # the controller's request
+
+    def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> AnyRequest:
+        """As the base class."""
         del frame
-        return GoOn(self.upload, by=self.who(by))
+        return type(self).made(by=self.requester(by))
 
 
-class _Seek(CommandRequest):
+class Hold(_Plain):
+    """Stop and hover."""
+
+    request: Literal["hold"]
+    made = HoldNow
+
+
+class Resume(CommandRequest):
+    """Continue what was held, or take the flight back from the pilot.
+
+    Attributes:
+        upload: Put this mission's plan on board first.
+    """
+
+    request: Literal["resume"]
+    upload: bool = False
+
+    def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> GoOn:
+        """As the base class."""
+        del frame
+        return GoOn(self.upload, by=self.requester(by))
+
+    @classmethod
+    def fields_of(cls, words: str) -> dict[str, Any]:
+        """`upload`, or nothing."""
+        return {"upload": True} if words.lower() == "upload" else super().fields_of(words)
+
+
+class Seek(CommandRequest):
+    """Seek a robot next, at once."""
+
+    request: Literal["seek"]
     robot: Annotated[str, Field(min_length=1, max_length=255)]
 
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> SeekNow:
+    def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> SeekNow:
+        """As the base class."""
         del frame
-        return SeekNow(sanitize(self.robot), by=self.who(by))
+        return SeekNow(sanitize(self.robot), by=self.requester(by))
+
+    @classmethod
+    def fields_of(cls, words: str) -> dict[str, Any]:
+        """The robot's name."""
+        if not words:
+            raise RequestError("seek whom? type 'seek NAME'")
+        return {"robot": words}
 
 
-class _GoTo(CommandRequest):
+class Explore(_Plain):
+    """Resume exploration."""
+
+    request: Literal["explore"]
+    made = ExploreNow
+
+
+class Home(_Plain):
+    """End the mission: home along the graph, and land."""
+
+    request: Literal["home"]
+    made = ComeHome
+
+
+class Land(_Plain):
+    """End the mission: land where the vehicle hovers."""
+
+    request: Literal["land"]
+    made = LandNow
+
+
+class Goto(CommandRequest):
+    """Fly to points in order, and hover at the last.
+
+    Attributes:
+        points: Latitude and longitude of each, in degrees.
+        hold_s: How long to hover at the last; None: as the mission says.
+    """
+
+    request: Literal["goto"]
     points: Annotated[
         list[Annotated[tuple[Latitude, Longitude], Field(strict=False)]],
         Field(min_length=1, max_length=MOST_POINTS),
     ]
-    hold_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None  # at the last
+    hold_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
 
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoTo:
+    def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> GoTo:
+        """As the base class."""
         try:
             points = tuple(frame.to_local(*point) for point in self.points)
         except FrameError as error:
             raise RequestError(f"goto: {error}") from None
-        return GoTo(points, self.hold_s, by=self.who(by))
+        return GoTo(points, self.hold_s, by=self.requester(by))
+
+    @classmethod
+    def fields_of(cls, words: str) -> dict[str, Any]:
+        """`LAT,LON`, more places behind it."""
+        try:
+            numbers = [float(number) for number in re.split(r"[\s,;]+", words)]
+        except ValueError:
+            numbers = []
+        if not numbers or len(numbers) % 2:
+            raise RequestError("goto where? type 'goto LAT,LON', more places behind it, in degrees")
+        return {"points": [[*pair] for pair in zip(numbers[::2], numbers[1::2], strict=True)]}
 
 
-class _Altitude(CommandRequest):
-    altitude_m: Annotated[float, Field(gt=0, le=10_000, allow_inf_nan=False)]  # above home
+class Altitude(CommandRequest):
+    """Climb or descend where the vehicle holds, and hold there.
 
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ChangeAltitude:
+    Attributes:
+        altitude_m: Above home.
+    """
+
+    request: Literal["altitude"]
+    altitude_m: Annotated[float, Field(gt=0, le=10_000, allow_inf_nan=False)]
+
+    def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> ChangeAltitude:
+        """As the base class."""
         del frame
-        return ChangeAltitude(self.altitude_m, by=self.who(by))
+        return ChangeAltitude(self.altitude_m, by=self.requester(by))
+
+    @classmethod
+    def fields_of(cls, words: str) -> dict[str, Any]:
+        """Metres above home."""
+        try:
+            return {"altitude_m": float(words)}
+        except ValueError:
+            how = "altitude of what? type 'altitude METRES', above home"
+            raise RequestError(how) from None
+
+
+class ReloadMission(_Plain):
+    """Read no-fly zones and fences from the changed mission file."""
+
+    request: Literal["reload"]
+    made = Reload
+
+
+class Status(CommandRequest):
+    """What the flight is doing."""
+
+    request: Literal["status"]
 
 
 class View(CommandRequest):
-    """What a program asks that shows the flight.
+    """What a program reads that shows the flight.
 
     Attributes:
         areas: With fences, zones and waypoints.
         map: With the map that the vehicle has painted.
     """
 
+    request: Literal["view"]
     areas: bool = False
     map: bool = False
 
 
+FlightRequest = Annotated[
+    Hold | Resume | Seek | Explore | Home | Land | Goto | Altitude | ReloadMission | Status | View,
+    Field(discriminator="request"),
+]
+"""Every request; `request` tells them apart."""
+
 MODELS: Final[Mapping[str, type[CommandRequest]]] = {
-    "hold": CommandRequest,
-    "resume": _Resume,
-    "seek": _Seek,
-    "explore": CommandRequest,
-    "home": CommandRequest,
-    "land": CommandRequest,
-    "goto": _GoTo,
-    "altitude": _Altitude,
-    "reload": CommandRequest,
-    "status": CommandRequest,
-    "view": View,
+    model.verb(): model for model in get_args(get_args(FlightRequest)[0])
 }
 """The model of every verb."""
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of all requests, as docs/schemas/flight-request.json has it."""
+    schema: dict[str, Any] = TypeAdapter(FlightRequest).json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def command_request_of(values: object) -> CommandRequest:
     """A request from a JSON object. Raises RequestError: what is wrong with it."""
     if not isinstance(values, dict):
         raise RequestError("a request is a JSON object")
-    name = values.get("request")
-    if not isinstance(name, str) or name not in MODELS:
-        known = ", ".join(MODELS)
-        raise RequestError(f"no request '{sanitize(str(name)[:40])}'; use one of {known}")
+    model = _model(values.get("request"))
     try:
-        return MODELS[name].model_validate(values)
+        return model.model_validate(values)
     except ValidationError as error:
-        raise RequestError(f"{name}: {request_error_text(error, MODELS[name])}") from None
+        raise RequestError(f"{model.verb()}: {request_error_text(error, model)}") from None
 
 
 def parse_command(text: str) -> CommandRequest:
@@ -157,61 +280,42 @@ def parse_command(text: str) -> CommandRequest:
     Raises:
         RequestError: what is wrong with it.
     """
-    name, _, rest = text.strip().partition(" ")
-    values: dict[str, Any] = {"request": name.lower()}
-    if values["request"] == "seek":
-        values["robot"] = rest.strip()
-        if not values["robot"]:
-            raise RequestError("seek whom? type 'seek NAME'")
-    elif values["request"] == "goto":
-        values["points"] = _places(rest)
-    elif values["request"] == "altitude":
-        try:
-            values["altitude_m"] = float(rest)
-        except ValueError:
-            how = "altitude of what? type 'altitude METRES', above home"
-            raise RequestError(how) from None
-    elif values["request"] == "resume" and rest.strip().lower() == "upload":
-        values["upload"] = True
-    elif rest.strip() and values["request"] in MODELS:
-        raise RequestError(f"'{name}' stands alone")
-    return command_request_of(values)
+    name, _, words = text.strip().partition(" ")
+    model = _model(name.lower())
+    return command_request_of({"request": model.verb(), **model.fields_of(words.strip())})
 
 
-def _places(text: str) -> list[list[float]]:
-    try:
-        numbers = [float(word) for word in re.split(r"[\s,;]+", text.strip())]
-    except ValueError:
-        numbers = []
-    if not numbers or len(numbers) % 2:
-        raise RequestError("goto where? type 'goto LAT,LON', more places behind it, in degrees")
-    return [[*pair] for pair in zip(numbers[::2], numbers[1::2], strict=True)]
+def _model(verb: object) -> type[CommandRequest]:
+    if not isinstance(verb, str) or verb not in MODELS:
+        known = ", ".join(MODELS)
+        raise RequestError(f"no request '{sanitize(str(verb)[:40])}'; use one of {known}")
+    return MODELS[verb]
 
 
 class RequestHandler(Protocol):
-    """Where requests are handed in."""
+    """What carries out requests."""
 
-    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
-        """Ask for something; what became of it. Raises RequestError."""
+    def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
+        """Carry a request out; returns the answer. Raises RequestError."""
 
 
-# How many requests are looked at: no program may take the flight's time with them.
+# How many requests are handled: no program may take the flight's time with them.
 
 
 COSTLY: Final = frozenset({"seek", "goto", "reload"})
-"""Requests that have ways planned, or a file read."""
+"""Requests for which routes are planned, or a file is read."""
 
 COSTLY_PER_S, COSTLY_AT_ONCE = 5.0, 10.0
-"""So many of them are looked at in a second, and so many after a pause."""
+"""So many of them are handled in a second, and so many after a pause."""
 
 POINTS_AT_ONCE: Final = 10
-"""So many points of a `goto` count as one request: ways to and from each are planned."""
+"""So many points of a `goto` count as one request: routes to and from each are planned."""
 
-TOO_MANY: Final = "too many requests; ask again in a second"
+TOO_MANY: Final = "too many requests; try again in a second"
 
 
 class Budget:
-    """Fills up with time, and is spent."""
+    """A token bucket: fills up with time, and is spent."""
 
     def __init__(
         self, per_s: float, at_once: float, monotonic: Callable[[], float] = loop_s
@@ -233,11 +337,11 @@ class Budget:
         return True
 
     def affords(self, command: CommandRequest) -> bool:
-        """Whether a request may be looked at; those that cost nothing always."""
-        return command.request not in COSTLY or self.affords_ways(
+        """Whether a request may be handled; those that cost nothing always."""
+        return command.request not in COSTLY or self.affords_routes(
             len(getattr(command, "points", ()))
         )
 
-    def affords_ways(self, points: int) -> bool:
-        """Whether ways to so many points may be planned."""
+    def affords_routes(self, points: int) -> bool:
+        """Whether routes to so many points may be planned."""
         return self.spend(max(1.0, points / POINTS_AT_ONCE))

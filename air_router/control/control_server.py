@@ -1,4 +1,4 @@
-"""Serves the requests of a flight to this user's programs on this machine: JSON over ZeroMQ.
+"""Serves a flight's requests, messages and links to this user's programs: JSON over ZeroMQ.
 
 It is a ROUTER: REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ
 sends. What comes is believed in nothing: too large, broken or unknown, it costs an error reply, or
@@ -21,19 +21,27 @@ from air_router.control.command_request import (
     CommandRequest,
     command_request_of,
 )
+from air_router.control.node_requests import NodeRequests
 from mocha_link.errors import RequestError
+from mocha_link.node import Node
 from mocha_link.service import Listener, requests
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""
 
+MAX_MESSAGE_BYTES: Final = 4 * 1024 * 1024
+"""So large may be what a program publishes; larger messages go to a node of their own."""
+
 MOST_BYTES: Final = 8 * 1024 * 1024
 """So much is kept for all clients together: requests that have come in part, answers not taken."""
+
+MOST_BYTES_WITH_NODE: Final = 160 * 1024 * 1024
+"""The same where messages are read as well: two of the largest."""
 
 TURN_S: Final = 0.002
 """So long the flight has for itself between two looks at the clients."""
 
-Grant = Callable[[CommandRequest, str], dict[str, Any]]
+Execute = Callable[[CommandRequest, str], dict[str, Any]]
 
 
 class ControlServer:
@@ -41,28 +49,42 @@ class ControlServer:
 
     Args:
         endpoint: Where: ``ipc://path`` or ``tcp://127.0.0.1:24700``; port ``*`` takes a free one.
-        grant: Does what is asked for, and says what became of it.
+        execute: Carries a request out, and returns the answer.
+        node: The UAV's; its messages and links are served at the same endpoint. None: neither.
         monotonic: Real time.
     """
 
     def __init__(
-        self, endpoint: str, grant: Grant, monotonic: Callable[[], float] = time.monotonic
+        self,
+        endpoint: str,
+        execute: Execute,
+        node: Node | None = None,
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self.endpoint = endpoint
-        self._grant = grant
+        self._execute = execute
+        self._node = node
+        self._of_node: NodeRequests | None = None  # while it serves
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE, monotonic)  # of requests that plan
         self._listener: Listener | None = None  # while it serves
 
     def open(self) -> None:
-        """Take the endpoint.
+        """Take the endpoint; call it in the event loop that serves it.
 
         Raises:
             PortInUseError, ListenError: it cannot be had.
+            RosError: the team brings along a definition that cannot be used.
         """
+        with_node = self._node is not None
         self._listener = Listener(
-            self.endpoint, "cannot take requests", max_bytes=2 * MAX_BYTES, most_bytes=MOST_BYTES
+            self.endpoint,
+            "cannot take requests",
+            max_bytes=2 * MAX_BYTES + (MAX_MESSAGE_BYTES if with_node else 0),
+            most_bytes=MOST_BYTES_WITH_NODE if with_node else MOST_BYTES,
         )
         self.endpoint = self._listener.endpoint
+        if self._node is not None:
+            self._of_node = NodeRequests(self._node)
 
     async def run(self) -> None:
         """Answer until cancelled."""
@@ -76,7 +98,7 @@ class ControlServer:
                         await something.wait()
                 something.clear()
                 for envelope, frames in self._listener.requests():
-                    self._listener.send(envelope, self._reply(frames))
+                    self._take(envelope, frames)
                     await asyncio.sleep(1 / PER_S)
                 await asyncio.sleep(TURN_S)
         finally:
@@ -84,23 +106,37 @@ class ControlServer:
 
     def close(self) -> None:
         """Give the endpoint up; may be called twice."""
+        if self._of_node is not None:
+            self._of_node.close()
+            self._of_node = None
         if self._listener is not None:
             self._listener.close()
             self._listener = None
 
-    def _reply(self, frames: requests.Frames) -> requests.Frames:
+    def _take(self, envelope: list[bytes], frames: requests.Frames) -> None:
+        """Answer a request, or hand it to the node's thread."""
+
+        def send(answer: requests.Frames) -> None:
+            if self._listener is not None:
+                self._listener.send(envelope, answer)
+
         values: dict[str, Any] = {}
         try:
-            values = requests.parse(frames, MAX_BYTES)
-            command = command_request_of(values)
-            return requests.reply(command.id, self._answer(command, frames))
+            values = requests.parse(frames, MAX_MESSAGE_BYTES if self._of_node else MAX_BYTES)
+            if self._of_node is not None and values.get("request") in self._of_node.verbs:
+                self._of_node.handle(frames, values.get("id"), send)
+                return
+            send(requests.reply(values.get("id"), self._answer(values, frames)))
         except RequestError as error:
-            return requests.refusal(values.get("id"), str(error), again=error.again)
+            send(requests.refusal(values.get("id"), str(error), again=error.again))
 
-    def _answer(self, command: CommandRequest, frames: requests.Frames) -> requests.Answer:
-        """What became of a request. Raises RequestError: it is not looked at."""
+    def _answer(self, values: dict[str, Any], frames: requests.Frames) -> requests.Answer:
+        """The answer to a request. Raises RequestError: it is not handled."""
+        if len(frames[0]) > MAX_BYTES:
+            raise RequestError(f"a request is a JSON object of up to {MAX_BYTES} bytes")
+        command = command_request_of(values)
         if len(frames) > 1:
             raise RequestError("a request is one frame")
         if not self._costly.affords(command):
             raise RequestError(TOO_MANY, again=True)
-        return requests.Answer(self._grant(command, "a program"))
+        return requests.Answer(self._execute(command, "a program"))

@@ -140,7 +140,9 @@ class Flight:
             lambda: self.loop.reloader.report,
             view.tell,
         )
-        self._control = None if control is None else ControlServer(control, self.commands.grant)
+        self._control = (
+            None if control is None else ControlServer(control, self.commands.execute, gossip.node)
+        )
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
         self._early: list[_Kept] = []  # likewise
@@ -361,9 +363,9 @@ class Flight:
             )
         finally:
             self._status.end()
-            self._gossip.close()
             if self._control is not None:
-                self._control.close()
+                self._control.close()  # serves the node, which closes behind it
+            self._gossip.close()
             await self._vehicle.close()
 
     async def _last_words(self, text: str, instruction: Instruction) -> None:

@@ -120,20 +120,20 @@ class CommandService:
     def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:
         """The operator has typed something; its answer is shown as every answer is."""
         try:
-            reply = self.grant(command, OPERATOR)
+            reply = self.execute(command, OPERATOR)
         except RequestError as error:
             say(str(error))
         else:
             if "accepted" not in reply:
                 say(json.dumps(reply))
 
-    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
+    def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Ask for something, in degrees; returns what a program is answered, in JSON's values.
 
         Raises:
             RequestError: a place cannot be told in the mission's frame.
         """
-        request = command.asked(self._frame, by)
+        request = command.for_mission(self._frame, by)
         if request is None:
             more = self._view(command) if isinstance(command, View) else {}
             return {

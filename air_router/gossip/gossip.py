@@ -237,7 +237,7 @@ class Gossip:
     def _hand_on_goals(self) -> None:
         """Ways are planned to no more goals than for other requests; of one sender the newest."""
         for robot, request in list(self._goals.items()):
-            if self._budget.affords_ways(len(request.points)):
+            if self._budget.affords_routes(len(request.points)):
                 del self._goals[robot]
                 self._deliver(request)
 

@@ -35,7 +35,7 @@ RecordConsumer = LiveScene | LivePage
 class _FinishedFlight:
     """The command service of a flight that is over."""
 
-    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
+    def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Nothing can be asked of it."""
         del command, by
         raise RequestError("this flight is over: it is shown from its record")

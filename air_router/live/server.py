@@ -299,6 +299,6 @@ class LivePage:
             command = command_request_of(values)
             if not (self._requests.spend() and self._costly.affords(command)):
                 return {"type": "refused", "id": number, "kind": "busy", "why": TOO_MANY}
-            return {"type": "done", **self._commands.grant(command, "the page"), "id": number}
+            return {"type": "done", **self._commands.execute(command, "the page"), "id": number}
         except RequestError as error:
             return {"type": "refused", "id": number, "kind": "request", "why": str(error)}

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = door(
         "prometheus": ("PrometheusServer",),
         "requests": ("Request",),
         "server": ("MetricsServer", "as_fields"),
-        "service": ("ServiceServer",),
+        "service": ("Service", "ServiceServer"),
         "service_client": (
             "EndpointClient",
             "MetricsError",

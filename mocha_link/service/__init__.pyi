@@ -9,6 +9,7 @@ from mocha_link.service.prometheus import PrometheusServer as PrometheusServer
 from mocha_link.service.requests import Request as Request
 from mocha_link.service.server import MetricsServer as MetricsServer
 from mocha_link.service.server import as_fields as as_fields
+from mocha_link.service.service import Service as Service
 from mocha_link.service.service import ServiceServer as ServiceServer
 from mocha_link.service.service_client import TEXT as TEXT
 from mocha_link.service.service_client import EndpointClient as EndpointClient

@@ -27,7 +27,7 @@ from mocha_link.ros import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.listener import Listener
 from mocha_link.service.requests import Answer, Frames, Request, Verb
-from mocha_link.service.server import EndpointServer
+from mocha_link.service.server import EndpointServer, snapshot
 from mocha_link.service.service_client import TEXT
 from mocha_link.store import MAX_BYTES, Message
 from mocha_link.team import Ros
@@ -105,6 +105,7 @@ class Service:
             "list": Verb(_List, self._list),
             "since": Verb(_Since, self._since),
             "team": Verb(Request, self._team),
+            "links": Verb(Request, self._links),
         }
 
     def request(self, frames: Sequence[bytes], send: Send, now_s: float) -> None:
@@ -273,6 +274,9 @@ class Service:
             "definitions": dict(team.definitions),
         }
         return Answer(fields)
+
+    def _links(self, _request: Request, _data: Sequence[bytes]) -> Answer:
+        return Answer(snapshot(self._node))
 
 
 def _refuse(number: object, send: Send, error: Exception) -> None:

@@ -240,6 +240,10 @@ class ServiceClient(EndpointClient):
         """Which robot this is, and what there is in the team: robots, topics, types."""
         return self.request("team")[0]
 
+    def links(self) -> dict[str, Any]:
+        """The metrics of every link: `robot`, `at_s`, and `links` by peer (docs/embedding.md)."""
+        return self.request("links")[0]
+
     def request(
         self, name: str, data: bytes | None = None, **fields: object
     ) -> tuple[dict[str, Any], list[bytes]]:

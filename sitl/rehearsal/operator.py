@@ -90,7 +90,7 @@ class Operator:
             waits: Of points: it waits for its time instead of being refused.
         """
         companion = self._flight.companion
-        request = parse_command(text).asked(self._flight.mission.frame)
+        request = parse_command(text).for_mission(self._flight.mission.frame)
         if companion is None or request is None:
             return
         if isinstance(request, GoTo):

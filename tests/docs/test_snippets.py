@@ -39,6 +39,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "README.md python 1": "test_readme.py::test_the_snippet_runs",
     "bridges.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
     "control.md python 1": "air_router/control/test_control.py::test_what_the_docs_show_is_done",
+    "control.md python 2": "air_router/control/test_one_endpoint.py::test_the_planner_of_the_docs",
     "coverage.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
     "embedding.md python 1": "mocha_link/test_docs_embedding.py::test_the_planner_meets_everybody",
     "embedding.md python 2": (

@@ -65,7 +65,7 @@ class Served:
             self._deliver,
             lambda: self.readings.pop(0) if self.readings else None,
         )
-        self.server = server = ControlServer(self.endpoint, command_service.grant)
+        self.server = server = ControlServer(self.endpoint, command_service.execute)
         server.open()
         self.endpoint = server.endpoint
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
@@ -378,7 +378,7 @@ def test_who_answers_but_is_no_flight_is_told_as_such():
 @pytest.mark.parametrize("served", [CONTROL_NAME], indirect=True)
 def test_what_the_docs_show_is_done(served, capsys):
     page = (Path(__file__).parents[3] / "docs" / "control.md").read_text(encoding="utf-8")
-    (snippet,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    snippet, _ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(compile(snippet, "docs/control.md", "exec"), {})  # noqa: S102
     assert capsys.readouterr().out.splitlines()[-1] == "GOTO"
     commands = re.findall(r"^    air-router (ask .*)$", page, re.MULTILINE)
@@ -400,14 +400,17 @@ def test_what_the_docs_show_is_done(served, capsys):
 
 def test_words_and_who_asks(pennovation):
     frame = pennovation.frame
-    request = parse_command("goto 39.9415,-75.1990 39.9420,-75.1995").asked(frame)
+    request = parse_command("goto 39.9415,-75.1990 39.9420,-75.1995").for_mission(frame)
     assert isinstance(request, GoTo)
     assert len(request.points) == 2
     command = command_request_of({"request": "hold", "by": "eve\x1b[2J\n"})
-    assert command.asked(frame) == HoldNow(by="eve?[2J")
-    assert command_request_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
-    assert parse_command("altitude 45").asked(frame) == ChangeAltitude(45.0)
-    assert parse_command("status").asked(frame) is None
+    assert command.for_mission(frame) == HoldNow(by="eve?[2J")
+    assert (
+        command_request_of({"request": "hold", "by": " "}).for_mission(frame, "a page").by
+        == "a page"
+    )
+    assert parse_command("altitude 45").for_mission(frame) == ChangeAltitude(45.0)
+    assert parse_command("status").for_mission(frame) is None
 
 
 def test_a_budget_fills_up_to_what_may_be_spent_at_once():

@@ -108,7 +108,7 @@ def test_a_flight_from_connecting_to_landing(rig):
     assert json.loads(json.dumps(report)) == report
     assert "done: " in table(report)
     assert any("coming home" in text for text, _ in flight.vehicle.announced)
-    view = flight.flight.commands.grant(View(request="view", areas=True, map=True), "a test")
+    view = flight.flight.commands.execute(View(request="view", areas=True, map=True), "a test")
     steps = [(change["number"], change["left"], change["signal"]) for change in view["changes"]]
     assert steps[:2] == [(1, "READY", "AIRBORNE"), (2, "INIT", "COME_HOME")]
     assert (view["uav"], view["state"], view["known_cells"]) == ("titan", "DONE", 0)
@@ -436,7 +436,7 @@ def test_lines_that_come_again_and_again_are_counted_but_for_warnings(rig):
     why = "no multicopter with PX4 is on the link (a plane)"
 
     def asks(words):
-        return lambda: flight.flight.commands.grant(parse_command(words), "a test")
+        return lambda: flight.flight.commands.execute(parse_command(words), "a test")
 
     def hears(event):
         return lambda: flight.vehicle.callback(event)

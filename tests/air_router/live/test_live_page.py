@@ -233,7 +233,7 @@ def test_a_fault_in_a_decision_is_not_taken_for_a_wrong_request(flight):
     def fault(*_):
         raise ValueError("math domain error")
 
-    page._commands.grant = fault
+    page._commands.execute = fault
     with pytest.raises(ValueError, match="domain"):
         page._answer('{"request": "hold", "id": 1}')
 

@@ -76,7 +76,9 @@ class FakeClient(ControlClient):
         self.told = len(self.flight.actions)
         asked = {key: value for key, value in values.items() if value is not None}
         try:
-            return json.loads(json.dumps(self.commands.grant(command_request_of(asked), "a test")))
+            return json.loads(
+                json.dumps(self.commands.execute(command_request_of(asked), "a test"))
+            )
         except RequestError as error:
             raise ControlError(str(error)) from None
 
@@ -382,7 +384,7 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
 
 def test_the_command_beside_a_flight(client, domain):
     """Over the flight's own endpoint, until a signal ends it."""
-    server = ControlServer("tcp://127.0.0.1:*", client.commands.grant)
+    server = ControlServer("tcp://127.0.0.1:*", client.commands.execute)
     opened, loop = threading.Event(), asyncio.new_event_loop()
 
     async def serve():
