@@ -71,15 +71,15 @@ tolerances: setup
 stpa: setup
 	$(BIN)/python -m benchmarks.stpa $(STPA)
 
-# Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
+# Half an hour on two cores: every experiment, and docs/evidence/experiments.md with their tables and figures
 EXPERIMENTS ?= table1 field passive policies protocols readings crowd scale
 experiments: setup
-	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/experiments.md \
+	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/evidence/experiments.md \
 		--archive docs/evidence/$$name-runs.jsonl.xz || exit 1; done
 
-# Tables and verdicts of docs/experiments.md, remade from the archived runs: fails if a number differs
+# Tables and verdicts of docs/evidence/experiments.md, remade from the archived runs: fails if a number differs
 experiments-verify: setup
-	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/experiments.md || exit 1; done
+	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/evidence/experiments.md || exit 1; done
 
 lint: setup
 	$(BIN)/ruff check

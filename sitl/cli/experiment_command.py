@@ -30,7 +30,7 @@ from sitl.experiment.campaign import (
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
-and with more --seeds or other --rows it makes only what is missing. See docs/experiments.md.
+and with more --seeds or other --rows it makes only what is missing; docs/evidence/experiments.md.
 
 examples:
   sitl experiment table1 --seeds 30

@@ -1,4 +1,4 @@
-"""Reads experiment files: YAML, checked, each problem told with its place (docs/experiments.md).
+"""Reads experiment files: YAML, checked, problems with places (docs/evidence/experiments.md).
 
 Experiments, towns and missions that come with the program are known by a word; others by a path.
 """

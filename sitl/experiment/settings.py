@@ -1,7 +1,7 @@
 """What one simulated run is made of: the team, the channel, the protocol, and every reading.
 
 A reading is a choice where the paper's text leaves one. Each has one default for all rows; how the
-defaults came about is told in docs/experiments.md. An experiment that takes another one says so.
+defaults came about: docs/evidence/experiments.md. An experiment that takes another one says so.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class MissionTimers(_Model):
 
 
 class PaperModel(_Model):
-    """The paper's transmission model, and how its text is read (docs/experiment-engine.md).
+    """The paper's transmission model, as it is read (docs/evidence/experiment-engine.md).
 
     Each stage of an exchange takes an exponentially distributed time; the rates are those that the
     authors fitted to their field data.

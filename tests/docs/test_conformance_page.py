@@ -1,4 +1,4 @@
-"""docs/conformance.md has every difference among versions of PX4, as `sitl conform` prints them.
+"""docs/evidence/conformance.md has every difference among versions of PX4 that `sitl conform` saw.
 
 DOCS_WRITE=1 in the environment writes the tables anew.
 """
@@ -10,7 +10,7 @@ import pytest
 
 from sitl.conformance.differences import differences, table_of_facts, table_of_steps
 
-PAGE = Path(__file__).parents[2] / "docs" / "conformance.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "conformance.md"
 TABLES = {"What a flight rests on": table_of_facts, "Steps that differ": table_of_steps}
 
 

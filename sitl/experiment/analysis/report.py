@@ -8,9 +8,9 @@ summary.json    the table and the verdicts on the claims, for programs
 A document gets it between marks: `<!-- begin NAME WHAT -->` and `<!-- end -->`; NAME is the
 experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, paper,
 claims, fidelity, fit, blind. So the document can be made again from any runs. Figures go beside it,
-into `images/experiments`; tables, rows compared by seeds, the numbers behind claims, settings that
-were fitted and what they predict into `evidence/NAME-table.csv`, `-pairs.csv`, `-claims.csv`,
-`-draws.csv` and `-cells.csv`, where these exist.
+into `images`; tables, rows compared by seeds, the numbers behind claims, settings that were fitted
+and what they predict into `NAME-table.csv`, `-pairs.csv`, `-claims.csv`, `-draws.csv` and
+`-cells.csv`, where these exist.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "po
 _IDS: Final = ("experiment", "row", "phase", "number", "seed")
 _ORIGIN: Final = ("peak_memory_MB", "digest", "program", "machine")
 _AGE_HEADS: Final = ("row", "seed_number", "topic", "maker", "user", "age_mean_s", "age_peak_s")
-_IMAGES: Final = Path("images") / "experiments"
+_IMAGES: Final = Path("images")
 _END: Final = "<!-- end -->"
 
 
@@ -250,7 +250,7 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
 def _claims(document: Path, report: Report) -> str:
     """The verdicts with what they rest on; those on exploration seeds decide nothing: in a line."""
     if report.claims and report.records[0]["phase"] == "exploration":
-        path = f"evidence/{report.name}-claims.csv"
+        path = f"{report.name}-claims.csv"
         verdicts = "; ".join(f"claim {claim.number} {claim.brief}" for claim in report.claims)
         numbers = f" [Numbers]({path})." if (document.parent / path).exists() else ""
         return f"{verdicts[:1].upper()}{verdicts[1:]}.{numbers}"
@@ -303,7 +303,7 @@ def _evidence(document: Path, report: Report) -> dict[Path, str]:
     }
     found = {}
     for what, made in tabled.items():
-        file = document.parent / "evidence" / f"{report.name}-{what}.csv"
+        file = document.parent / f"{report.name}-{what}.csv"
         if file.exists() and len(rows := made()) > 1:
             found[file] = _csv(rows)
     return found

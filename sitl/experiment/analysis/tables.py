@@ -64,7 +64,7 @@ def paper_row(settings: Mapping[str, Any]) -> PaperRow | None:
 
 
 class Column(NamedTuple):
-    """A number of a row, made of a measure of its runs: docs/experiments.md says what they are.
+    """A number of a row, made of a measure of its runs (docs/evidence/experiments.md).
 
     Attributes:
         key: its name for programs.

@@ -6,7 +6,7 @@ is seen, claims when one is made, kept or left; what is told on the other topics
 message is made, which is when a peer asks. A pose is true at its instant only. Before the first
 delivery, ages count from when there was something to say. The peak age is the mean of the ages just
 before each delivery of news; that at the end of a run is the last peak, unless it is 0.
-docs/experiments.md#age-of-information says whose measures these are.
+docs/evidence/experiments.md#age-of-information says whose measures these are.
 """
 
 from __future__ import annotations

@@ -205,7 +205,7 @@ WIRE: Final[Mapping[Fault, WireKind]] = MappingProxyType(
         ),
         Fault.RELOAD: WireKind(10, one("reload"), uniform(1.0, 30.0), "INIT"),
         Fault.TWO_VEHICLES: WireKind(4, one("second vehicle")),
-        # Classes of errors: docs/rehearsal.md.
+        # Classes of errors: docs/evidence/rehearsal.md.
         Fault.MAP_FILES: WireKind(4),
         Fault.LOCAL_METRES: WireKind(2),
         Fault.CLAIMS: WireKind(

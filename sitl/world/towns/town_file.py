@@ -1,4 +1,4 @@
-"""Towns as YAML, described in docs/town.md, and the missions of UAVs over towns that have none."""
+"""Towns as YAML (docs/evidence/town.md), and the missions of UAVs over towns that have none."""
 
 import math
 from collections.abc import Iterable, Sequence

@@ -169,7 +169,8 @@ def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
 
 
 def test_an_archive_remakes_what_a_document_says(sitl, tmp_path, capsys):
-    page, folder = tmp_path / "page.md", tmp_path / "evidence"
+    folder = tmp_path / "evidence"
+    page = folder / "page.md"
     folder.mkdir()
     table = folder / "small-table.csv"
     table.touch()
@@ -235,14 +236,13 @@ def test_a_document_has_verdicts_on_exploration_seeds_in_a_line(sitl, tmp_path):
         for what in ("facts", "claims"):
             text += f"<!-- begin {name} {what} -->\n<!-- end -->\n"
     page.write_text(text, encoding="utf-8")
-    (tmp_path / "evidence").mkdir()
-    (tmp_path / "evidence" / "small-claims.csv").touch()
+    (tmp_path / "small-claims.csv").touch()
     for first in ("0", "10001"):
         sitl("--docs", str(page), "--first-seed", first, "--out", str(tmp_path / first), out=False)
     explored, confirmed = re.findall(
         r"begin \S+ claims -->\n(.*?)\n<!--", page.read_text(), re.DOTALL
     )
-    assert explored == "Claim 1 holds, on exploration seeds. [Numbers](evidence/small-claims.csv)."
+    assert explored == "Claim 1 holds, on exploration seeds. [Numbers](small-claims.csv)."
     assert "| **1** | **More help.** | **holds** | |\n| | sooner | holds | +" in confirmed
 
 
@@ -326,7 +326,7 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
     assert answer["rows"][0]["row"] == "5 m, 3 UGVs"
     assert answer["rows"][0]["paper"]["wait_mean_s"] == 0.17
     columns = {name for name in rows[0] if name.split(".")[0] not in RunSettings.model_fields}
-    page = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "evidence" / "experiments.md").read_text(encoding="utf-8")
     _, part, *_ = re.split("### The columns of the results|## The paper", page)
     told = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
     assert set(re.findall(r"`(\w+)`", " ".join(told))) == columns
@@ -345,14 +345,14 @@ def test_every_figure_is_drawn_and_a_document_gets_those_that_it_shows(sitl, tmp
     monkeypatch.setattr(figures, "save", save)
     page = tmp_path / "page.md"
     text = "# Title\n<!-- begin small facts -->\nold\n<!-- end -->\nkept\n"
-    page.write_text(text + "![picture](images/experiments/small-goals.png)\n", encoding="utf-8")
+    page.write_text(text + "![picture](images/small-goals.png)\n", encoding="utf-8")
     sitl("--seeds", "1", "--rows", "radius_m=5", "--docs", str(page), figures=True)
     names = ("compare", "goals", "bandwidth")
     assert drawn == [(f"{name}.png", f"{name}.pdf") for name in names]
-    shown = (tmp_path / "images" / "experiments").iterdir()
+    shown = (tmp_path / "images").iterdir()
     assert [path.name for path in shown] == ["small-goals.png"]
     assert re.search(r"begin small facts -->\n2 runs[^<]*<!-- end -->\nkept", page.read_text())
-    assert not (tmp_path / "evidence").exists()
+    assert not list(tmp_path.glob("small-*.csv"))
 
 
 def test_a_figure_is_written_in_both_formats(tmp_path):

@@ -89,7 +89,9 @@ def test_goals_count_until_the_way_home_and_only_where_robots_look_for_some():
 
 def test_the_columns_of_a_flight_are_told():
     meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
-    page = (Path(__file__).parents[4] / "docs" / "experiments.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[4] / "docs" / "evidence" / "experiments.md").read_text(
+        encoding="utf-8"
+    )
     _, part, *_ = re.split("### The columns of a flight|## Questions", page)
     heads = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
     columns = meter.measures(["io"], [], Goals(1)).keys() | {"wall_s", "cpu_s", "speed_up"}
