@@ -16,7 +16,7 @@ PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --n
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench bench-goals bench-link bench-route dist docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -121,6 +121,18 @@ dist: $(VENV)/.tools
 	$(PINS) | $(COMPILE) --quiet $(EXTRAS:%=--extra %) --constraint - --output-file dist/requirements.txt
 	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json dist/requirements.txt
 	cd dist && sha256sum -- * > SHA256SUMS
+
+# What a tag publishes, with its notes; fails unless tag, version and changelog agree: make release TAG=v0.2.0
+release: dist
+	@mkdir -p build
+	$(BIN)/python packaging/release.py "$(TAG)" build/NOTES.md
+	cd dist && sha256sum --check --quiet SHA256SUMS
+
+# `air-router sim demo` from the wheels in dist, in an environment with nothing else, in an empty folder
+dist-demo: $(VENV)/.tools
+	rm -rf build/demo && mkdir -p build/demo
+	cd build/demo && $(CURDIR)/$(BIN)/uv tool run --isolated --no-project --with $(CURDIR)/dist/mocha_link-*.whl \
+		--from "$$(echo $(CURDIR)/dist/air_router-*.whl)[sim]" air-router sim demo --speed 20 --duration 60
 
 # Wheels of ours in empty environments elsewhere, one for each extra, which then does what it is for: 10 minutes
 dist-test: $(VENV)/.tools

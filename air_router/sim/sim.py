@@ -32,6 +32,7 @@ from air_router.mission import Mission, load_mission
 from air_router.preflight import check_world, world_notes
 from air_router.record import ViewerAddress, no_folder
 from air_router.report import several
+from air_router.sim.demo import demo_or
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
 from air_router.vehicle.px4 import NEWEST
@@ -43,7 +44,10 @@ from mocha_link.path_safety import made_folder
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
     parser.description = "Start a simulated PX4, ground robots and radios, and fly a mission there."
-    parser.epilog = "example: air-router sim missions/pennovation/mission.yaml --speed 10"
+    parser.epilog = (
+        "examples:\n  air-router sim demo --speed 10    the mission that comes with the program\n"
+        "  air-router sim missions/pennovation/mission.yaml --speed 10"
+    )
     add_flight_arguments(parser)
     add_start(parser)
     add_rover(parser)
@@ -69,6 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Fly in a world of its own, and report on stdout."""
     if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
         raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
+    arguments.mission = demo_or(arguments.mission)
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     check_world(arguments.mission, arguments.rover)
     note_options(arguments, {"duration": "duration_s"})
