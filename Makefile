@@ -131,7 +131,7 @@ release: dist
 # `air-router sim demo` from the wheels in dist, in an environment with nothing else, in an empty folder
 dist-demo: $(VENV)/.tools
 	rm -rf build/demo && mkdir -p build/demo
-	cd build/demo && $(CURDIR)/$(BIN)/uv tool run --isolated --no-project --with $(CURDIR)/dist/mocha_link-*.whl \
+	cd build/demo && $(CURDIR)/$(BIN)/uv tool run --isolated --with $(CURDIR)/dist/mocha_link-*.whl \
 		--from "$$(echo $(CURDIR)/dist/air_router-*.whl)[sim]" air-router sim demo --speed 20 --duration 60
 
 # Wheels of ours in empty environments elsewhere, one for each extra, which then does what it is for: 10 minutes
