@@ -150,7 +150,7 @@ def parsed_in(block):
     parsed = 0
     for line in block.commands:
         if line.startswith(("home ", "rally ", "PX4 return ")):
-            continue  # coming-home.md: what the command above prints
+            continue  # vehicle.md: what the command above prints
         if line.startswith("{"):
             json.loads(line if line.endswith("}") else block.text.partition("\n\n")[2])
             parsed += 1
@@ -362,7 +362,7 @@ def test_a_route_of_another_planner(capsys):
 
 
 def test_what_check_prints_of_the_way_home(folder, capsys):
-    printed = ALL["coming-home.md 1"].text.partition("\n\n")[2]
+    printed = ALL["vehicle.md 1"].text.partition("\n\n")[2]
     mission = folder / "missions" / "pennovation" / "mission.yaml"
     mission.write_text(mission.read_text().replace("# endurance_s: 1800", "endurance_s: 1200"))
     assert air_router.cli.cli.main(["check", str(mission)]) == 0
