@@ -19,7 +19,7 @@ HEAD = """\
 # Warnings and alarms
 
 Everything that a flight announces has a severity. The operator reads it in the
-[terminal](terminal.md), on the [live page](live-page.md), in the [record](records.md) and the
+[terminal](watching.md), on the [live page](watching.md), in the [record](records.md) and the
 report; the pilot in the ground station, as a STATUSTEXT.
 
 | severity | means | terminal | STATUSTEXT |
@@ -35,7 +35,7 @@ vehicle that hovers after hands off) is said again after 10 s, then every 30 s, 
 pilot to take the vehicle by hand. It ends with the condition, or once a pilot has the vehicle.
 
 Infos and warnings that come again and again are one line with a count on the
-[terminal](terminal.md) and the [live page](live-page.md); each alarm is a line of its own, and
+[terminal](watching.md) and the [live page](watching.md); each alarm is a line of its own, and
 STATUSTEXT carries them all.
 
 ## All of them

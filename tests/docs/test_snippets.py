@@ -70,8 +70,8 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "seeking.md 1": "a formula",
     "seeking.md 2": "a formula",
     "sync-protocol.md 1": "who sends what when",
-    "terminal.md 1": "what is printed; its parts: air_router/test_status.py",
-    "terminal.md 2": "what is printed; its columns: below",
+    "watching.md 1": "what is printed; its parts: air_router/test_status.py",
+    "watching.md 2": "what is printed; its columns: below",
     "world-file.md 1": "printed by `sitl team`, shortened",
     "control.md cpp 1": "needs a compiler and cppzmq; its request: below",
 }
@@ -293,7 +293,7 @@ def test_seeking(line, tmp_path):
 
 
 def test_several(tmp_path):
-    said = ALL["several-vehicles.md yaml 1"].text
+    said = ALL["concepts.md yaml 1"].text
     (tmp_path / "mission.yaml").write_text(f"{said}{TOWN}fence: null\nno_fly_zones: []\n")
     mission = load_mission(tmp_path / "mission.yaml")
     assert [layer.uav for layer in mission.layers] == ["titan", "atlas"]
@@ -372,8 +372,8 @@ def test_what_check_prints_of_the_way_home(folder, capsys):
 
 
 def test_the_columns_at_the_end():
-    """docs/terminal.md shows the table that a flight ends with."""
-    heads = ALL["terminal.md 2"].text.splitlines()[0]
+    """docs/watching.md shows the table that a flight ends with."""
+    heads = ALL["watching.md 2"].text.splitlines()[0]
     assert re.split(r"  +", heads.strip()) == [*COLUMNS]
 
 

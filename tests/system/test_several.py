@@ -1,7 +1,7 @@
 """Two UAVs and two robots: one command, each UAV with a companion process of its own.
 
 A browser looks on, where there is one. With DOCS_IMAGES=docs/images in the environment the picture
-of docs/live-page.md is taken anew, of missions/pair.
+of docs/watching.md is taken anew, of missions/pair.
 """
 
 import json

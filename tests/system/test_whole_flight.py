@@ -1,7 +1,7 @@
 """The first promise of the README: one command, and a whole communication-aware flight.
 
 The field is small, so that all robots are soon met. A browser looks on at the same flight, where
-there is one. With DOCS_IMAGES=docs/images in the environment the pictures of docs/live-page.md are
+there is one. With DOCS_IMAGES=docs/images in the environment the pictures of docs/watching.md are
 taken anew, of missions/pennovation.
 """
 
