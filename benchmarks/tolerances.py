@@ -13,6 +13,7 @@ import importlib
 import pkgutil
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, Final, NamedTuple
@@ -71,24 +72,40 @@ def numbers() -> Iterator[Number]:
                     yield Number(module, name)
 
 
-_SHARED: Final = frozenset({"case", "space", "duties", "evidence", "mission_reader", "map_reader"})
-"""Modules whose numbers the rules of others use."""
-
 _UNITS: Final = frozenset(
     {
         *("M", "S", "DEG", "S2", "SHARE", "NUMBER", "POINTS"),
-        *("MARGIN", "SLACK", "LEFT", "EARLY", "CRUISES", "RESERVE"),
+        *("MARGIN", "SLACK", "LEFT", "EARLY", "CRUISES", "RESERVE", "SAGS", "JUMPS", "COLD"),
+        *("DETOUR", "LAYERS", "ROUNDABOUT", "ESTIMATE", "TIMES", "OTHERS", "MM", "SECOND", "WORDS"),
     }
 )
 """How names of tolerances end: in a unit, or in what they are a share of."""
 
 
 def moved(value: Any, factor: float) -> Any:
-    """A number, or the numbers of a tuple, times a factor."""
+    """A number, or the numbers of a tuple, times a factor; a count stays one."""
     if isinstance(value, tuple):
         return tuple(moved(each, factor) for each in value)
-    plain = isinstance(value, float | int) and not isinstance(value, bool)
-    return value * factor if plain else value
+    if isinstance(value, int) and not isinstance(value, bool):
+        return max(round(value * factor), 1)
+    return value * factor if isinstance(value, float) else value
+
+
+def behind(module: ModuleType) -> set[str]:
+    """The modules of the judge that use one, directly or by others, and itself: names."""
+    found = {module.__name__}
+    while True:
+        users = {each.__name__ for each in modules() if _uses(each) & found}
+        if users <= found:
+            return found
+        found |= users
+
+
+@cache
+def _uses(module: ModuleType) -> set[str]:
+    """The modules of which a module took something by name."""
+    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+    return {str(node.module) for node in tree.body if isinstance(node, ast.ImportFrom)}
 
 
 def flights() -> list[Evidence]:
@@ -117,14 +134,34 @@ class Findings(NamedTuple):
     end: str
 
 
-def found(evidence: Evidence, rules: tuple[Rule, ...]) -> Findings:
+class Flight(NamedTuple):
+    """A flight that was judged, as the rules see it, and what they find; a text: why it is none."""
+
+    evidence: Evidence
+    case: Case | str
+    findings: Findings
+
+
+_REFUSED: Final = (EvidenceError, ArithmeticError, IndexError, ValueError)
+
+
+def case_of(evidence: Evidence) -> Case | str:
+    """A flight as the rules see it, or the error that says why it cannot be seen."""
+    try:
+        return Case(evidence)
+    except _REFUSED as error:
+        return type(error).__name__
+
+
+def found(case: Case | str, rules: tuple[Rule, ...]) -> Findings:
     """What these rules find in a flight."""
+    if isinstance(case, str):
+        return Findings(frozenset(), case)
     rooms_of.cache_clear()
     try:
-        case = Case(evidence)
         kinds = ((rule.__name__, violation.kind) for rule in rules for violation in rule(case))
         return Findings(frozenset(kinds), verdict.end_of(case).value)
-    except (EvidenceError, ArithmeticError, IndexError, ValueError) as error:
+    except _REFUSED as error:
         return Findings(frozenset(), type(error).__name__)
 
 
@@ -132,15 +169,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.tolerances", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="MODULE.NAME", help="only these")
     arguments = parser.parse_args()
-    kept = flights()
-    before = [found(evidence, verdict.RULES) for evidence in kept]
+    kept = []
+    for evidence in flights():
+        case = case_of(evidence)
+        kept.append(Flight(evidence, case, found(case, verdict.RULES)))
     print(f"{len(kept)} flights", file=sys.stderr)
     print("| number | larger | smaller |\n|---|---|---|", flush=True)
     loose = []
     for number in numbers():
         if arguments.names and number.words not in arguments.names:
             continue
-        cells = [bites(number, factor, kept, before) for factor in (FACTOR, 1.0 / FACTOR)]
+        cells = [bites(number, factor, kept) for factor in (FACTOR, 1.0 / FACTOR)]
         print(f"| {number.words} | {' | '.join(cells)} |", flush=True)
         if not any(cells) and number.words not in LOOSE:
             loose.append(number.words)
@@ -149,18 +188,19 @@ def main() -> int:
     return 1 if loose else 0
 
 
-def bites(number: Number, factor: float, kept: list[Evidence], before: list[Findings]) -> str:
+def bites(number: Number, factor: float, kept: list[Flight]) -> str:
     """The rule that finds something else in a flight with a moved number; empty: none."""
-    value, own = getattr(number.module, number.name), number.module.__name__
+    value, concerned = getattr(number.module, number.name), behind(number.module)
     users = [m for m in modules() if vars(m).get(number.name) is value]
-    alone = own.rpartition(".")[2] not in _SHARED
-    rules = tuple(rule for rule in verdict.RULES if not alone or rule.__module__ == own)
+    rules = tuple(rule for rule in verdict.RULES if rule.__module__ in concerned)
     names = {rule.__name__ for rule in rules}
     for user in users:
         setattr(user, number.name, moved(value, factor))
     try:
-        for evidence, known in zip(kept, before, strict=True):
-            now = found(evidence, rules)
+        for evidence, case, known in kept:
+            # Most numbers are of rules alone: what they look at is as it was.
+            anew = case_of(evidence) if Case.__module__ in concerned else case
+            now = found(anew, rules)
             other = now.of_rules ^ {each for each in known.of_rules if each[0] in names}
             if other:
                 return min(other)[0]

@@ -41,7 +41,6 @@ _NEARLY_M: Final = 1.0
 _AT_HOME_M, _HELD_S = 20.0, 2.0
 """So near to home a take-off may be led on; elsewhere a hold is sent within so long."""
 
-_BEFORE_S: Final = 0.1
 _LISTS: Final = frozenset({"MISSION_COUNT", "MISSION_CLEAR_ALL"})
 _SAID_S: Final = 0.6
 """What was chosen in a standstill is announced so soon: before another HEARTBEAT would tell it."""
@@ -77,10 +76,10 @@ def a_choice_in_a_standstill_stands(case: Case) -> Iterator[Violation]:
     stops_s = [h.time_s for h in told(SceneEventKind.STOPPED)]
     goes_on_s = [h.time_s for h in told(SceneEventKind.CONTINUED)]
     for stopped_s, from_s in zip(stops_s, goes_on_s, strict=False):
+        if any(given.begin_s < stopped_s < given.end_s for given in case.given):
+            continue  # it was another's before
         chosen = (g for g in case.given if g.by is Responsible.PILOT)
         for choice in (g for g in chosen if stopped_s <= g.begin_s <= from_s):
-            if case.by[case.at(stopped_s - _BEFORE_S)] is not Responsible.OURS:
-                continue
             end_s = min(choice.end_s, choice.handed_s)
             for message in case.commands:
                 ends = is_motion(message) or message.name in _LISTS

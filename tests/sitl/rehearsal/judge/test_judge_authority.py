@@ -11,10 +11,12 @@ from tests.sitl.rehearsal.judge.test_judge import (
     FRAME,
     HOLD,
     MISSION,
+    TEXT,
     command,
     evidence,
     goto,
     heart,
+    past_the_shed,
     track,
 )
 from tests.sitl.rehearsal.judge.test_judge_inputs import between, flight
@@ -62,7 +64,7 @@ def test_what_is_said_again_just_after_the_silence_began_is_no_news():
     assert not [text for text in found(flown) if "flight mode" in text]
 
 
-def diverted(at_s, *, recent=False, near=False, moves_m=40):
+def diverted(at_s, *, recent=False, flown=None, moves_m=40):
     """What is found of a hold at a time; another place was heard of at 30.4 s."""
     event = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
     told = []
@@ -72,8 +74,7 @@ def diverted(at_s, *, recent=False, near=False, moves_m=40):
         told.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
     more = [command(at_s, 176, param2=4.0, param3=3.0)]
     more += [command(26.0, 176, param2=4.0, param3=3.0)] if recent else []
-    states = track(((0, 0), (0, 30), (30, 30), (0, 0))) if near else track()
-    texts = found(evidence(states, more=more, happenings=event, heard=tuple(told)))
+    texts = found(evidence(flown, more=more, happenings=event, heard=tuple(told)))
     return [text for text in texts if "over another" in text]
 
 
@@ -82,9 +83,17 @@ def test_no_hold_leaves_over_another_place_that_shows(at_s, wrong):
     assert bool(diverted(at_s)) is wrong
 
 
-@pytest.mark.parametrize("excuse", [{"recent": True}, {"near": True}, {"moves_m": 3}])
+INTO_THE_SHED = track(((0, 0), (0, 30), (30, 30), (0, 0)))
+
+
+@pytest.mark.parametrize("excuse", [{"recent": True}, {"flown": INTO_THE_SHED}, {"moves_m": 3}])
 def test_a_hold_may_leave_over_what_shows_in_a_zone_or_may_be_its_own(excuse):
     assert not diverted(31.2, **excuse)
+
+
+@pytest.mark.parametrize(("by_m", "wrong"), [(0.7, False), (2.0, True)])
+def test_a_hold_may_leave_over_what_shows_within_a_metre_of_a_zone(by_m, wrong):
+    assert bool(diverted(31.2, flown=past_the_shed(by_m))) is wrong
 
 
 BREACH = "45.0 s  hands off: breach of shed is not resumed by itself"
@@ -100,6 +109,30 @@ def test_what_says_that_it_is_in_a_zone_is_given_away(said, seconds, wrong):
     spoil = between(43.0, 43.0 + seconds, "GLOBAL_POSITION_INT", **inside)
     texts = found(flight(spoil=spoil, said=said))
     assert any("flown on with after a breach of shed" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(
+    ("said_s", "wrong"), [(42.0, False), (39.0, True), (46.4, False), (47.0, True)]
+)
+def test_a_breach_is_given_away_two_seconds_before_it_at_the_earliest(said_s, wrong):
+    """It is half a metre deep at 43 s, surely so at 43.5 s, and is announced within three more."""
+    latitude, longitude = FRAME.degrees(30, 30)
+    inside = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
+    spoil = between(43.0, 46.0, "GLOBAL_POSITION_INT", **inside)
+    texts = found(flight(spoil=spoil, said=((said_s, BREACH),)))
+    assert any("flown on with after a breach of shed" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(("earlier_s", "wrong"), [(5.0, False), (20.0, True)])
+def test_what_is_drawn_over_the_vehicle_it_may_leave_for_ten_seconds(earlier_s, wrong):
+    """It is in the zone from 43 s to 46 s, and the zone was drawn so much earlier."""
+    latitude, longitude = FRAME.degrees(90, 90)
+    inside = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
+    drawn = TEXT + "  - {name: new, polygon: [[80, 80], [100, 80], [100, 100], [80, 100]]}\n"
+    reloaded = (SceneEvent(43.0 - earlier_s, SceneEventKind.MISSION_FILE, drawn),)
+    spoil = between(43.0, 46.0, "GLOBAL_POSITION_INT", **inside)
+    texts = found(flight(spoil=spoil, happenings=reloaded))
+    assert any("flown on with after a breach of new" in text for text in texts) is wrong
 
 
 def low_and_away(*, away=60, above=10.0):
@@ -134,6 +167,12 @@ def test_mission_mode_chosen_low_and_away_is_held():
     assert any("not told to hold" in text for text in handed_over())
 
 
+@pytest.mark.parametrize(("after_s", "late"), [(1.5, False), (4.0, True)])
+def test_it_is_held_within_two_seconds_of_mission_mode(after_s, late):
+    hold = dataclasses.replace(HELD, time_s=22.0 + after_s)
+    assert any("not told to hold" in text for text in handed_over(hold)) is late
+
+
 def test_where_it_is_held_no_mission_begins_before_another_wants_that():
     climb = goto(28.0, 60, 0)
     assert any("a leg 60 m from home at 10.0 m" in text for text in handed_over(HELD, climb))
@@ -145,6 +184,13 @@ def test_where_it_is_held_no_mission_begins_before_another_wants_that():
 def test_above_home_or_level_the_mission_may_begin(where):
     states = low_and_away(**where)
     assert not [t for t in handed_over(goto(22.2, 10, 0), states=states) if "a leg" in t]
+
+
+@pytest.mark.parametrize(("below_m", "wrong"), [(1.2, False), (4.0, True)])
+def test_it_is_level_to_two_metres_below_the_missions_altitudes(below_m, wrong):
+    states = low_and_away(above=40.0 - below_m)
+    texts = handed_over(goto(22.2, 10, 0), states=states)
+    assert any("a leg" in text for text in texts) is wrong
 
 
 def test_what_is_lost_of_the_hold_leaves_the_vehicle_to_the_pilot_and_may_be_said_again():
@@ -193,12 +239,16 @@ STANDS = (
 )
 
 
-def stood_still(*messages, said=(41.6, "hands off: the pilot chose Return mode"), scene=STANDS):
+CHOSE = (41.6, "hands off: the pilot chose Return mode")
+
+
+def stood_still(*messages, said=CHOSE, scene=STANDS, **others):
     """What is found of a flight whose pilot chose Return at 41 s, in a standstill to 41.5 s."""
     states = [
         (*state[:5], RETURN if n * 0.05 >= 41.0 else state[5]) for n, state in enumerate(track())
     ]
-    flown = evidence(states, more=messages, code=6, said=(said,), happenings=scene, reaction_s=0.0)
+    others |= {"happenings": scene, "reaction_s": 0.0}
+    flown = evidence(states, more=messages, code=6, said=(said,), **others)
     return [v.text for v in judge(flown).violations if "standstill" in v.text or "41.0" in v.text]
 
 
@@ -217,6 +267,18 @@ def test_a_choice_in_a_standstill_that_is_announced_and_left_alone_is_good():
 )
 def test_what_leaves_over_a_choice_in_a_standstill_is_found(message):
     assert any("chosen in the standstill before" in text for text in stood_still(message))
+
+
+@pytest.mark.parametrize(
+    ("fails_s", "wrong"),
+    [(None, True), (39.0, False)],  # a vehicle that a failsafe has is another's already
+)
+def test_a_choice_of_the_moment_in_which_it_stops_counts_if_the_vehicle_was_ours(fails_s, wrong):
+    chosen = dataclasses.replace(STANDS[1], time_s=40.0)
+    failsafe = () if fails_s is None else ((fails_s, 45.0),)
+    hold = command(41.51, 176, param2=4.0, param3=3.0)
+    texts = stood_still(hold, scene=(STANDS[0], chosen, STANDS[2]), failsafe=failsafe)
+    assert any("chosen in the standstill before" in text for text in texts) is wrong
 
 
 @pytest.mark.parametrize("said", [(43.0, "hands off: late"), (41.6, "it holds")])

@@ -16,6 +16,7 @@ from tests.sitl.rehearsal.judge.test_judge import (
     goto,
     kinds,
     ours,
+    past_the_shed,
     track,
     upload,
 )
@@ -24,12 +25,6 @@ from tests.sitl.rehearsal.judge.test_judge_inputs import NEAR, flight
 
 def texts(flown):
     return " | ".join(str(violation) for violation in judge(flown).violations)
-
-
-def past_the_shed(by_m):
-    """Along its western side, so far from it."""
-    east = 20.0 - by_m
-    return track(((0, 0), (east, 0), (east, 60), (0, 60), (0, 0)))
 
 
 @pytest.mark.parametrize(("by_m", "wrong"), [(5.1, False), (4.9, True)])
