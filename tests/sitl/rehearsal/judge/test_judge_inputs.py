@@ -623,7 +623,8 @@ def test_no_breach_is_claimed_while_the_position_is_not_known(spoil, at_s, wrong
     ("said", "mode", "wrong"),
     [
         ((), 0x05040000, True),
-        (((63.0, "the vehicle's position is not known: GPS has no fix"),), 0x05040000, False),
+        (((67.0, "the vehicle's position is not known: GPS has no fix"),), 0x05040000, False),
+        (((70.0, "the vehicle's position is not known: GPS has no fix"),), 0x05040000, True),
         ((), 0x00030000, False),  # flown by hand: by sight
     ],
 )

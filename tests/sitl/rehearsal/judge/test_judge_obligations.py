@@ -150,3 +150,141 @@ def test_points_before_a_hold_are_not_flown_to_again(on, wrong):
     sent = [goto(45.1, 60, 60), goto(48.0, 0, 60), goto(55.2, *on)]
     assert ("where it was before it was held" in texts(*asked, more=sent)) == wrong
     assert "where it was before it was held" not in texts(*asked, more=[sent[0], sent[2]])
+
+
+# Its limits: each pair lies less than a factor of three from one.
+
+STILL = [*FLOWN[:1200], *[FLOWN[1200]] * 3000, *FLOWN[1200:]]
+"""Stands at (0, 45) from 60 s to 210 s."""
+
+HELD = [(58.0, "58.0 s  EXPL -> HOLD")]
+
+
+@pytest.mark.parametrize(
+    ("leg_s", "wrong"), [(71.8, False), (73.0, True), (81.0, True), (83.0, False)]
+)
+def test_a_hold_is_sent_within_two_seconds_and_looked_at_for_twelve(leg_s, wrong):
+    asked = (70.0, "hold", "accepted: it stops and hovers")
+    found = texts(asked, states=HOVERS, more=[goto(leg_s, 60, 0)])
+    assert ("a leg, though hold was accepted" in found) == wrong
+
+
+@pytest.mark.parametrize(("lasts_s", "wrong"), [(4.5, False), (6.0, False), (7.4, True)])
+def test_a_climb_that_a_hold_stops_ends_within_five_seconds_and_two_metres(lasts_s, wrong):
+    states = [
+        (east, north, height + 2.0 * min(max(n * 0.05 - 72.0, 0.0), lasts_s), *rest)
+        for n, (east, north, height, *rest) in enumerate(HOVERS[:1800])
+    ]
+    held = [(72.2, "72.2 s  EXPL -> HOLD")]
+    asked = (72.0, "hold", "accepted: it stops and hovers")
+    text = f"{TEXT}altitudes_m: [25, 60]\n"
+    found = texts(asked, states=[*states, *HOVERS[1800:]], said=held, text=text)
+    assert ("it climbs by" in found) == wrong
+
+
+@pytest.mark.parametrize(("off_m", "wrong"), [(0.6, True), (2.0, False)])
+def test_two_points_within_a_metre_are_the_same(off_m, wrong):
+    asked = [
+        (45.0, f"goto {degrees(60, 60)} {degrees(0, 60)}", "accepted: it flies to 2 points"),
+        (50.0, "hold", "accepted: it stops and hovers"),
+        (55.0, "resume", "accepted: it flies on to the points that are left"),
+    ]
+    sent = [goto(45.1, 60, 60), goto(48.0, 0, 60), goto(55.2, 60 - off_m, 60)]
+    assert ("where it was before it was held" in texts(*asked, more=sent)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("verb", "later_s", "wrong"),
+    [("home", 6.5, False), ("home", 9.0, True), ("explore", 40.0, False), ("explore", 70.0, True)],
+)
+def test_a_way_is_begun_within_seven_seconds_or_where_it_explores_fifty_two(verb, later_s, wrong):
+    asked = (74.0, verb, "accepted: it does")
+    found = texts(asked, states=STILL, more=[goto(74.0 + later_s, 0, 60)])
+    assert (f"though {verb} was accepted" in found) == wrong
+
+
+@pytest.mark.parametrize(
+    ("asked_s", "sent_s", "wrong"), [(74.0, 130.0, False), (140.0, 190.0, True)]
+)
+def test_what_waits_for_a_fence_may_wait_for_sixty_five_seconds(asked_s, sent_s, wrong):
+    """It was changed at 60 s."""
+    zone = "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
+    changed = (SceneEvent(60.0, SceneEventKind.MISSION_FILE, TEXT + zone),)
+    asked = (asked_s, "home", "accepted: it comes home")
+    found = texts(asked, states=STILL, more=[goto(sent_s, 0, 60)], happenings=changed)
+    assert ("though home was accepted" in found) == wrong
+
+
+@pytest.mark.parametrize(("later_s", "wrong"), [(3.5, False), (6.0, True)])
+def test_what_is_resumed_goes_on_within_four_seconds(later_s, wrong):
+    on = [*HELD, (75.0 + later_s, f"{75.0 + later_s} s  HOLD -> EXPL")]
+    asked = (75.0, "resume", "accepted: it goes on")
+    assert ("it holds on" in texts(asked, states=HOVERS, said=on)) == wrong
+
+
+@pytest.mark.parametrize(("later_s", "wrong"), [(4.5, False), (8.0, True)])
+def test_a_landing_is_told_within_five_seconds(later_s, wrong):
+    asked = (75.0, "land", "accepted: it lands where it hovers")
+    told = [command(75.0 + later_s, 21)]
+    found = texts(asked, states=HOVERS, said=HELD, more=told)
+    assert ("not told to land" in found) == wrong
+
+
+@pytest.mark.parametrize(("later_s", "wrong"), [(90.0, False), (120.0, True)])
+def test_points_wait_for_a_hundred_seconds(later_s, wrong):
+    asked = (70.0, "goto 39.9,-75.2", "points from the operator wait until the vehicle flies on")
+    later = [(70.0 + later_s, "the operator: accepted: it flies to the point")]
+    assert ("forgotten" in texts(asked, states=STILL, said=later)) == wrong
+
+
+def creeping(speed_m_s):
+    """Westwards from (0, 45), from 60 s on."""
+    east, north, *rest = FLOWN[1200]
+    return [*FLOWN[:1200], *((east - n * speed_m_s / 20, north, *rest) for n in range(1000))]
+
+
+@pytest.mark.parametrize(("speed_m_s", "wrong"), [(1.2, False), (0.4, True)])
+def test_a_vehicle_that_moves_may_be_on_its_way_home(speed_m_s, wrong):
+    asked = (70.0, "home", "accepted: it comes home already")
+    assert ("though home was accepted" in texts(asked, states=creeping(speed_m_s))) == wrong
+
+
+def standing(*place):
+    """Stands there from 60 s on."""
+    return [*FLOWN[:1200], *[(*place, *FLOWN[1200][2:])] * 1000]
+
+
+@pytest.mark.parametrize(("away_m", "wrong"), [(4.0, False), (8.0, True)])
+def test_a_vehicle_within_five_metres_of_home_is_there(away_m, wrong):
+    asked = (70.0, "home", "accepted: it comes home already")
+    assert ("though home was accepted" in texts(asked, states=standing(0, away_m))) == wrong
+
+
+@pytest.mark.parametrize(("place", "wrong"), [((100, 100), False), ((180, 180), True)])
+def test_who_seeks_may_stand_near_the_waypoints(place, wrong):
+    asked, seeks = (70.0, "seek io", "accepted: it seeks io"), [(70.2, "70.2 s  EXPL -> SEARCH")]
+    found = texts(asked, states=standing(*place), said=seeks)
+    assert ("though seek was accepted" in found) == wrong
+
+
+@pytest.mark.parametrize(
+    ("later_s", "beside_m", "wrong"),
+    [(35.0, 0.0, False), (50.0, 0.0, True), (35.0, 5.5, False), (35.0, 10.0, True)],
+)
+def test_a_point_is_come_to_in_the_time_that_the_way_takes(later_s, beside_m, wrong):
+    """It is 40 m away: 41 s, and to 7 m."""
+    asked = (70.0, f"goto {degrees(-40, 45)}", "accepted: it flies to the point")
+    east, north, *rest = FLOWN[1200]
+    first = 1400 + round(later_s / 0.05)
+    states = [*FLOWN[:1200], *[FLOWN[1200]] * (first - 1200)]
+    states += [(east - 40.0 + beside_m, north, *rest)] * 1000
+    found = texts(asked, states=states, more=[goto(70.5, -40, 45)])
+    assert ("to a point that was accepted" in found) == wrong
+
+
+@pytest.mark.parametrize(("later_s", "wrong"), [(0.3, False), (1.0, True)])
+def test_a_changed_file_may_count_half_a_second_before_the_scene_says_so(later_s, wrong):
+    zone = "  - {circle: {centre: [0, 35], radius_m: 9}}\n"
+    new = (SceneEvent(60.0 + later_s, SceneEventKind.MISSION_FILE, TEXT + zone),)
+    found = texts(said=[(60.0, "60.0 s  leaving no-fly zone 'x'")], happenings=new)
+    assert ("nothing new is near" in found) == wrong

@@ -210,7 +210,9 @@ def test_a_robot_is_hovered_over_already_in_comm_only(state, flagged):
     assert any("hovers over io already" in text for text in found(said)) is flagged
 
 
-@pytest.mark.parametrize(("at_s", "flagged"), [(40.0, True), (0.5, False)])
+@pytest.mark.parametrize(
+    ("at_s", "flagged"), [(40.0, True), (5.0, True), (2.1, False), (0.5, False)]
+)
 def test_motors_that_run_are_not_said_to_stand_still(at_s, flagged):
     said = [
         (at_s, f"{at_s} s  ALARM: hands off: disarmed in the air at 30 m above home. Pilot: go")
@@ -240,3 +242,101 @@ def test_in_a_calm_flight_a_leg_is_kept_back_once_at_most(fault, times, flagged)
     verdict = judge(flight(said=said, faults=frozenset({fault})))
     told = [str(each) for each in verdict.violations if "without a disturbance" in str(each)]
     assert len(told) == flagged
+
+
+# Its limits: each pair lies less than a factor of three from one.
+
+
+@pytest.mark.parametrize(("lasts_s", "wrong"), [(20.0, False), (30.0, True)])
+def test_points_are_held_at_for_twenty_seconds_where_nothing_says_how_long(lasts_s, wrong):
+    asked = SceneEvent(60.0, SceneEventKind.REQUEST, "goto 1,1")
+    said = [
+        (40.0, "40.0 s  READY -> INIT"),
+        (60.0, "60.0 s  INIT -> GOTO"),
+        (60.0, "60.0 s  the operator: accepted: it flies to the point"),
+        (64.0, "64.0 s  at the last point"),
+        (64.0 + lasts_s, f"{64.0 + lasts_s} s  GOTO -> EXPL"),
+    ]
+    texts = found(said, (asked,), TEXT, more=[goto(60.5, 60, 0)])
+    assert any("GOTO lasted" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(("later_s", "wrong"), [(40.0, False), (15.0, True)])
+def test_a_robot_is_sought_again_after_thirty_seconds_where_the_file_does_not_say(later_s, wrong):
+    """Everything is explored at 57 s."""
+    told = [SceneEvent(60.0, SceneEventKind.SYNCED, ("io", way, 59.0, [])) for way in ("in", "out")]
+    said = [(20.0, "20.0 s  READY -> INIT"), (60.0 + later_s, "SEARCH io: its last position")]
+    texts = found(said, told, f"{TEXT}seek: [io]\n")
+    assert any("is sought again" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(
+    ("less_s", "by", "wrong"),
+    [
+        (40.0, "by its record flight.mcap", False),
+        (100.0, "by its record flight.mcap", True),
+        (5.0, "by what the vehicle says", False),
+        (15.0, "by what the vehicle says", True),
+        (-1.5, "by what the vehicle says", False),
+        (-5.0, "by what the vehicle says", True),
+    ],
+)
+def test_what_is_resumed_is_known_to_have_flown_as_long_as_it_did(less_s, by, wrong):
+    """It flies since 1 s."""
+    words = f"in the air for {130.0 - 1.0 - less_s:.0f} s, 0 of 3 waypoints explored ({by})"
+    flown = evidence(FLOWN, faults=("RESTART",), said=[(130.0, words)])
+    assert ("but it flew" in str(judge(flown).violations)) is wrong
+
+
+@pytest.mark.parametrize(("later_s", "wrong"), [(0.3, False), (0.9, True)])
+def test_an_answer_comes_within_half_a_second_of_what_it_begins(later_s, wrong):
+    said = [
+        (40.0, "40.0 s  READY -> INIT"),
+        (60.0, "60.0 s  INIT -> HOLD"),
+        (60.0 + later_s, "the operator: accepted: it stops and hovers"),
+    ]
+    texts = found(said, (), TEXT)
+    assert any("without an accepted request" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(
+    ("at_s", "wrong"), [(59.4, False), (58.0, True), (61.5, False), (65.0, True)]
+)
+def test_a_state_ends_no_second_early_and_no_two_and_a_half_late(at_s, wrong):
+    said = [(40.0, "40.0 s  READY -> INIT"), (at_s, f"{at_s} s  INIT -> SEARCH")]
+    texts = found(said, (), f"{TEXT}timers: {{init_s: 20}}\n")
+    assert any("INIT lasted" in text or "INIT ended" in text for text in texts) is wrong
+
+
+@pytest.mark.parametrize(("beside_m", "wrong"), [(2.6, False), (4.5, True)])
+def test_a_waypoint_is_visited_to_a_metre_beyond_the_acceptance_radius(beside_m, wrong):
+    text = TEXT.replace("[[60, 0], [60, 60]", f"[[{60 + beside_m}, 0], [60, 60]")
+    flown = evidence(faults=("EXPLORED",), said=[(20.0, "20.0 s  READY -> INIT")], text=text)
+    assert ("waypoint 1 was neither visited" in str(judge(flown).violations)) is wrong
+
+
+LASTS = f"{TEXT}endurance_s: 1000\n"
+
+
+def charged(percent, said=()):
+    """What is found of a flight with this charge all the time: 60 to 85 m away, from 33 s on."""
+
+    def spoil(message):
+        fields = {**message.fields, "battery_remaining": percent}
+        battery = message.name == "SYS_STATUS"
+        return dataclasses.replace(message, fields=fields) if battery else message
+
+    said = [(33.0, "33.0 s  READY -> INIT"), *said]
+    return str(judge(flight(FLOWN, spoil, said=said, text=LASTS)).violations)
+
+
+@pytest.mark.parametrize(("percent", "wrong"), [(15, False), (10, True)])
+def test_it_turns_with_ten_percent_left_beyond_the_way_home_and_the_landing(percent, wrong):
+    """The way takes 1.4 %, the landing 5.7 %; 4 % are slack."""
+    assert ("stays out" in charged(percent)) is wrong
+
+
+@pytest.mark.parametrize(("percent", "wrong"), [(31, False), (36, True)])
+def test_it_does_not_turn_with_more_than_twice_the_way_home(percent, wrong):
+    """Twice 7.2 %, 4 % for the corners, 10 % left, and 4 % are slack."""
+    assert ("are enough" in charged(percent, [(33.1, "coming home: battery")])) is wrong

@@ -45,21 +45,21 @@ def synced(at_s, way="in", began_s=None, robot="io", told=()):
     return SceneEvent(at_s, SceneEventKind.SYNCED, (robot, way, began_s, list(told)))
 
 
-def changes(*states, robot="io"):
-    """The mission's states, and when each begins; what it seeks is said as well."""
+def changes(*states):
+    """The mission's states, and when each begins; that it seeks io is said as well."""
     before = "READY"
     for at_s, state in states:
         yield at_s, f"  {at_s:.1f} s  {before} -> {state}"
         before = state
         if state == "SEARCH":
-            yield at_s, f"  {at_s:.1f} s  SEARCH {robot}: its last position"
+            yield at_s, f"  {at_s:.1f} s  SEARCH io: its last position"
 
 
-def found(*states, happenings, robot="io", also=(), more=()):
-    said = [*changes((10.0, "INIT"), *states, robot=robot), *also]
-    flown = evidence(HOVERS, said=said, more=more)
+def found(*states, happenings, also=(), more=(), flown=HOVERS, text=TEXT + MORE):
+    said = [*changes((10.0, "INIT"), *states), *also]
+    flown = evidence(flown, said=said, more=more)
     flown = dataclasses.replace(
-        flown, mission_text=TEXT + MORE, happenings=[MET, *happenings], uav="titan"
+        flown, mission_text=text, happenings=[MET, *happenings], uav="titan"
     )
     return [str(v) for v in judge(flown).violations if v.kind in {"contact", "goals"}]
 
@@ -110,7 +110,7 @@ def test_it_waits_where_the_robot_said_that_it_is_or_at_a_waypoint(told, good):
     assert bool(found(*waits, happenings=heard, also=arrives)) is not good
 
 
-@pytest.mark.parametrize(("every_s", "bad"), [(0.4, True), (1.0, True), (2.0, False)])
+@pytest.mark.parametrize(("every_s", "bad"), [(0.4, True), (1.0, True), (1.5, False), (2.0, False)])
 def test_no_robot_sends_it_about_many_times_a_second(every_s, bad):
     stays = (*MEETS[:2], (83.5, "EXPL"))
     sent = [goto(75.1 + every_s * n, HERE[0] + n % 2, HERE[1]) for n in range(6)]
@@ -124,6 +124,78 @@ def test_a_place_that_a_robot_cannot_have_driven_to_is_none_to_wait_at():
     heard = [synced(50.0, robot="europa", told=jumps)]
     arrives = [(75.0, "at the search position of io")]
     assert not found(*waits, happenings=heard, also=arrives)
+
+
+WAITS = ((60.0, "SEARCH"), (85.0, "EXPL"))
+ARRIVES = [(75.0, "at the search position of io")]
+
+
+def heard_at(*told):
+    """Another robot handed that over."""
+    return [synced(50.0, robot="europa", told=told)]
+
+
+@pytest.mark.parametrize(("away_m", "good"), [(22.0, True), (24.0, False)])
+def test_over_a_robot_in_a_zone_it_hovers_as_near_as_that_allows(away_m, good):
+    """3 m of the zone, 5 m of clearance, 1.5 m of margin, 8 m to drive, and 5 m of slack."""
+    place = (HERE[0] + away_m, HERE[1])
+    zone = f"  - {{circle: {{centre: [{place[0]}, {place[1]}], radius_m: 3}}}}\n"
+    told = heard_at(pose("io", place))
+    assert bool(found(*WAITS, happenings=told, also=ARRIVES, text=TEXT + zone + MORE)) is not good
+
+
+@pytest.mark.parametrize(("jump_m", "believed"), [(14.0, True), (20.0, False)])
+def test_a_robot_drives_six_metres_a_second_and_its_position_is_ten_off(jump_m, believed):
+    """It hovers where the robot was a second ago."""
+    told = heard_at(pose("io"), pose("io", (HERE[0] - jump_m, HERE[1]), stamp_s=2.0))
+    assert bool(found(*WAITS, happenings=told, also=ARRIVES)) is believed
+
+
+@pytest.mark.parametrize(("speed_m_s", "good"), [(0.8, True), (0.3, False)])
+def test_what_moves_follows_a_robot(speed_m_s, good):
+    moves = [
+        (east + speed_m_s * (n - 1400) / 20, *rest) if 1400 <= n < 1800 else (east, *rest)
+        for n, (east, *rest) in enumerate(HOVERS)
+    ]
+    told = heard_at(pose("io", (HERE[0] - 40.0, HERE[1])))
+    assert bool(found(*WAITS, happenings=told, also=ARRIVES, flown=moves)) is not good
+
+
+@pytest.mark.parametrize(("later_s", "good"), [(0.6, True), (1.6, False)])
+def test_contact_begins_within_a_second_of_what_a_robot_says(later_s, good):
+    meets = (MEETS[0], (75.0 + later_s, "COMM"), MEETS[2])
+    texts = found(*meets, happenings=BOTH)
+    assert any("COMM begins" in text for text in texts) is not good
+
+
+@pytest.mark.parametrize(("away_m", "good"), [(5e3, True), (20e3, False)])
+def test_no_robot_is_farther_away_than_ten_kilometres(away_m, good):
+    heard = synced(75.0, told=[pose("io", (0, away_m))])
+    texts = found(*MEETS, happenings=(heard, *BOTH[1:]))
+    assert any("COMM begins" in text for text in texts) is not good
+
+
+@pytest.mark.parametrize(("until_s", "good"), [(78.6, True), (80.5, False)])
+def test_contact_ends_within_a_second_and_a_half_of_the_exchange(until_s, good):
+    texts = found(*MEETS[:2], (until_s, "EXPL"), happenings=BOTH)
+    assert any("goes on" in text for text in texts) is not good
+
+
+@pytest.mark.parametrize(("lasts_s", "good"), [(20.0, True), (30.0, False)])
+def test_contact_lasts_for_twenty_seconds_where_the_file_does_not_say(lasts_s, good):
+    """What is exchanged just before its end would end it as well."""
+    over_s = 75.0 + lasts_s - 0.1
+    exchanged = [synced(over_s, way, began_s=76.0) for way in ("in", "out")]
+    text = TEXT + MORE.replace(", communicate_s: 8", "")
+    texts = found(*MEETS[:2], (75.0 + lasts_s, "EXPL"), happenings=(HEARD, *exchanged), text=text)
+    assert any("goes on" in text for text in texts) is not good
+
+
+@pytest.mark.parametrize(("later_s", "good"), [(8.0, True), (20.0, False)])
+def test_goals_are_flown_to_within_twelve_seconds(later_s, good):
+    goes = ((59.9 + later_s, "GOTO"), (88.0, "EXPL"))
+    texts = found(*goes, happenings=[synced(59.9, told=[goals("europa")])])
+    assert any("not flown to" in text for text in texts) is not good
 
 
 GOES = ((60.0, "GOTO"), (88.0, "EXPL"))
