@@ -126,12 +126,13 @@ def test_the_wind_is_told_as_it_is(said, wrong):
     assert found(flown) == set()  # nothing is known of it
 
 
-def low_and_moving(at, goal):
-    """Flown by a pilot at 12 m to the east at 5 m/s, taken back there, and sent to climb."""
+def low_and_moving(at, goal, speed_m_s=5.0):
+    """Flown by a pilot at 12 m to the east, taken back there, and sent to climb."""
     states = track(((0, 0), (5, 0)), land=False)[:1221]
     states = [(e, n, min(z, 12.0), armed, landed, mode) for e, n, z, armed, landed, mode in states]
     at_s = len(states) * 0.05
-    states += [(0.25 * n, 0.0, 12.0, True, False, 0x03040000) for n in range(at * 4)]
+    count = round(at / speed_m_s / 0.05)
+    states += [(at * n / count, 0.0, 12.0, True, False, 0x03040000) for n in range(count)]
     back_s = len(states) * 0.05 - 0.05
     states += [(at + 0.0, 0.0, 12.0, True, False, 0x03040000)] * 100
     happenings = (
@@ -149,10 +150,20 @@ def low_and_moving(at, goal):
         ((33.0, 0.0), False),
         ((30.0, 0.0), True),  # where it is at 5 m/s
         ((36.0, 6.0), True),
+        ((41.0, 0.0), False),  # at 2 m/s2, after 1.2 s
+        ((48.0, 0.0), True),
+        ((36.0, 0.8), False),  # beside its way
+        ((36.0, 2.5), True),
     ],
 )
 def test_a_climb_begins_where_it_comes_to_rest(goal, wrong):
     assert ("from where it comes to rest" in texts(low_and_moving(30, goal))) == wrong
+
+
+@pytest.mark.parametrize(("speed_m_s", "wrong"), [(1.8, False), (4.0, True)])
+def test_a_slow_vehicle_may_climb_anywhere(speed_m_s, wrong):
+    flown = low_and_moving(30, (30.0, 6.0), speed_m_s)
+    assert ("from where it comes to rest" in texts(flown)) == wrong
 
 
 @pytest.mark.parametrize("kind", [0, 1])
