@@ -32,7 +32,7 @@ _KNOWN: Final = frozenset(
     {"name", "polygon", "holes", "circle", "clearance_m", "altitude", "active", "crosses_fence"}
 )
 _SPEED_M_S, _CLEARANCE_M, _MARGIN_M, _ACCEPTANCE_M, _RESERVE = 3.5, 5.0, 5.0, 2.0, 0.25
-_TRACKING_M, _SEPARATION_M = 1.5, 10.0
+_TRACKING_M: Final = 1.5
 _WIND_M_S, _BREEZE_M_S, _ACCURACY_M = 5.0, 5.0, 1.0
 _ESTIMATE, _STILL_M, _SWING_S2_M, _TURN_M, _GUST_S, _MORE_M = 0.63, 0.35, 0.0145, 0.3, 0.2, 0.04
 """What a vehicle may be off its legs, as docs/routes.md says."""
@@ -117,7 +117,6 @@ class RawMission:
             known.
         tracking_margin_m: Kept by ways on top of every clearance, at least.
         others: Of other UAVs: home, and how high above the level of this one's cruise they fly.
-        separation_m: Between two UAVs, up or down.
     """
 
     frame: Frame
@@ -142,7 +141,6 @@ class RawMission:
     timers_s: Mapping[str, float] = field(default_factory=dict)
     tracking_margin_m: float = _TRACKING_M
     others: tuple[tuple[Pair, float], ...] = ()
-    separation_m: float = _SEPARATION_M
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -300,7 +298,6 @@ class _YamlReader:
                 (metres(other["home"]["position"]), other["level_m"] - data["level_m"])
                 for other in self._others
             ),
-            separation_m=float(planner.get("vertical_separation_m", _SEPARATION_M)),
         )
 
     def _may_apply(self, zone: Area) -> bool:

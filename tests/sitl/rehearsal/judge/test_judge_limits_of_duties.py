@@ -97,6 +97,7 @@ def asked(verb, answer, *, later_s=0.1, states=HOVERS, more=()):
     at_s = 70.0 if states is HOVERS else 40.0
     request = (SceneEvent(at_s, SceneEventKind.REQUEST, verb),)
     lines = [CRUISE, (at_s + later_s, f"the operator: {answer}")]
+    lines += [(at_s + 0.2, f"{at_s + 0.2} s  INIT -> HOLD")] if verb == "hold" else []
     return texts(flight(states, happenings=request, said=lines, more=more))
 
 

@@ -310,9 +310,55 @@ def test_of_a_clearance_a_metre_may_be_missing_untold(missing_m, wrong):
     assert ("about it: it came too near to shed" in found) == wrong
 
 
-def reporting(deep_m, lasts_s):
+@pytest.mark.parametrize(("later_s", "wrong"), [(8.0, False), (25.0, True)])
+def test_what_a_pilot_gave_back_has_fifteen_seconds_to_leave(later_s, wrong):
+    """It is given back at 61 s."""
+    scene = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
+    back = [command(61.0, 176, param2=4.0, param3=4.0)]
+    found = texts(reporting(-3.0, 3.0, begins_s=61.0 + later_s, more=back, happenings=scene))
+    assert ("about it: it came too near to shed" in found) == wrong
+
+
+@pytest.mark.parametrize(("speed_cm_s", "wrong"), [(60, False), (150, True)])
+def test_a_place_that_stays_while_the_vehicle_moves_is_no_news(speed_cm_s, wrong):
+    spoil = between(72.0, 82.0, "GLOBAL_POSITION_INT", vx=speed_cm_s)
+    found = texts(flight(HOVERS, spoil, said=[CRUISES]))
+    assert ("about it: the position was not heard" in found) == wrong
+
+
+def reporting(deep_m, lasts_s, *, begins_s=50.0, **others):
     """A vehicle that reports to be so deep in the shed, from the west, for some seconds."""
     latitude, longitude = FRAME.degrees(20.0 + deep_m, 30)
     place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
-    spoil = between(50.0, 50.0 + lasts_s, "GLOBAL_POSITION_INT", **place)
-    return flight(spoil=spoil, said=[CRUISES])
+    spoil = between(begins_s, begins_s + lasts_s, "GLOBAL_POSITION_INT", **place)
+    return flight(spoil=spoil, said=[CRUISES], **others)
+
+
+# What a mission file leaves to the planner.
+
+
+@pytest.mark.parametrize(("speed_m_s", "wrong"), [(3.5, False), (5.0, True)])
+def test_a_mission_flies_at_three_and_a_half_metres_a_second_without_another_speed(
+    speed_m_s, wrong
+):
+    asks = command(40.0, 178, param1=1.0, param2=speed_m_s)
+    flown = evidence(more=[asks], text=TEXT.replace("speed_m_s: 5\n", ""))
+    assert ("m/s, the plan says" in texts(flown)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("file", "keeps_m", "wrong"),
+    [
+        ("", 6.43, False),  # at 5 m/s: 1.68 m
+        ("", 6.3, True),
+        ("planner: {wind_m_s: 10}\n", 7.6, False),  # gusts: a metre more
+        ("planner: {wind_m_s: 10}\n", 7.0, True),
+        ("speed_m_s: 1\n", 6.3, False),  # 1.5 m at least
+        ("speed_m_s: 1\n", 6.1, True),
+    ],
+)
+def test_places_keep_the_tracking_margin_of_the_speed_and_the_wind(file, keeps_m, wrong):
+    """5 m are the clearance; 0.3 m may be missing."""
+    text = (TEXT.replace("speed_m_s: 5\n", "") if "speed" in file else TEXT) + file
+    leg = goto(45.0, 20.0 - keeps_m, 30)
+    assert ("routes keep" in texts(evidence(more=[leg], text=text))) == wrong
