@@ -107,6 +107,8 @@ def test_what_says_that_it_is_no_multicopter_is_not_commanded():
     assert kinds_of(1, 50.0, 80.0) == {"vehicle"}
     assert kinds_of(13, 50.0, 80.0) == set()  # a hexarotor
     assert kinds_of(1, 59.8, 80.0) == set()  # it could not be known yet
+    assert kinds_of(1, 58.4, 80.0) == {"vehicle"}  # the third says so at 58.8 s
+    assert kinds_of(1, 58.8, 80.0) == set()
     assert kinds_of(22, 50.0, 55.0) == set()  # it was over
 
 

@@ -3,6 +3,8 @@
 As in `test_judge_limits`; each pair lies less than a factor of three from the limit.
 """
 
+import dataclasses
+
 import pytest
 
 from sitl.rehearsal.judge.acceptance import End
@@ -332,6 +334,25 @@ def reporting(deep_m, lasts_s, *, begins_s=50.0, **others):
     place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
     spoil = between(begins_s, begins_s + lasts_s, "GLOBAL_POSITION_INT", **place)
     return flight(spoil=spoil, said=[CRUISES], **others)
+
+
+@pytest.mark.parametrize(
+    ("percent", "volts", "late"),
+    [(30, 12.0, True), (44, 12.0, False), (44, 11.76, False), (44, 11.04, True)],
+)
+def test_a_charge_is_believed_at_once_that_fell_slowly_or_with_its_voltage(percent, volts, late):
+    """At 40 s it falls to 24 %, from 12 V; that is told at 46 s, a second late if at once."""
+
+    def spoil(message):
+        low = message.time_s >= 40.0
+        fields = {"battery_remaining": 24 if low else percent}
+        fields |= {"voltage_battery": 1e3 * (volts if low else 12.0)}
+        battery = message.name == "SYS_STATUS"
+        return dataclasses.replace(message, fields=fields) if battery else message
+
+    said = [(21.0, "21.0 s  READY -> INIT"), (46.0, "coming home: battery at 24%")]
+    found = texts(flight(track(ROUND), spoil, said=said))
+    assert ("about it: the battery was at its reserve" in found) == late
 
 
 # What a mission file leaves to the planner.
