@@ -468,7 +468,9 @@ def breaches_are_told(case: Case) -> Iterator[Violation]:
     for area, drawn_s, spans in near(case, -_BREACH_M):
         for begin_s, end_s in spans:
             due_s = begin_s + _BREACH_S + case.reacts_s
-            drawn = begin_s < drawn_s + _LEAVES_S  # over it: it leaves, and says that
+            # Over ours: it leaves, and says that; a pilot has to be told.
+            ours = case.by[case.at(begin_s)] is Responsible.OURS
+            drawn = ours and begin_s < drawn_s + _LEAVES_S
             lasts = end_s - begin_s >= _BREACH_S and not drawn
             # Without satellites it says that its position is not known.
             lasts &= not any(

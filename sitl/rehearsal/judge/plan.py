@@ -187,7 +187,8 @@ def _moments(case: Case) -> list[tuple[float, MissionVersion]]:
     armed_s = _armed_s(case)
     if not case.uploads or armed_s == math.inf:
         return []
-    changed = [(v.from_s + _SETTLES_S, v) for v in case.versions[1:] if _has_to_settle(case, v)]
+    due = [(_settled_s(case, v), v) for v in case.versions[1:]]
+    changed = [(due_s, v) for due_s, v in due if _has_to_settle(case, v, due_s)]
     ours = case.by[case.at(armed_s)] is Responsible.OURS
     return [(armed_s, case.version_at(armed_s)), *changed] if ours else changed
 
@@ -286,21 +287,32 @@ def no_list_follows_anothers(case: Case) -> Iterator[Violation]:
                 break
 
 
-def _has_to_settle(case: Case, version: MissionVersion) -> bool:
-    """Whether a changed file has to be on board in the end: the vehicle is ours all the time."""
-    end_s = version.from_s + _SETTLES_S
-    flying = bool(case.flying[case.at(end_s)]) and case.time_s[-1] >= end_s
-    taken = any(given.begin_s < end_s for given in case.given)
+def _settled_s(case: Case, version: MissionVersion) -> float:
+    """When a changed file has to be on board: some time after it counts, and is flown by us.
+
+    What a pilot's choice broke off is begun again; infinite: the vehicle is never ours again.
+    """
+    since_s = version.from_s
+    for given in sorted(case.given):
+        if given.begin_s < since_s + _SETTLES_S and given.end_s > version.from_s:
+            since_s = max(since_s, given.end_s)
+    return since_s + _SETTLES_S
+
+
+def _has_to_settle(case: Case, version: MissionVersion, end_s: float) -> bool:
+    """Whether a changed file has to be on board by then: the vehicle is ours, and flies on."""
+    flying = end_s < math.inf and bool(case.flying[case.at(end_s)]) and case.time_s[-1] >= end_s
+    since_s = end_s - _SETTLES_S
+    # One that was given back to come home may come by points, whatever is on board.
+    ends = case.state(end_s) in {"HOME", "LAND", "DONE"}
+    if not flying or (since_s > version.from_s and ends):
+        return False
     # A transfer that the vehicle refuses, or does not answer, is said, and the flight comes home.
-    left = any(
-        version.from_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said
-    )
+    left = any(since_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said)
     # Where nothing but zones is another, nothing keeps them from being on board.
-    home = (
-        case.state(end_s) in {"HOME", "LAND", "DONE"} and "ZONE_MOVED" not in case.evidence.faults
-    )
-    left = left and (_was_refused(case, version.from_s, end_s) or home)
-    return flying and _flies_on(case, end_s) and not (taken or left) and version.until_s > end_s
+    home = ends and "ZONE_MOVED" not in case.evidence.faults
+    left = left and (_was_refused(case, since_s, end_s) or home)
+    return _flies_on(case, end_s) and not left and version.until_s > end_s
 
 
 def _flies_on(case: Case, time_s: float) -> bool:

@@ -19,6 +19,9 @@ from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.promises import Spell, spells_of
 from sitl.rehearsal.judge.space import open_space
 
+_ANY: Final = frozenset({"MAD_ROBOTS", "FORGED"})
+"""What is said of where a robot is contradicts itself, time and again."""
+
 _SEEKS: Final = re.compile(r"\bSEARCH (\w+): ")
 _MET_S: Final = 1.0
 """So soon after a robot has said where it is, COMM begins."""
@@ -173,12 +176,12 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
             continue  # it follows
         robot, here = _sought(case, stay), case.place(index)
         heard = [told for told in poses if told.maker == robot and told.time_s < until_s]
-        if "MAD_ROBOTS" not in case.evidence.faults:  # else any of what it said may have counted
+        if not case.evidence.faults & _ANY:  # else any of what was said may have counted
             heard = _drivable(case, heard)[-1:]
         places = [place for told in heard if (place := _place(case, told)) is not None]
         beside_m = _SLACK_M + float(case.off_m[index])
         if places:
-            clear = open_space(case.version_at(until_s).mission.areas, _MARGIN_M)  # at any height
+            clear = open_space(case.version_at(until_s).mission.cruised, _MARGIN_M)
             off_m = min(
                 math.dist(here, place) - _FOLLOWS_M - clear.distance(shapely.Point(place))
                 for place in places

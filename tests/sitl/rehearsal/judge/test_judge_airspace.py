@@ -272,6 +272,30 @@ def test_no_waypoint_stays_on_board_that_a_zone_is_drawn_over(zone, again, wrong
     assert ("or beside it" in str(judge(flown).violations)) == wrong
 
 
+@pytest.mark.parametrize(
+    ("back_s", "sent_s", "wrong"),
+    [
+        (35.0, None, True),
+        (35.0, 76.0, False),  # when it has been ours again for less than 45 s
+        (None, None, False),  # never given back
+    ],
+)
+def test_what_is_drawn_is_on_board_once_a_pilot_has_given_it_back(back_s, sent_s, wrong):
+    ring = [(50, 50), (70, 50), (70, 70), (50, 70)]
+    zone = f"  - {{polygon: {[[*corner] for corner in ring]}}}\n"
+    told = [SceneEvent(25.0, SceneEventKind.MISSION_FILE, TEXT + zone)]
+    told.append(SceneEvent(27.0, SceneEventKind.PILOT, "sticks"))
+    more = []
+    if back_s is not None:
+        told.append(SceneEvent(back_s, SceneEventKind.REQUEST, "resume"))
+        more.append(command(back_s + 1.0, 176, param2=4.0, param3=4.0))
+    if sent_s is not None:
+        fence, left = [*FENCE, *polygon(5002, ring)], ((60, 0), (0, 0), (0, 60))
+        more += upload(fence=fence, waypoints=left, at_s=sent_s)
+    flown = evidence(track(ROUND * 3), more=[*more, *AFTER], faults=("HAND_BACK",), happenings=told)
+    assert ("that the file closes" in str(judge(flown).violations)) == wrong
+
+
 @pytest.mark.parametrize(("lower_m", "closest_m"), [(39.8, -0.2), (30.0, -10.0), (5.0, -15.0)])
 def test_how_deep_it_is_in_a_wide_zone_is_how_far_out_of_it_is(lower_m, closest_m):
     """A vehicle that touches the floor of a zone a kilometre wide is not a kilometre deep in it."""

@@ -283,6 +283,18 @@ def test_a_breach_is_said_also_to_the_pilot_who_flies_it():
     assert found(dataclasses.replace(breach, lines=flight(said=said).lines)) == set()
 
 
+@pytest.mark.parametrize(("taken", "said", "wrong"), [(1, (), 1), (1, ((76.0,),), 0), (0, (), 0)])
+def test_a_zone_that_is_drawn_over_it_is_said_to_the_pilot_who_has_it(taken, said, wrong):
+    """What is ours leaves such a zone, and says that."""
+    (east, north), around = HOVERS[1500][:2], ((-3, -3), (3, -3), (3, 3), (-3, 3))
+    ring = [[round(east + e, 2), round(north + n, 2)] for e, n in around]
+    drawn = SceneEvent(75.0, SceneEventKind.MISSION_FILE, f"{TEXT}  - {{polygon: {ring}}}\n")
+    pilots = (SceneEvent(65.0, SceneEventKind.PILOT, "sticks"),) if taken else ()
+    lines = [(at_s, "breach of zone 3") for (at_s,) in said]
+    flown = flight(HOVERS, faults=("PILOT",), happenings=(*pilots, drawn), said=lines)
+    assert ("a breach of zone" in str(judge(flown).violations)) == bool(wrong)
+
+
 def test_an_altitude_that_nothing_can_have_flown_to_is_said():
     def spoil(message):
         if message.name != POSITION or not 70.0 <= message.time_s < 88.0:

@@ -45,18 +45,18 @@ def synced(at_s, way="in", began_s=None, robot="io", told=()):
     return SceneEvent(at_s, SceneEventKind.SYNCED, (robot, way, began_s, list(told)))
 
 
-def changes(*states):
+def changes(*states, robot="io"):
     """The mission's states, and when each begins; that it seeks io is said as well."""
     before = "READY"
     for at_s, state in states:
         yield at_s, f"  {at_s:.1f} s  {before} -> {state}"
         before = state
         if state == "SEARCH":
-            yield at_s, f"  {at_s:.1f} s  SEARCH io: its last position"
+            yield at_s, f"  {at_s:.1f} s  SEARCH {robot}: its last position"
 
 
-def found(*states, happenings, also=(), more=(), flown=HOVERS, text=TEXT + MORE):
-    said = [*changes((10.0, "INIT"), *states), *also]
+def found(*states, happenings, robot="io", also=(), more=(), flown=HOVERS, text=TEXT + MORE):
+    said = [*changes((10.0, "INIT"), *states, robot=robot), *also]
     flown = evidence(flown, said=said, more=more)
     flown = dataclasses.replace(
         flown, mission_text=text, happenings=[MET, *happenings], uav="titan"
@@ -108,6 +108,18 @@ def test_it_waits_where_the_robot_said_that_it_is_or_at_a_waypoint(told, good):
     heard = [synced(50.0, robot="europa", told=told)]
     arrives = [(75.0, "at the search position of io")]
     assert bool(found(*waits, happenings=heard, also=arrives)) is not good
+
+
+@pytest.mark.parametrize(("lower_m", "good"), [(90.0, False), (20.0, True)])
+def test_where_it_waits_only_what_applies_there_keeps_it_from_a_robot(lower_m, good):
+    """A zone far above it does not; one at its height leaves no place near the robot."""
+    circle = f"circle: {{centre: [{HERE[0] - 40.0}, {HERE[1]}], radius_m: 38}}"
+    zone = f"  - {{name: sky, {circle}, altitude: {{lower_m: {lower_m}}}}}\n"
+    waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
+    told = [pose("io", (HERE[0] - 40.0, HERE[1]))]
+    heard = [synced(50.0, robot="europa", told=told)]
+    arrives = [(75.0, "at the search position of io")]
+    assert bool(found(*waits, happenings=heard, also=arrives, text=TEXT + zone + MORE)) is not good
 
 
 @pytest.mark.parametrize(("every_s", "bad"), [(0.4, True), (1.0, True), (1.5, False), (2.0, False)])
