@@ -77,6 +77,12 @@ def clear_sites(mission: RawMission, dice: random.Random, radius_m: float) -> It
             yield place
 
 
+def as_it_is(document: Document, folder: Path, dice: random.Random) -> Document:
+    """Among the zones of its file alone: far from these nothing is near at any height."""
+    del folder, dice
+    return document
+
+
 # Units
 
 
@@ -226,13 +232,19 @@ def _plain(zones: list[_Zone], dice: random.Random) -> str:
 
 
 def _openair(zones: list[_Zone], dice: random.Random) -> str:
-    """OpenAir: feet above the sea, degrees and minutes, nautical miles; a flight level below."""
+    """OpenAir: feet above the sea, degrees and minutes, nautical miles; a flight level below.
+
+    Limits of circles are in metres, and say so.
+    """
     lines = []
     for zone in zones:
         lower = f"{_feet(zone.lower_m)} ft MSL"
         if zone.name.startswith("zone") and dice.randrange(2):
             lower = "FL40"  # 1219 m at most, 497 m where the pressure is low: it applies
-        lines += ["AC R", f"AN {zone.name}", f"AL {lower}", f"AH {_feet(zone.upper_m)}ft MSL"]
+        upper = f"{_feet(zone.upper_m)}ft MSL"
+        if zone.round:
+            lower, upper = (f"{metres:.1f}M MSL" for metres in (zone.lower_m, zone.upper_m))
+        lines += ["AC R", f"AN {zone.name}", f"AL {lower}", f"AH {upper}"]
         places = [_angles(*place) for place in zone.ring]
         if zone.round:
             lines += [f"V X={places[0]}", f"DC {_SITE_M / _MILE_M:.9f}"]

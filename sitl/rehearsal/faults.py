@@ -410,6 +410,22 @@ class Fault(Enum):
             "duration_s": 240,
         },
     )
+    POSES_CARRIED = Kind(
+        *("robots drive away, and others tell where they are", 6, inspections.carried, "INIT"),
+        mission={
+            "timers": {"init_s": 10, "explore_s": 6, "search_s": 8, "communicate_s": 5},
+            "duration_s": 260,
+        },
+    )
+    ZONES_TAKEN = Kind(
+        "zones are drawn while a pilot takes it, or has it",
+        *(4 * len(takeovers.ZONES_TAKEN), steps(), "INIT"),
+        turns=takeovers.ZONES_TAKEN,
+    )
+    ZONE_OVER_TAKEN = Kind(
+        *("a zone is drawn over a vehicle that a pilot has", 6, takeovers.zone_over_taken, "INIT"),
+        document=documents.as_it_is,
+    )
     CLAIMS = Kind(
         "other systems and components speak as the autopilot", 12, inspections.claims, "INIT"
     )
@@ -467,6 +483,7 @@ _ALONE: Final = frozenset(
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
         *(Fault.ASKED_IN_IDLE, Fault.RESUMED_BLIND),
         *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL, Fault.LIST_AMONG_OURS),
+        *(Fault.POSES_CARRIED, Fault.ZONES_TAKEN, Fault.ZONE_OVER_TAKEN),
         *(Fault.LOW_AMONG_LAYERS, Fault.LAYERS_REDRAWN, Fault.LANDING_LOST, Fault.OTHER_AUTOPILOT),
     }
 )

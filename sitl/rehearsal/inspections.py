@@ -167,6 +167,14 @@ def claims(dice: random.Random) -> Iterator[Row]:
         yield at_s, "claim", (words[turn % len(words)], dice.choice(SENDERS))
 
 
+def carried(dice: random.Random) -> Iterator[Row]:
+    """Robots drive away by turns, are heard from near only, and tell where others are."""
+    yield 0.0, "hard to hear", 25.0
+    yield 0.0, "carry"
+    for turn in range(9):
+        yield 16.0 * turn + dice.uniform(4.0, 12.0), "drive away", (turn, dice.random())
+
+
 def forged(dice: random.Random) -> Iterator[Row]:
     """Robots hand over what others said, and what they did not."""
     yield 70.0, "hard to hear", 8.0

@@ -25,6 +25,27 @@ hand_back: Final = steps(
 )
 """The pilot takes over; the operator asks for it too early, then in time."""
 
+ZONES_TAKEN: Final[tuple[Course, ...]] = (
+    chain(
+        (uniform(5.0, 30.0), "reload", 25.0),
+        (uniform(2.2, 6.0), "pilot", "AUTO_LOITER"),
+        (10.0, "hand back"),
+    ),
+    chain(
+        (uniform(5.0, 30.0), "pilot", "AUTO_LOITER"),
+        (4.0, "reload", 25.0),
+        (8.0, "hand back"),
+    ),
+)
+"""A pilot takes it while a changed fence goes on board, or a zone is drawn while a pilot has it; it
+is handed back, and what is drawn goes on board then."""
+
+zone_over_taken: Final = chain(
+    (uniform(15.0, 40.0), "pilot", "AUTO_LOITER"),
+    (uniform(4.0, 7.0), "reload", uniform(0.0, 3.0)),
+)
+"""A zone is drawn over a vehicle that hovers for a pilot."""
+
 hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(5.0, 24.0), "hand back"))
 """The pilot has it land, stops that some way or well below its altitude, and hands it back."""
 

@@ -109,7 +109,7 @@ ACCEPTED: Final = MappingProxyType(
         **dict.fromkeys(
             (
                 *("LOCAL_METRES", "WINDY", "ZONE_MOVED", "STALE", "PAST_ALL", "MAP_FILES"),
-                *("FORGED", "CLAIMS", "FILE_CHANGED"),
+                *("FORGED", "CLAIMS", "FILE_CHANGED", "POSES_CARRIED"),
             ),
             _HOME,
         ),
@@ -179,6 +179,8 @@ ACCEPTED: Final = MappingProxyType(
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
+        "ZONES_TAKEN": _row(End.LANDED, End.PILOT),
+        "ZONE_OVER_TAKEN": _row(End.PILOT, says="breach"),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_MOVING": _row(End.LANDED, End.PILOT),
         "ZONE_ABOVE": _row(End.LANDED, End.PILOT),

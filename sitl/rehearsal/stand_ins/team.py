@@ -49,6 +49,9 @@ _SWAYS_M: Final = 30.0
 _DRIVES_M, _DRIVES_M_S, _CARRIED_S = 25.0, (0.2, 1.2), 30.0
 """How far up and down robots of weak links drive, how fast, and how old what they carry is."""
 
+_AWAY_M, _CHOICES = 60.0, 3
+"""How far a robot drives that drives away, and among how many waypoints it chooses."""
+
 Told = tuple[str, str, bytes]
 """A message: which robot made it, topic, data."""
 
@@ -219,6 +222,18 @@ class Robots:
         )
         self.others = [told for told in self.others if told[:2] != (robot, GOALS_TOPIC)]
         self.others.append((robot, GOALS_TOPIC, goals.encode()))
+
+    def do_drive_away(self, what: tuple[int, float]) -> None:
+        """The robot whose turn it is drives to another waypoint, the nearest that is far enough."""
+        turn, seed = what
+        if not self.places:
+            return
+        dice = random.Random(seed)  # noqa: S311 - rehearsal
+        name = list(self.places)[turn % len(self.places)]
+        here = self.places[name]
+        away = [w.position for w in self.mission.waypoints]
+        away.sort(key=lambda place: abs(math.dist(place, here) - _AWAY_M))
+        self.places[name] = dice.choice(away[:_CHOICES])
 
     def _ends_s(self, now_s: float) -> float:
         """When one direction of an exchange that begins now is over."""
