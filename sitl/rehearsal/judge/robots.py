@@ -175,7 +175,8 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
         if case.speed_m_s(case.at(until_s - 1.0), index) > _STANDS_M_S:
             continue  # it follows
         robot, here = _sought(case, stay), case.place(index)
-        heard = [told for told in poses if told.maker == robot and told.time_s < until_s]
+        heard = [told for told in poses if told.maker == robot]
+        heard = [told for told in heard if _since_start_s(case, until_s) < told.time_s < until_s]
         if not case.evidence.faults & _ANY:  # else any of what was said may have counted
             heard = _drivable(case, heard)[-1:]
         places = [place for told in heard if (place := _place(case, told)) is not None]
@@ -192,6 +193,12 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
             where = "where it said that it is" if places else "any waypoint, and it is not known"
             text = f"{stay.state} {robot} {off_m:.0f} m away from {where}"
             yield Violation(until_s, "contact", text)
+
+
+def _since_start_s(case: Case, time_s: float) -> float:
+    """When the companion that runs then was started: it knows of nothing that was said before."""
+    started = (h.time_s for h in case.evidence.told(SceneEventKind.STARTED))
+    return max((at_s for at_s in started if at_s < time_s), default=-math.inf)
 
 
 def _drivable(case: Case, heard: list[Told]) -> list[Told]:

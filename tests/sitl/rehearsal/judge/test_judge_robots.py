@@ -122,6 +122,17 @@ def test_where_it_waits_only_what_applies_there_keeps_it_from_a_robot(lower_m, g
     assert bool(found(*waits, happenings=heard, also=arrives, text=TEXT + zone + MORE)) is not good
 
 
+@pytest.mark.parametrize(("started_s", "good"), [(40.0, False), (55.0, True)])
+def test_who_was_started_since_knows_not_what_was_said_before(started_s, good):
+    waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
+    told = [pose("io", (HERE[0] - 40.0, HERE[1]))]
+    started = SceneEvent(started_s, SceneEventKind.STARTED)
+    heard = [started, synced(50.0, robot="europa", told=told)]
+    arrives = [(75.0, "at the search position of io")]
+    texts = found(*waits, happenings=heard, also=arrives)
+    assert any("where it said" in text for text in texts) is not good
+
+
 @pytest.mark.parametrize(("every_s", "bad"), [(0.4, True), (1.0, True), (1.5, False), (2.0, False)])
 def test_no_robot_sends_it_about_many_times_a_second(every_s, bad):
     stays = (*MEETS[:2], (83.5, "EXPL"))
