@@ -55,7 +55,9 @@ def changes(*states, robot="io"):
             yield at_s, f"  {at_s:.1f} s  SEARCH {robot}: its last position"
 
 
-def found(*states, happenings, robot="io", also=(), more=(), flown=HOVERS, text=TEXT + MORE):
+def found(  # noqa: PLR0913 - what a flight may differ in
+    *states, happenings, robot="io", also=(), more=(), flown=HOVERS, text=TEXT + MORE
+):
     said = [*changes((10.0, "INIT"), *states, robot=robot), *also]
     flown = evidence(flown, said=said, more=more)
     flown = dataclasses.replace(
