@@ -88,6 +88,8 @@ def test_without_a_command_there_is_the_list_of_them(program, capsys):
 MISSING = [  # the program, what is not installed, the command, what is said
     ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
     ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
+    ("air-router", "matplotlib", ["report", "x.mcap"], "a picture needs matplotlib"),
+    ("air-router", "jinja2", ["report", "x.mcap"], "a report needs jinja2"),
     ("air-router", "pymavlink", ["sim", MISSION], "the simulated world needs pymavlink"),
     ("air-router", "foxglove", ["fly", MISSION, "--foxglove", "--no-record"], "--foxglove needs"),
     ("air-router", "cyclonedds", ["ros2"], "ROS 2 needs cyclonedds"),
@@ -225,13 +227,14 @@ def imported(module):
 
 
 VEHICLE = {"mavsdk", "pymavlink"}
-EXTRAS = {"aiohttp", "foxglove", "matplotlib", "rerun", "rosbags", "scipy", "shtab"}
+EXTRAS = {"aiohttp", "foxglove", "jinja2", "matplotlib", "rerun", "rosbags", "scipy", "shtab"}
 
 
 @pytest.mark.parametrize(
     ("module", "needed", "unneeded"),
     [
         ("air_router.cli.check", {"shapely"}, EXTRAS | VEHICLE | {"networkx", "zmq", "mcap"}),
+        ("air_router.cli.report", {"mcap"}, EXTRAS | VEHICLE),
         ("air_router.cli.ask", {"zmq"}, EXTRAS | VEHICLE | {"shapely", "networkx", "yaml", "mcap"}),
         ("air_router.cli.fly", {"mavsdk"}, EXTRAS | {"pymavlink", "networkx"}),
         ("mocha_link.cli.node_command", {"zmq"}, EXTRAS | VEHICLE | {"shapely", "pyproj"}),

@@ -7,7 +7,7 @@ from pathlib import Path
 from air_router.errors import ExitCode, UsageError
 from air_router.files import write_whole
 from air_router.record import Log, add_record, json_of, record_of
-from air_router.report import page_of, summary_of
+from air_router.report import history_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,15 +29,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Draw it."""
     log = Log(record_of(arguments))
-    summary = summary_of(log)
-    summary.end(log.ending)
     output = arguments.output or (None if arguments.json else log.path.with_suffix(".html"))
     if output is not None:
+        from air_router.report import page_of  # noqa: PLC0415 - an extra
+
         if output.resolve() == log.path.resolve():
             raise UsageError(f"{output}: is the record itself; write the page elsewhere, -o F")
-        page = page_of(summary, log.path.name).encode(errors="replace")  # a name may be no UTF-8
+    history = history_of(log)
+    if output is not None:
+        page = page_of(history, log.path.name).encode(errors="replace")  # a name may be no UTF-8
         write_whole(output, page, replace=True)
         print(f"the report: {output}", file=sys.stderr)
     if arguments.json:
-        sys.stdout.write(json_of(summary.as_json()) + "\n")
+        sys.stdout.write(json_of(history.as_json()) + "\n")
     return ExitCode.DONE

@@ -2,7 +2,9 @@
 
 from air_router.gossip.gossip import MAP_INTERVAL_S as MAP_INTERVAL_S
 from air_router.gossip.gossip import Gossip as Gossip
+from air_router.gossip.interactions import ContactSpan as ContactSpan
 from air_router.gossip.interactions import Interactions as Interactions
+from air_router.gossip.interactions import Sync as Sync
 from air_router.gossip.limits import MARGIN_M as MARGIN_M
 from air_router.gossip.limits import RESOLUTION_M as RESOLUTION_M
 from air_router.gossip.mapper import Mapper as Mapper

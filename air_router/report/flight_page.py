@@ -1,179 +1,202 @@
-"""A flight as one HTML page that needs nothing else: no network, no script."""
+"""A flight as one HTML page that needs nothing else: no network, no script.
+
+Needs jinja2 and matplotlib.
+"""
 
 import contextlib
 import time
-from collections.abc import Iterable, Sequence
-from html import escape
+from collections.abc import Sequence
 from importlib import resources
-from typing import Any
+from typing import Any, Final, NamedTuple
 
-from air_router.report.charts import Figure, figures, robot_css
-from air_router.report.flight_summary import FlightSummary
-from air_router.report.flight_table import size_words
-from air_router.report.svg import clock, style_sheet
+from air_router.report.charts import figures, robot_colour
+from air_router.report.figure_style import colours
+from air_router.report.flight_history import FlightHistory
+from air_router.report.flight_table import clock, size_words
 from air_router.report.track import track_figure
+from mocha_link.errors import needs_extra
+from mocha_link.sanitize import sanitize
+
+with needs_extra("a report", "plot", "air-router"):
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+_OUTCOMES: Final = {
+    "done": "completed",
+    "pilot": "pilot took over",
+    "failsafe": "autopilot failsafe",
+}
+"""Words for what programs read; any other outcome is a sentence already."""
+
+_REQUESTS: Final = {
+    "the page's word": "returned on request from the web page",
+    "a program's word": "returned on request of a program",
+    "the operator's word": "returned on request of the operator",
+}
+_VERSIONS: Final = ("air-router", "mavsdk", "python")
+_ANSWERS: Final = {None: "no answer recorded", True: "accepted", False: "refused"}
 
 
-def page_of(summary: FlightSummary, source: str) -> str:
+class Tile(NamedTuple):
+    """One number of the flight; `bad`: it is not as it was to be."""
+
+    name: str
+    value: str
+    more: str
+    bad: bool = False
+
+
+class Row(NamedTuple):
+    """A row of a table; `colour`: the name of the one that stands for it in the figures."""
+
+    cells: Sequence[str]
+    colour: str = ""
+
+
+class Table(NamedTuple):
+    """A table of the page, which leaves it out if it has no rows."""
+
+    heading: str
+    columns: Sequence[str]
+    rows: Sequence[Row]
+
+
+def page_of(history: FlightHistory, source: str) -> str:
     """The page; `source` is the name of the record."""
-    facts = summary.as_json()
-    title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
-    sheet = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
-    body = [
-        _head(facts, title),
-        _tiles(facts),
-        *map(_section, (track_figure(summary), *figures(summary))),
-        _robots(summary, facts),
-        *(_table(*part) for part in _what_was_said(summary)),
-        _foot(facts, source),
-    ]
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="color-scheme" content="light dark">'
-        f"<title>{escape(title)}</title><style>{style_sheet()}{sheet}</style></head>"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
+    environment = Environment(
+        loader=PackageLoader("air_router.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_printable,
+        keep_trailing_newline=True,
+    )
+    style = resources.files("air_router.report").joinpath("templates/flight_page.css")
+    return environment.get_template("flight_page.html").render(
+        title=f"{history.setup.mission.name}: flight of {history.setup.name or 'the UAV'}",
+        style=Markup(style.read_text("utf-8")),  # noqa: S704 - ours
+        light=colours(),
+        dark=colours(dark=True),
+        facts=_facts(history),
+        ending=history.ending,
+        tiles=_tiles(history),
+        figures=[track_figure(history), *figures(history)],
+        tables=[_robots(history), _waits(history), _requests(history), *_events(history)],
+        source=source,
+        versions=[f"{name} {history.about[name]}" for name in _VERSIONS if name in history.about],
     )
 
 
-def _head(facts: dict[str, Any], title: str) -> str:
-    words = []
-    if facts["began_unix_s"] is not None:
+def _printable(value: Any) -> Any:
+    """Text of others without what is no letter, such as a change of the writing direction."""
+    return sanitize(value) if type(value) is str else value
+
+
+def _facts(history: FlightHistory) -> list[str]:
+    facts = []
+    if history.began_unix_s is not None:
         with contextlib.suppress(OverflowError, OSError, ValueError):  # a time that is none
-            began = time.gmtime(facts["began_unix_s"])
-            words.append(time.strftime("%Y-%m-%d %H:%M UTC", began))
-    vehicle = facts["vehicle"]
-    if vehicle:
-        words.append(f"{vehicle.get('autopilot')} {vehicle.get('version')}")
-    ending = ""
-    if facts["ending"] is not None:
-        ending = f'<p class="warning">The record is incomplete: {escape(facts["ending"])}.</p>'
-    return f"<header><h1>{escape(title)}</h1><p>{escape(' · '.join(words))}</p>{ending}</header>"
+            began = time.gmtime(history.began_unix_s)
+            facts.append(time.strftime("%Y-%m-%d %H:%M UTC", began))
+    if history.vehicle:
+        facts.append(f"{history.vehicle.get('autopilot')} {history.vehicle.get('version')}")
+    return facts
 
 
-def _tiles(facts: dict[str, Any]) -> str:
+def _tiles(history: FlightHistory) -> list[Tile]:
     """The flight in a few numbers."""
-    closest, exchanged = facts["closest_approach_m"], facts["interactions"]
+    totals, exchanged = history.totals, history.links.interactions()
     share, got, given = (exchanged[key] for key in ("share_completed", "bytes_in", "bytes_out"))
-    charges = [charge for _, charge in facts["battery"]]
-    why = facts["flight_report"].get("came_home_because")
+    outcome = history.outcome
+    reason = str(history.report.get("came_home_because") or "")
     tiles = [
-        ("outcome", str(facts["outcome"]), str(why or "")),
-        ("flown", clock(facts["duration_s"]), f"{facts['distance_m']:.0f} m"),
-        ("closest approach", "none", "no zones, no fence")
-        if closest is None
-        else (
-            "closest approach",
-            f"{closest:.1f} m",
-            f"to {facts['closest_approach_to']}; demanded {facts['clearance_m']:g} m",
-        ),
-        (
+        Tile("outcome", _OUTCOMES.get(outcome, outcome), _REQUESTS.get(reason, reason)),
+        Tile("flight time", clock(totals["duration_s"]), f"{totals['distance_m']:.0f} m flown"),
+        _closest(history),
+        Tile(
             "syncs completed",
             "none" if share is None else f"{share:.1%}",
-            f"{exchanged['completed']} of {exchanged['started']} begun",
+            f"{exchanged['completed']} of {exchanged['started']} started",
         ),
-        ("exchanged", size_words(got + given), f"{size_words(got)} in, {size_words(given)} out"),
-    ]
-    if charges:
-        used = f"from {charges[0]:.0%} to {charges[-1]:.0%}"
-        tiles.append(("battery used", f"{charges[0] - charges[-1]:.0%}", used))
-    low = closest is not None and closest < facts["clearance_m"]
-    items = "".join(
-        f'<li class="{"bad" if low and name == "closest approach" else ""}"><span>{name}</span>'
-        f"<b>{escape(value)}</b><small>{escape(more)}</small></li>"
-        for name, value, more in tiles
+        Tile("data exchanged", size_words(got + given),
+             f"{size_words(got)} received, {size_words(given)} sent"),
+    ]  # fmt: skip
+    if history.battery:
+        first, last = history.battery[0][1], history.battery[-1][1]
+        tiles.append(Tile("battery used", f"{first - last:.0%}", f"from {first:.0%} to {last:.0%}"))
+    return tiles
+
+
+def _closest(history: FlightHistory) -> Tile:
+    if history.closest is None:
+        return Tile("closest approach", "none", "no zones, no fence")
+    (closest_m, what), required_m = history.closest, history.totals["clearance_m"]
+    more = f"to {what}; required {required_m:g} m"
+    # As it is compared: a report of 5.0 m where 5 m are required is not a breach.
+    bad = round(closest_m, 2) < required_m
+    return Tile("closest approach", f"{closest_m:.1f} m", more, bad)
+
+
+def _robots(history: FlightHistory) -> Table:
+    columns = (
+        *("robot", "found in searches", "contacts", "syncs from it", "syncs to it"),
+        *("data", "oldest data held", "UAV's map it holds at the end"),
     )
-    return f'<ul class="tiles">{items}</ul>'
-
-
-def _section(figure: Figure) -> str:
-    words = f"<p>{escape(figure.words)}</p>" if figure.words else ""
-    items = "".join(
-        f'<li><i class="key {css}"></i>{escape(meaning)}</li>' for css, meaning in figure.legend
-    )
-    legend = f'<ul class="legend">{items}</ul>' if items else ""
-    return (
-        f'<section id="{figure.name}"><h2>{escape(figure.heading)}</h2>{words}'
-        f"{legend}{figure.pictures}</section>"
-    )
-
-
-def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
     rows = []
-    for name, robot in facts["robots"].items():
-        syncs = robot["syncs"]
-        ways = [[s["outcome"] for s in syncs if s["direction"] == way] for way in ("in", "out")]
-        ages_s = [age_s for _, age_s in robot["age_s"]]
-        share = robot["map_share"][-1][1] if robot["map_share"] else None
-        reach_s = sum(c["to_s"] - c["from_s"] for c in robot["contacts"])
-        rows.append(
+    for name in history.links.names:
+        syncs = [sync for sync in history.links.syncs if sync.robot == name]
+        ways = [[s.outcome for s in syncs if s.direction == way] for way in ("in", "out")]
+        spans = [c.to_s - c.from_s for c in history.links.contacts if c.robot == name]
+        ages_s = [age_s for _, age_s in history.links.ages[name]]
+        share = history.links.map_shares[name][-1][1] if history.links.map_shares[name] else 0.0
+        cells = (
+            name,
+            str(history.found(name)),
+            f"{len(spans)}, {clock(sum(spans))}",
+            *(f"{way.count('complete')} of {len(way)}" for way in ways),
+            size_words(sum(sync.bytes for sync in syncs)),
+            f"{max(ages_s):.0f} s" if ages_s else "never heard",
+            f"{share:.0%}" if share else "none known",
+        )
+        rows.append(Row(cells, robot_colour(history, name)))
+    return Table("Robots", columns, rows)
+
+
+def _waits(history: FlightHistory) -> Table:
+    waited: dict[tuple[str, str], list[float]] = {}
+    for wait in history.waits:
+        waited.setdefault((wait.why, wait.interlock), []).append(wait.to_s - wait.from_s)
+    rows = [
+        Row((why, interlock, str(len(spans)), f"{sum(spans):.1f} s"))
+        for (why, interlock), spans in waited.items()
+    ]
+    return Table("Why the mission waited", ("reason", "interlock", "times", "total"), rows)
+
+
+def _requests(history: FlightHistory) -> Table:
+    rows = [
+        Row(
             (
-                f'<i class="key {robot_css(summary, name)}"></i>{escape(name)}',
-                str(robot["found"]),
-                f"{len(robot['contacts'])}, {clock(reach_s)}",
-                *(f"{way.count('complete')}/{len(way)}" for way in ways),
-                size_words(sum(s["bytes"] for s in syncs)),
-                f"{max(ages_s):.0f} s" if ages_s else "never heard",
-                "" if not share else f"{share:.0%}",
+                _at(history, request.t),
+                request.what,
+                request.by,
+                f"{_ANSWERS[request.accepted]}{': ' if request.why else ''}{request.why}",
             )
         )
-    head = (
-        *("robot", "found when sought", "contacts", "syncs from it", "syncs to it"),
-        *("bytes", "oldest news", "its map at the end"),
-    )
-    return _table("Robots", head, rows, ready=True)
-
-
-def _what_was_said(
-    summary: FlightSummary,
-) -> Iterable[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
-    """Tables of what happened at one moment each: heading, columns and rows."""
-
-    def at(t: float) -> str:
-        return clock(max(0.0, t - summary.from_s))
-
-    waited: dict[tuple[str, str], list[float]] = {}
-    for wait in summary.waits:
-        waited.setdefault((wait.interlock, wait.why), []).append(wait.to_s - wait.from_s)
-    yield (
-        "What kept the mission waiting",
-        ("why", "interlock", "times", "in all"),
-        [
-            (why, interlock, str(len(spans)), f"{sum(spans):.1f} s")
-            for (interlock, why), spans in waited.items()
-        ],
-    )
-    answers = {None: "no answer recorded", True: "accepted", False: "refused"}
-    requests: list[tuple[str, ...]] = [
-        (at(r.t), r.what, r.by, f"{answers[r.accepted]}{': ' if r.why else ''}{r.why}")
-        for r in summary.requests
+        for request in history.requests
     ]
-    yield "Requests", ("at", "what", "who", "answer"), requests
-    announced: list[tuple[str, ...]] = [
-        (at(t), severity, said) for t, severity, said in summary.announcements
+    return Table("Requests", ("time", "request", "requested by", "answer"), rows)
+
+
+def _events(history: FlightHistory) -> tuple[Table, Table]:
+    announced = [
+        Row((_at(history, t), severity, text)) for t, severity, text in history.announcements
     ]
-    yield "Announcements", ("at", "severity", "text"), announced
-    yield "Commands not followed", ("at", "what"), [(at(t), what) for t, what in summary.failures]
-
-
-def _table(
-    heading: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, ready: bool = False
-) -> str:
-    """A table; `ready`: its cells are HTML already."""
-    cells = [[cell if ready else escape(cell) for cell in row] for row in rows]
-    if not cells:
-        return ""
-    top = "".join(f"<th>{escape(word)}</th>" for word in head)
-    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in cells)
+    failed = [Row((_at(history, t), text)) for t, text in history.failures]
     return (
-        f'<section><h2>{escape(heading)}</h2><div class="scroll"><table>'
-        f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div></section>"
+        Table("Announcements", ("time", "severity", "text"), announced),
+        Table("Commands not followed", ("time", "command and reason"), failed),
     )
 
 
-def _foot(facts: dict[str, Any], source: str) -> str:
-    about = facts["about"]
-    known = [name for name in ("air-router", "mavsdk", "python") if name in about]
-    versions = ", ".join(f"{name} {about[name]}" for name in known)
-    words = [f"Made from {source}.", f"Recorded by {versions}." if versions else ""]
-    return f"<footer>{escape(' '.join(words))}</footer>"
+def _at(history: FlightHistory, t: float) -> str:
+    return clock(max(0.0, t - history.from_s))

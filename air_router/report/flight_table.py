@@ -109,3 +109,10 @@ def size_words(count: float) -> str:
     if count < 10_000_000:
         return f"{count / 1e3:.0f} kB"
     return f"{count / 1e6:.0f} MB"
+
+
+def clock(seconds: float) -> str:
+    """Minutes and seconds, with hours when there are any."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

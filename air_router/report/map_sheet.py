@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import PictureError
 from air_router.files import write_whole
-from air_router.report.svg import Labels, colours
+from air_router.report.figure_style import Ink, embedded, keep_letters
 from geo.airspace import Circle, Shape, polygons_of
 from geo.frame import Point
 from mocha_link.errors import needs_extra
@@ -28,23 +28,14 @@ with needs_extra("a picture", "plot", "air-router"):
     from matplotlib.lines import Line2D
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
-    from matplotlib.transforms import blended_transform_factory
+    from matplotlib.text import Annotation
+    from matplotlib.transforms import Bbox, blended_transform_factory
 
-_NAMES: Final = ("fence", "zone", "graph", "route", "leg", "wrong", "around", "good")
 _WIDTH_INCH: Final = 8.0
 _FLATTEST, _TALLEST = 0.4, 1.8  # of a sheet: height by width
 _DPI: Final = 130
-_SMALL, _LETTER = 6.5, 0.6  # of words: their size in points, a letter's width by it
-
-
-class Ink:
-    """The colours of a sheet; what pages draw too has that of the light ones."""
-
-    FENCE, ZONE, EDGE, ROUTE, TRACK, WRONG, ROBOT, HOME = (colours()[name] for name in _NAMES)
-    RALLY = AROUND = ROBOT
-    IDLE = "#9aa1a8"
-    ZONE_FILL, ZONE_HATCH, ZONE_NAME = "#dfc9bd", "#c9a690", "#6b3d27"  # on white paper
-    GROUND, BEYOND, TEXT, FAINT = "#fbfaf6", "#e9e6de", "#30363d", "#8b929a"
+_SMALL: Final = 6.5  # of words: their size in points
+_TOUCH_PX: Final = 1.0  # words may be so near to others
 
 
 class MapSheet:
@@ -56,24 +47,35 @@ class MapSheet:
     Args:
         points: There is room for all of them.
         ground: The colour below everything.
+        width_inch: Of the map; words keep their size.
+        tallest: Its height by its width, at most.
 
     Attributes:
         axes: Matplotlib's; east and north in metres.
     """
 
-    def __init__(self, points: Sequence[Point], ground: str) -> None:
+    def __init__(
+        self,
+        points: Sequence[Point],
+        ground: str,
+        *,
+        width_inch: float = _WIDTH_INCH,
+        tallest: float = _TALLEST,
+    ) -> None:
         west, south, east, north = (float(v) for v in shapely.MultiPoint(points).bounds)
         pad_m = 0.04 * max(east - west, north - south, 50.0)
         west, south, east, north = west - pad_m, south - pad_m, east + pad_m, north + pad_m
         missing_m = max(_FLATTEST * (east - west) - (north - south), 0.0)
         south, north = south - missing_m / 2, north + missing_m / 2
-        missing_m = max((north - south) / _TALLEST - (east - west), 0.0)
+        missing_m = max((north - south) / tallest - (east - west), 0.0)
         west, east = west - missing_m / 2, east + missing_m / 2
-        self._height_inch = _WIDTH_INCH * (north - south) / (east - west)
-        self._figure = Figure(figsize=(_WIDTH_INCH, self._height_inch))
+        self._height_inch = width_inch * (north - south) / (east - west)
+        self._figure = Figure(figsize=(width_inch, self._height_inch))
         self._labels: set[str] = set()  # in the legend
-        self._words = Labels()  # on the map, in points
-        self._points_per_m = 72 * _WIDTH_INCH / (east - west)
+        self._taken: list[tuple[str, Bbox]] = []  # words and where they stand; "" is a mark
+        self._names: list[Annotation] = []  # words with an outline in their ground's colour
+        self._columns = max(2, round(width_inch / 2))  # of the legend
+        self.tooltips: dict[str, Sequence[str]] = {}  # in a page, by the gid of what was drawn
         self.axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=ground)
         self.axes.tick_params(colors=Ink.FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
@@ -110,29 +112,40 @@ class MapSheet:
         """A line along points, in white where it lies over others."""
         east, north = zip(*points, strict=True)
         round_ends: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round"}
-        self.axes.plot(east, north, color="white", linewidth=2 * width, zorder=z, **round_ends)
+        self.axes.plot(east, north, color=Ink.HALO, linewidth=2 * width, zorder=z, **round_ends)
         self.axes.plot(
             east, north, color=colour, linewidth=width, zorder=z + 0.1, label=label, **round_ends
         )
 
-    def marks(
+    def marks(  # noqa: PLR0913 - how marks differ
         self,
         places: Sequence[Point],
         marker: str,
         size: float,
         colour: str,
         label: str = "_",
+        *,
+        tooltips: Sequence[str] = (),
         **style: Any,
     ) -> None:
-        """Marks of one kind at places; nothing without any."""
+        """Marks of one kind at places; nothing without any.
+
+        In a page, `tooltips` are shown where the pointer is, one for each mark.
+        """
         if places:
-            look: dict[str, Any] = {"edgecolor": "white", "linewidth": 1, "zorder": 7} | style
+            look: dict[str, Any] = {"edgecolor": Ink.HALO, "linewidth": 1, "zorder": 7} | style
+            look["gid"] = f"marks{len(self.tooltips)}"
+            self.tooltips[look["gid"]] = tooltips
             east, north = zip(*places, strict=True)
             self.axes.scatter(
                 east, north, s=size, marker=marker, color=colour, label=self._once(label), **look
             )
             for place in places:  # words may touch it
-                self._words.mark(*self._in_points(place), math.sqrt(size) / 3)
+                x, y = self.axes.transData.transform(place)
+                reach = math.sqrt(size) / 3 * self._figure.dpi / 72
+                self._taken.append(
+                    ("", Bbox.from_extents(x - reach, y - reach, x + reach, y + reach))
+                )
 
     def home(self, home: Point) -> None:
         """Where the vehicle takes off and lands."""
@@ -145,7 +158,7 @@ class MapSheet:
 
         Not once more where it would cover itself.
         """
-        aside = 6 + _LETTER * _SMALL * len(text) / 2
+        aside = 8 + 0.3 * _SMALL * len(text)
         offs = [(0, -10), (0, 10), (aside, 0), (-aside, 0)] if below else [(0, 0)]
         self._write(text, place, offs, *colours, zorder=z)
 
@@ -154,7 +167,7 @@ class MapSheet:
         turns = (math.radians(turn) for turn in (0, 45, -45, 90, -90, 135, -135, 180))
         offs = [(7.5 * math.cos(angle + turn), 6.5 * math.sin(angle + turn)) for turn in turns]
         look = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
-        self._write(text, place, offs, Ink.WRONG if wrong else Ink.TEXT, "white", **look)
+        self._write(text, place, offs, Ink.WRONG if wrong else Ink.TEXT, Ink.HALO, **look)
 
     def save(self, path: Path, title: str, subtitle: str, warning: str = "") -> None:
         """Write what the picture shows around it, and the whole into a file.
@@ -169,7 +182,7 @@ class MapSheet:
             PictureError: the file cannot be written, or its ending is not a picture's.
         """
         for text, rise, size, weight, colour in (
-            (warning, 36, 9.5, "bold", "#e00010"),
+            (warning, 36, 9.5, "bold", Ink.WRONG),
             (title, 18, 13, "bold", Ink.TEXT),
             (subtitle, 6, 8.5, "normal", Ink.FAINT),
         ):
@@ -183,18 +196,11 @@ class MapSheet:
                 fontweight=weight,
                 color=colour,
             )
-        self.axes.legend(
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.36 / self._height_inch),
-            ncols=4,
-            frameon=False,
-            fontsize=8,
-            labelcolor=Ink.TEXT,
-            handlelength=1.6,
-            columnspacing=1.8,
-        )
-        self._draw_scale()
+        self._finish()
+        keep_letters(self._figure)
         look: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.12, "dpi": _DPI}
+        if path.suffix == ".svg":
+            look["metadata"] = {"Date": None}  # the same mission, the same bytes
         try:
             picture = io.BytesIO()
             suffix = path.suffix.removeprefix(".") or None
@@ -203,13 +209,32 @@ class MapSheet:
         except (OSError, ValueError) as error:
             raise PictureError(f"cannot write the picture {path}: {error}") from None
 
+    def svg(self, kind: str, label: str) -> str:
+        """The map as an element of an HTML page, with its legend and scale; see `embedded`."""
+        self._finish()
+        for name in self._names:  # outlined by the style sheet: text with an effect would be paths
+            name.set_path_effects([])
+        look: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03}
+        return embedded(self._figure, kind, label, self.tooltips, **look)
+
+    def _finish(self) -> None:
+        """The legend below the map, and its scale."""
+        self.axes.legend(
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.36 / self._height_inch),
+            ncols=self._columns,
+            frameon=False,
+            fontsize=8,
+            labelcolor=Ink.TEXT,
+            handlelength=1.6,
+            columnspacing=1.8,
+        )
+        self._draw_scale()
+
     def _once(self, label: str) -> str:
         """A label, unless the legend has it already."""
         known, self._labels = label in self._labels, self._labels | {label}
         return "_" if known else label
-
-    def _in_points(self, place: Point) -> tuple[float, float]:
-        return place[0] * self._points_per_m, place[1] * self._points_per_m
 
     def _write(
         self,
@@ -220,22 +245,35 @@ class MapSheet:
         halo: str,
         **style: Any,
     ) -> None:
-        """Words at so many points off a place, where they cover least."""
+        """Words so many points off a place: where nothing is, else where they cover least.
+
+        Not once more where the same words stand: they name this, too.
+        """
         look: dict[str, Any] = {"fontsize": _SMALL, "ha": "center", "va": "center"} | style
-        size = _LETTER * look["fontsize"] * len(text), look["fontsize"]
-        off = self._words.place(text, self._in_points(place), size, offs)
-        if off is None:
-            return
-        self.axes.annotate(
+        note = self.axes.annotate(
             text,
             place,
-            xytext=off,
+            gid="name" if halo == Ink.HALO else "name on-zone",
+            xytext=offs[0],
             textcoords="offset points",
             color=ink,
             annotation_clip=True,
             path_effects=[patheffects.withStroke(linewidth=2.4, foreground=halo)],
             **look,
         )
+        box = note.get_window_extent().padded(_TOUCH_PX)
+        if any(words == text and Bbox.intersection(box, other) for words, other in self._taken):
+            note.remove()
+            return
+        scale = self._figure.dpi / 72
+        (x, y), spots = offs[0], []
+        for off in offs:
+            spot = box.translated(scale * (off[0] - x), scale * (off[1] - y))
+            spots.append((sum(_shared(spot, other) for _, other in self._taken), spot, off))
+        _, spot, off = min(spots, key=lambda found: found[0])
+        note.xyann = off
+        self._names.append(note)
+        self._taken.append((text, spot))
 
     def _draw_scale(self) -> None:
         """A scale bar and an arrow to the north, above the upper right corner."""
@@ -263,6 +301,12 @@ class MapSheet:
             annotation_clip=False,
             **look,
         )
+
+
+def _shared(box: Bbox, other: Bbox) -> float:
+    """The area that both cover."""
+    shared = Bbox.intersection(box, other)
+    return 0.0 if shared is None else shared.width * shared.height
 
 
 def drawn(shape: Shape) -> BaseGeometry:

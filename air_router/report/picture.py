@@ -14,7 +14,8 @@ from shapely.geometry.base import BaseGeometry
 
 from air_router.coverage import Field
 from air_router.mission import Faults, Mission, far
-from air_router.report.map_sheet import Ink, MapSheet, drawn, roomiest
+from air_router.report.figure_style import Ink, figure_style
+from air_router.report.map_sheet import MapSheet, drawn, roomiest
 from air_router.routing import Route, WaypointGraph
 from air_router.words import counted
 from geo.airspace import Zone
@@ -36,6 +37,7 @@ _BORDER: Final[dict[str, Any]] = {
 _DASHED, _DOTTED = (0, (3, 2)), (0, (1, 2))
 
 
+@figure_style()
 def draw_mission(  # noqa: PLR0913 - the layers of a picture
     mission: Mission,
     path: Path,
@@ -70,7 +72,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
     points += [*mission.rally_points, *(corner for shape in shapes for corner in shape.corners)]
     near = [point for point in points if not far(point, mission)]
     sheet = MapSheet(near, Ink.GROUND if not mission.fences else Ink.BEYOND)
-    _draw_airspace(sheet, mission)
+    draw_airspace(sheet, mission)
     if graph is not None:
         lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.edges]
         width, label = 0.6 if len(lines) < _MANY_EDGES else 0.25, "clear connections"
@@ -88,10 +90,11 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
     sheet.marks(places, "s", 34, Ink.ROBOT, "robot found", zorder=8.2)
     _draw_places(sheet, mission, graph, faults)
     for name, place in meetings:
-        sheet.name(name, place, (Ink.ROBOT, "white"), below=True, z=8.3)
+        sheet.name(name, place, (Ink.ROBOT, Ink.HALO), below=True, z=8.3)
     sheet.save(path, mission.name, _subtitle(mission), _verdict(faults))
 
 
+@figure_style()
 def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     """Draw a coverage into a file; its name's ending (.png, .svg, .pdf) chooses the format.
 
@@ -104,12 +107,12 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     for fence in field.airspace.fences:
         sheet.shape(drawn(fence), "fence", **_BORDER)
     sheet.shape(field.area, "area", **(_BORDER | {"edgecolor": Ink.TEXT, "linewidth": 1.2}))
-    sheet.shape(plan.seen, "covered", facecolor="#cfe3f7", zorder=1.2)
+    sheet.shape(plan.seen, "covered", facecolor=Ink.COVERED, zorder=1.2)
     missed = [part for missed in plan.missed for part in missed.parts]
     if missed:
         sheet.shape(shapely.union_all(missed), "not covered", facecolor=Ink.WRONG, zorder=2.9)
     _draw_zones(sheet, field.airspace.zones, field.airspace.inflated(), "distance kept")
-    sheet.lines([plan.track], "white", 2.6, zorder=5)
+    sheet.lines([plan.track], Ink.HALO, 2.6, zorder=5)
     rows = [(row.start, row.end) for row in plan.rows]
     for lines, width, colour, label in (
         ([plan.way_out, plan.way_back], 1.0, Ink.TRACK, "from home and back"),
@@ -147,7 +150,7 @@ def _verdict(faults: Faults | None) -> str:
     return f"cannot be flown: {problems}; off this sheet: {', '.join(faults.off_sheet)}"
 
 
-def _draw_airspace(sheet: MapSheet, mission: Mission) -> None:
+def draw_airspace(sheet: MapSheet, mission: Mission) -> None:
     """Fences and zones, with what is kept from the zones that apply."""
     if mission.fences:
         inside = shapely.intersection_all([drawn(fence) for fence in mission.fences])
@@ -188,7 +191,7 @@ def _draw_idle(sheet: MapSheet, mission: Mission) -> None:
             place = roomiest(idle.zone.polygon)
             reach_m = math.sqrt(idle.zone.polygon.area) / 4
             below = any(math.dist(w.position, place) < reach_m for w in mission.waypoints)
-            sheet.name(idle.zone.name, place, ("#7a8188", Ink.GROUND), below=below, z=3.5)
+            sheet.name(idle.zone.name, place, (Ink.FAINT, Ink.GROUND), below=below, z=3.5)
 
 
 def _draw_route(sheet: MapSheet, start: Point, route: Route) -> None:
@@ -229,7 +232,7 @@ def _draw_places(
     good = [w.position for w in seen if w.position not in wrong]
     rally = [place for place in mission.rally_points if place not in wrong]
     edge: dict[str, Any] = {"edgecolor": Ink.TEXT, "linewidth": 0.8}
-    sheet.marks(good, "o", 15 if numbered else 5, "white", "waypoint", **edge)
+    sheet.marks(good, "o", 15 if numbered else 5, Ink.HALO, "waypoint", **edge)
     sheet.marks(rally, "D", 17, Ink.RALLY, "rally point", **edge)
     bad = [place for place in wrong if not far(place, mission)]
     sheet.marks(bad, "o", 46, Ink.WRONG, "wrong place", **edge)

@@ -1,13 +1,15 @@
 """Pictures: what is drawn for missions of all shapes."""
 
+import dataclasses
 import importlib
+import itertools
 import re
 import struct
+import xml.etree.ElementTree as ET
 from importlib import resources
 
 import pytest
 
-from air_router.report.svg import colours, style_sheet
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from geo.frame import Point
@@ -65,33 +67,57 @@ def test_what_is_outside_of_the_fence_has_room_on_the_sheet(map_sheet):
 def test_where_robots_were_found_is_in_the_picture_of_the_track(draw_mission, tmp_path):
     picture = tmp_path / "track.svg"
     track = [Point(0, 0), Point(50, 0)]
-    matplotlib = importlib.import_module("matplotlib")
-    with matplotlib.rc_context({"svg.fonttype": "none"}):  # names stay text
-        draw_mission(made(tmp_path), picture, track=track, meetings=[("callisto", track[1])])
+    draw_mission(made(tmp_path), picture, track=track, meetings=[("callisto", track[1])])
     assert ">robot found<" in picture.read_text()
+
+
+def test_the_same_mission_gives_the_same_picture(draw_mission, tmp_path):
+    pictures = [tmp_path / "a.svg", tmp_path / "b.svg"]
+    for picture in pictures:
+        draw_mission(made(tmp_path), picture)
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+
+
+@pytest.mark.parametrize("name", ["$x_1$ and $", "木星 🛰", "a\x1bb\u202e", "<b>"])
+def test_a_mission_may_have_any_name(draw_mission, tmp_path, name):
+    picture = tmp_path / "track.svg"
+    draw_mission(dataclasses.replace(made(tmp_path), name=name), picture)
+    ET.parse(picture)  # noqa: S314 - our own
+
+
+def test_names_at_one_place_stand_beside_each_other(map_sheet):
+    sheet = map_sheet.MapSheet([Point(-200, -200), Point(200, 200)], "white")
+    here = [(0.0, 0.0)]
+    sheet.marks(here, "o", 60, "red")
+    for name in ("callisto", "europa", "io"):
+        sheet.name(name, *here, ("black", "white"), below=True, z=9)
+    sheet.name("callisto", *here, ("black", "white"), below=True, z=9)  # is there already
+    sheet.number("12", *here, 0.0)
+    names = [text for text in sheet.axes.texts if text.get_text()]
+    assert [name.get_text() for name in names] == ["callisto", "europa", "io", "12"]
+    boxes = [name.get_window_extent() for name in names]
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
+    (east, north) = sheet.axes.transData.transform((0.0, 0.0))
+    assert not any(box.contains(east, north) for box in boxes)
 
 
 # One set of colours: the pages', the pictures', the report's.
 
 
-def test_pictures_and_reports_have_the_pages_colours(map_sheet):
-    light, dark = colours(), colours(dark=True)
-    assert light.keys() == dark.keys() >= {"fence", "zone", "route", "leg", "r7"}
-    assert map_sheet.Ink.FENCE == light["fence"] != dark["fence"]
-    assert f"--zone: {light['zone']};" in style_sheet()
-    report = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
-    known = set(re.findall(r"--([\w-]+):", report)) | light.keys()
-    assert set(re.findall(r"var\(--([\w-]+)", report)) <= known
+def test_pictures_have_the_pages_colours():
+    style = importlib.import_module("air_router.report.figure_style")
+    light, dark = style.colours(), style.colours(dark=True)
+    assert light.keys() >= {"fence", "zone", "route", "leg", "r7"}
+    assert style.Ink.FENCE == light["fence"] != dark["fence"]
 
 
 def test_states_have_the_same_colours_on_the_report_as_on_the_pages():
-    report, page = (
-        resources.files(f"air_router.{room}").joinpath(*path).read_text("utf-8")
-        for room, path in (("report", ["flight_page.css"]), ("live", ["page", "live.css"]))
-    )
+    charts = importlib.import_module("air_router.report.charts")
+    page = resources.files("air_router.live").joinpath("page", "live.css").read_text("utf-8")
     rules = re.findall(r"\n((?:\.chip\.[A-Z_]+[, ]*)+)\{ background: var\(--([\w-]+)\)", page)
     chips = {state: colour for names, colour in rules for state in re.findall("[A-Z_]+", names)}
     assert chips.keys() == {"HOLD", "GOTO", "HOME", "LAND", "PASSIVE"}
-    drawn = dict(re.findall(r"--([A-Z_]+): var\(--([\w-]+)\)", report))
+    drawn = {state.name: colour for state, colour in charts.STATE_COLOURS.items()}
     assert {state: drawn.get(state) for state in chips} == chips
     assert not set(chips.values()) & {c for state, c in drawn.items() if state not in chips}

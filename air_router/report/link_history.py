@@ -1,12 +1,13 @@
-"""What went over the links of a flight: contacts, syncs, bytes, and how old news were."""
+"""What went over the links of a flight: contacts, syncs, bytes, and how old the data was."""
 
 import math
 from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import accumulate
 from typing import Any, Final
 
-from air_router.gossip import Interactions
+from air_router.gossip import ContactSpan, Interactions, Sync
 from air_router.messages import MAP_TOPIC
 from mocha_link.links import LinkEvent, MessageStored, RssiChanged
 
@@ -16,23 +17,87 @@ STAMP_S: Final = 0.0005
 BINS: Final = 240
 """Bandwidth is shown over so many spans of equal length."""
 
+Series = Sequence[tuple[float, float]]
+"""(t, value)."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkHistory:
+    """What the links of a flight did.
+
+    Attributes:
+        names: Every robot that was sought or heard of, in order.
+        contacts, syncs: In the order of their ends.
+        counts: How many syncs began, and how they ended.
+        totals: Syncs that were not broken off, and their bytes.
+        ages: By robot, (t, age in seconds of the newest of its messages that we held): before and
+            after each that came.
+        map_shares: By robot, (t, share of the painted cells in the map that it is known to have):
+            by what it said that it holds, and by what it has fetched from us. At least: it may have
+            got a newer one from another robot since we met it.
+        signal: By robot, (t, value, unit); no value: it was not heard.
+    """
+
+    names: tuple[str, ...]
+    contacts: tuple[ContactSpan, ...]
+    syncs: tuple[Sync, ...]
+    counts: Mapping[str, int]
+    totals: Mapping[str, int]
+    ages: Mapping[str, Series]
+    map_shares: Mapping[str, Series]
+    signal: Mapping[str, Sequence[tuple[float, float | None, str]]]
+
+    def interactions(self) -> dict[str, Any]:
+        """How many syncs, and the share of them that was completed (null without any)."""
+        over = len(self.syncs)
+        return {
+            **self.counts,
+            "share_completed": self.counts["completed"] / over if over else None,
+            "bytes_in": self.totals["bytes_in"],
+            "bytes_out": self.totals["bytes_out"],
+        }
+
+    def of(self, robot: str) -> dict[str, Any]:
+        """What is known of one robot, as plain data."""
+        return {
+            "contacts": [asdict(c) for c in self.contacts if c.robot == robot],
+            "syncs": [asdict(s) for s in self.syncs if s.robot == robot],
+            "age_s": [[round(t, 3), round(age, 2)] for t, age in self.ages[robot]],
+            "map_share": [[round(t, 3), round(s, 4)] for t, s in self.map_shares[robot]],
+            "signal": [[round(t, 3), value, unit] for t, value, unit in self.signal[robot]],
+        }
+
+    def bandwidth(self, from_s: float, to_s: float) -> tuple[float, list[float], list[float]]:
+        """Bytes per second over the flight: the length of a span, and per span in and out."""
+        span_s = max(1.0, (to_s - from_s) / BINS)
+        count = int((to_s - from_s) / span_s) + 1
+        rates = {"in": [0.0] * count, "out": [0.0] * count}
+        for sync in self.syncs:
+            length_s = sync.to_s - sync.from_s
+            first = max(0, int((sync.from_s - from_s) / span_s))
+            last = min(count - 1, int((sync.to_s - from_s) / span_s))
+            for i in range(first, last + 1):
+                begin_s = from_s + i * span_s
+                part_s = min(sync.to_s, begin_s + span_s) - max(sync.from_s, begin_s)
+                share = part_s / length_s if length_s > 0 else 1.0
+                rates[sync.direction][i] += share * sync.bytes / span_s
+        return span_s, rates["in"], rates["out"]
+
 
 @dataclass(slots=True)
-class Exchanges:
-    """Adds up the events of the links.
+class LinkFold:
+    """Adds up the events of the links; `end` gives their history.
 
     Attributes:
         own: The UAV's own name: how old its own news are is no question.
         sought: Robots that the mission seeks, though nothing may be heard of them.
         links: Contacts and syncs.
-        names: Every robot that was sought or heard of; known at the end.
         published: (t, known cells) of the versions of the map that were given out.
     """
 
     own: str = ""
     sought: tuple[str, ...] = ()
     links: Interactions = field(default_factory=Interactions)
-    names: list[str] = field(default_factory=list)
     published: list[tuple[float, int]] = field(default_factory=list)
     # t, value and unit, by peer; no value: it was not heard
     signal: dict[str, list[tuple[float, float | None, str]]] = field(default_factory=dict)
@@ -61,47 +126,28 @@ class Exchanges:
             if (robot, topic) == (self.own, MAP_TOPIC):
                 self._held.setdefault(peer, []).append((t, float(stamp_s)))
 
-    def end(self, t: float) -> None:
-        """The record ends here."""
+    def end(self, t: float, painted: Series) -> LinkHistory:
+        """The record ends here; `painted`: (t, cells of our map that are known)."""
         self.links.end(t)
         if self._end is not None:
-            told_s, unix_s = self._end
+            received_s, unix_s = self._end
             for robot, newest_s in self._newest_s.items():
-                self._ages[robot].append((t, max(0.0, unix_s + t - told_s - newest_s)))
+                self._ages[robot].append((t, max(0.0, unix_s + t - received_s - newest_s)))
         met = {contact.robot for contact in self.links.contacts}
         met |= {sync.robot for sync in self.links.syncs}
-        self.names = sorted(met | self._ages.keys() | self.signal.keys() | {*self.sought})
+        names = sorted(met | self._ages.keys() | self.signal.keys() | {*self.sought})
+        return LinkHistory(
+            names=tuple(names),
+            contacts=tuple(self.links.contacts),
+            syncs=tuple(self.links.syncs),
+            counts=self.links.counts(),
+            totals=self.links.totals(),
+            ages={name: self._ages.get(name, []) for name in names},
+            map_shares={name: self._map_shares(name, painted) for name in names},
+            signal={name: self.signal.get(name, []) for name in names},
+        )
 
-    def interactions(self) -> dict[str, Any]:
-        """How many syncs, and the share of them that was completed (null without any)."""
-        counts, totals, over = self.links.counts(), self.links.totals(), len(self.links.syncs)
-        return {
-            **counts,
-            "share_completed": counts["completed"] / over if over else None,
-            "bytes_in": totals["bytes_in"],
-            "bytes_out": totals["bytes_out"],
-        }
-
-    def of(self, robot: str, painted: list[tuple[float, int]]) -> dict[str, Any]:
-        """What is known of one robot."""
-        return {
-            "contacts": [asdict(c) for c in self.links.contacts if c.robot == robot],
-            "syncs": [asdict(s) for s in self.links.syncs if s.robot == robot],
-            "age_s": [[round(t, 3), round(age, 2)] for t, age in self.ages(robot)],
-            "map_share": [[round(t, 3), round(s, 4)] for t, s in self.shares(robot, painted)],
-            "signal": [[round(t, 3), value, unit] for t, value, unit in self.signal.get(robot, [])],
-        }
-
-    def ages(self, robot: str) -> list[tuple[float, float]]:
-        """(t, age in seconds of the newest of its messages that we held): before and after each."""
-        return self._ages.get(robot, [])
-
-    def shares(self, robot: str, painted: list[tuple[float, int]]) -> list[tuple[float, float]]:
-        """(t, share of the painted cells that the map has which the robot is known to have).
-
-        By what it said that it holds, and by what it has fetched from us. At least: it may have
-        got a newer one from another robot since we met it.
-        """
+    def _map_shares(self, robot: str, painted: Series) -> Series:
         fetches = [
             (sync.to_s, self._published_before(sync.from_s))
             for sync in self.links.syncs
@@ -115,22 +161,6 @@ class Exchanges:
             (t, min(1.0, held[bisect_right(times, t)] / cells) if cells else 0.0)
             for t, cells in painted
         ]
-
-    def bandwidth(self, from_s: float, to_s: float) -> tuple[float, list[float], list[float]]:
-        """Bytes per second over the flight: the length of a span, and per span in and out."""
-        span_s = max(1.0, (to_s - from_s) / BINS)
-        count = int((to_s - from_s) / span_s) + 1
-        rates = {"in": [0.0] * count, "out": [0.0] * count}
-        for sync in self.links.syncs:
-            length_s = sync.to_s - sync.from_s
-            first = max(0, int((sync.from_s - from_s) / span_s))
-            last = min(count - 1, int((sync.to_s - from_s) / span_s))
-            for i in range(first, last + 1):
-                begin_s = from_s + i * span_s
-                part_s = min(sync.to_s, begin_s + span_s) - max(sync.from_s, begin_s)
-                share = part_s / length_s if length_s > 0 else 1.0
-                rates[sync.direction][i] += share * sync.bytes / span_s
-        return span_s, rates["in"], rates["out"]
 
     def _stored(self, t: float, event: MessageStored) -> None:
         stamp_s = event.header.stamp_s(event.at_s)
