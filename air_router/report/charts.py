@@ -219,6 +219,10 @@ def _timeline(history: FlightHistory) -> Figure:
 
     height_px = _LANE_PX * (len(names) + 1) + _BOTTOM_PX
     frame = Frame("timeline", "states, contacts and syncs over time", "", height_px)
+    caption = (
+        "Top row: the mission's state. Below, one row per robot: shaded while the radio link was "
+    )
+    caption += "usable; syncs from the robot in the upper half, syncs to the robot in the lower."
     visited = {stay.state for stay in history.states}
     outcomes = {sync.outcome for sync in history.links.syncs}
     labels = {"complete": "sync completed", "partial": "sync partial", "broken off": "sync lost"}
@@ -229,8 +233,7 @@ def _timeline(history: FlightHistory) -> Figure:
     return Figure(
         "timeline",
         "States, contacts and syncs",
-        "Top row: the mission's state. Below, one row per robot: shaded while the radio link was "
-        "usable; syncs from the robot in the upper half, syncs to the robot in the lower.",
+        caption if names else "The mission's state.",
         _drawn(history, frame, draw),
         [
             *((colour, ", ".join(states)) for colour, states in alike.items()),

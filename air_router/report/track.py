@@ -52,13 +52,13 @@ def track_figure(history: FlightHistory) -> Figure:
                 sheet.name(name, last, (colour, Ink.HALO), below=True, z=9.5)
             return sheet.svg(kind, "the flown track")
 
-    caption = "Robots are drawn at the positions they reported."
+    caption = "Robots are drawn at the positions they reported." if heard else ""
     if history.closest is not None:
         closest_m, what = history.closest
         caption = (
             f"Closest approach: {closest_m:.2f} m to {'the fence' if what == FENCE else what} "
             f"(required: {mission.planner.clearance_m:g} m). {caption}"
-        )
+        ).strip()
     return Figure("track", "Track", caption, in_both_widths(draw))
 
 
@@ -82,7 +82,7 @@ def _robots(
         places = [Point(fix.east_m, fix.north_m) for fix in kept]
         colour = colours()[robot_colour(history, name)]
         told = [f"{name}, heard at {clock(fix.t - history.from_s)}" for fix in kept]
-        sheet.marks(places, "o", 9, colour, name, linewidth=0, zorder=4.5, tooltips=told)
+        sheet.marks(places, "o", 9, colour, name, linewidth=0, zorder=5.5, tooltips=told)
 
 
 def _closest(sheet: MapSheet, history: FlightHistory) -> None:
