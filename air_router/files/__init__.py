@@ -1,5 +1,6 @@
 """Files of a mission, read and written so that every value keeps its place in the file."""
 
+from air_router.files.digits import Digits, degrees, degrees_text, metres
 from air_router.files.json_document import (
     MAX_BYTES,
     NUMBER,
@@ -62,7 +63,6 @@ from air_router.files.whole_file import (
     write_whole,
 )
 from air_router.files.xml_document import Element, kml_in, kmz_of, parse_xml
-from air_router.files.yaml_text import Digits, degrees, degrees_text, metres
 from air_router.files.zone_terms import (
     NO_TERMS,
     AltitudeLimit,

@@ -1,34 +1,30 @@
 """Writes changed data into the text that they were read from: YAML with its comments, or JSON.
 
-An edit changes the plain data of a file. `rewritten` looks where these differ from what a YAML text
-says, and replaces such pieces only; whatever they do not touch stays as it is. JSON has no comments
-and one layout for all of a file, so that it is written anew in the file's own.
+PyYAML says where each value stands. `rewritten` compares the data with what the text says: a value
+is written over, an entry of a list or mapping comes and goes with its own lines. Comments stand
+between entries or behind them, so none is touched, and neither is the layout of anything else.
+JSON has no comments and one layout for all of a file, so that it is written anew in the file's own.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
 from air_router.errors import AirRouterError
+from air_router.files.digits import Digits, like
 from air_router.files.json_document import JsonDocument, json_text
-from air_router.files.yaml_text import (
-    Digits,
-    YamlText,
-    YamlValue,
-    block,
-    like,
-    quoted,
-    word,
-    yaml_flow,
-)
-from mocha_link.team import Document
+from mocha_link.team import Document, yaml_lines
 
 _REST = re.compile(r"[ \t]*(,?)[ \t]*(#.*)?")
-"""What may stand behind an item that has its line for itself."""
+"""What may stand behind an entry that has its lines for itself."""
+
+_COMMENT_LINE = re.compile(r"\n[ \t]*#")
 
 _SHORT_FOR = ("position", "polygon")
 """Keys of a mission file whose mapping may be written as the bare value of the key."""
@@ -50,7 +46,7 @@ def rewritten(text: str, document: Document, data: Any) -> str:
     if root is None:
         return text
     change = _Change(text, root)
-    change.value(change.root, document.data, data)
+    change.value(_Value(root, "the file"), document.data, data)
     return change.text()
 
 
@@ -62,236 +58,359 @@ def with_section(text: str, document: Document, key: str, lines: str) -> str | N
     root = document.node()
     if not isinstance(root, yaml.MappingNode) or root.flow_style:
         return None
-    places = YamlText(text, root)
-    for entry in places.root.entries():
-        if entry.keys == (key,):
-            places.replace_lines(entry, lines)
-            return places.text()
+    change = _Change(text, root)
+    for entry in change.entries(_Value(root, "the file")):
+        if entry.key is not None and entry.key.value == key:
+            change.replace_lines(entry, lines)
+            return change.text()
     return None
 
 
-class _Change(YamlText):
-    """Compares data with what a text says, and replaces the pieces where they differ."""
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """A value of the text."""
 
-    def value(self, place: YamlValue, old: Any, new: Any) -> None:
+    node: yaml.Node
+    name: str  # for messages: 'no_fly_zones[2].name'
+    start: int = 0  # its entry's first character: of its dash or its key, where it has one
+    key: yaml.Node | None = None  # None: an item of a list, or the whole
+    in_flow: bool = False  # it stands in brackets of another value
+
+    @property
+    def first(self) -> int:
+        """Its own first character."""
+        return int(self.node.start_mark.index)
+
+    @property
+    def flow(self) -> bool:
+        """Whether it stands in brackets, its own or another's."""
+        return self.in_flow or bool(getattr(self.node, "flow_style", False))
+
+
+class _Change:
+    """Compares data with what a text says, and collects the pieces that are to be replaced."""
+
+    def __init__(self, text: str, root: yaml.Node) -> None:
+        self._source = text
+        self._newline = "\r\n" if "\r\n" in text else "\n"
+        self._shared = _shared(root) if "&" in text else set()  # ids of nodes with aliases
+        self._pieces: list[tuple[int, int, str]] = []  # from, up to, what is there then
+
+    def text(self) -> str:
+        """The text with all pieces replaced at once."""
+        parts: list[str] = []
+        done = 0
+        for start, end, new in sorted(self._pieces, key=lambda piece: piece[:2]):
+            if start < done:
+                raise SourceError("two changes meet in one line; edit it by hand")
+            parts += (self._source[done:start], new)
+            done = end
+        return "".join([*parts, self._source[done:]])
+
+    def value(self, value: _Value, old: Any, new: Any) -> None:
         """Make the text say `new` where it says `old`."""
         if old == new and isinstance(old, bool) is isinstance(new, bool):
             return
-        if self.is_shared(place.node):
+        if id(value.node) in self._shared:
             raise SourceError(
-                f"{place.named} is used in several places of the file (a YAML alias); "
+                f"{value.name} is used in several places of the file (a YAML alias); "
                 "write it out, or edit it by hand"
             )
-        if isinstance(old, dict) and isinstance(new, dict):
-            self._mapping(place, old, new)
-        elif isinstance(old, list) and isinstance(new, list) and old:
-            self._list(place, old, new)
+        if old and new and isinstance(old, dict) and isinstance(new, dict):
+            self._mapping(value, old, new)
+        elif old and new and isinstance(old, list) and isinstance(new, list):
+            self._list(value, old, new)
         elif isinstance(new, Mapping) and (key := _wrapping_key(old, new)) is not None:
-            self._wrap(place, key, {name: item for name, item in new.items() if name != key})
-        elif isinstance(new, Mapping | list) and old in (None, [], {}):
-            self._fill(place, new)
+            self._wrap(value, key, {name: item for name, item in new.items() if name != key})
+        elif old and new in ([], {}):
+            self._remove(value, range(len(old)))
         else:
-            self._replace(place, new)
+            self._replace(value, new)
 
-    def _mapping(self, place: YamlValue, old: dict[Any, Any], new: dict[Any, Any]) -> None:
-        gone, added = [key for key in old if key not in new], [key for key in new if key not in old]
-        entries = {str(entry.keys[-1]): entry for entry in place.entries()}
-        if len(gone) == len(added) == 1:
-            entry = entries[str(gone[0])]
-            text = self._entry_text(place, added[0], new[added[0]])
-            self.put(entry.begin, self.end(entry.node), text)
-        elif gone and (len(gone) > 1 or added):
-            self._replace(place, new)
-            return
-        else:
-            for key in gone:
-                self._remove(place, list(entries).index(str(key)))
-            if not old:
-                self._fill(place, new)
-            elif added:
-                self._add_keys(place, {key: new[key] for key in added})
-        for key, value in old.items():
+    def _mapping(self, value: _Value, old: dict[Any, Any], new: dict[Any, Any]) -> None:
+        entries = self.entries(value)
+        gone = [index for index, key in enumerate(old) if key not in new]
+        added = [(key, item) for key, item in new.items() if key not in old]
+        if len(gone) == len(added) == 1:  # under another name, where it is
+            entry = entries[gone[0]]
+            self._cut(entry.start, self._end(entry.node), self._entry(value, *added[0]))
+        elif gone:
+            self._remove(value, gone)
+            added = [] if len(gone) == len(old) else added  # then `_remove` left no lines
+        if added and len(gone) != 1:
+            self._insert(value, len(entries), added)
+        for entry, (key, item) in zip(entries, old.items(), strict=True):
             if key in new:
-                self.value(entries[str(key)], value, new[key])
+                self.value(entry, item, new[key])
 
-    def _list(self, place: YamlValue, old: list[Any], new: list[Any]) -> None:
+    def _list(self, value: _Value, old: list[Any], new: list[Any]) -> None:
         same = min(len(old), len(new))
         first = next((i for i in range(same) if old[i] != new[i]), same)
         behind = next((i for i in range(same - first) if old[-1 - i] != new[-1 - i]), same - first)
         fewer, more = old[first : len(old) - behind], new[first : len(new) - behind]
-        if len(fewer) == len(more):
-            entries = list(place.entries())[first:]
-            for entry, before, after in zip(entries, fewer, more, strict=False):
-                self.value(entry, before, after)
-        elif not fewer:
-            self._insert(place, first, more)
-        elif not more and len(fewer) == 1:
-            self._remove(place, first)
-        else:
-            self._replace(place, new)
+        both = min(len(fewer), len(more))
+        entries = self.entries(value)
+        for index, item in enumerate(more[:both], start=first):
+            entry = entries[index]
+            text = self._text_of(entries, old, item)
+            if text is not None and self._is_one_line(entry.node) and not self._anchored(entry):
+                self._cut(entry.first, self._end(entry.node), text)  # it changes places as it is
+            else:
+                self.value(entry, old[index], item)
+        if more[both:]:
+            self._insert(value, first + both, [(None, item) for item in more[both:]])
+        elif fewer[both:]:
+            self._remove(value, range(first + both, first + len(fewer)))
 
-    # A whole value
+    def _text_of(self, entries: list[_Value], old: list[Any], item: Any) -> str | None:
+        """How an item stands in the text now, if it is there in one line."""
+        at = next((i for i, other in enumerate(old) if other is item), None)
+        node = None if at is None or not isinstance(item, list | dict) else entries[at].node
+        if node is None or id(node) in self._shared or not self._is_one_line(node):
+            return None
+        return self._source[int(node.start_mark.index) : self._end(node)]
 
-    def _replace(self, place: YamlValue, new: Any) -> None:
+    # A value as a whole
+
+    def _replace(self, value: _Value, new: Any) -> None:
         """Write a value in the place of another."""
-        start, end = place.start, self.end(place.node)
-        if isinstance(new, Digits) and place.is_word:
-            self.put(start, end, like(self.source[start:end], new))
-        elif place.is_word and not isinstance(new, list | dict):
-            gap = " " if self.source[start - 1 : start] == ":" else ""
-            in_quotes = isinstance(new, str) and self.source[start : start + 1] in ('"', "'")
-            text = gap + (quoted(new) if in_quotes else yaml_flow(new))
-            self.put(start, end, text + self._remark_of_block(place))
-        elif place.is_word or place.flow:
-            self.put(start, end, yaml_flow(new))
+        node, start, end = value.node, value.first, self._end(value.node)
+        short = _is_short(new)
+        if not isinstance(node, yaml.ScalarNode) and not value.flow:
+            indent = "\n" + " " * node.start_mark.column
+            self._cut(start, end, self._broken(indent.join(_lines(new))))
+        elif not short and value.flow and "#" in self._source[start:end]:
+            self._put(start + 1, start + 1, _in_line(new)[1:-1])  # comments between the brackets
+        elif not short and value.key is not None and not value.in_flow:
+            at, indent = self._line_end(end), "\n" + " " * (value.key.start_mark.column + 2)
+            self._cut(len(self._source[:start].rstrip(" ")), end, "")
+            self._put(at, at, self._broken("".join(indent + line for line in _lines(new))))
+        elif isinstance(node, yaml.ScalarNode) and node.style in ("|", ">"):
+            _, mark, comment = self._after(start).partition("#")  # behind the mark of the block
+            self._put(start, end, _in_line(new) + (f"  {mark}{comment}" if mark else ""))
+        elif isinstance(new, Digits) and isinstance(node, yaml.ScalarNode):
+            self._cut(start, end, self._gap(start) + like(self._source[start:end], new))
         else:
-            self.put(start, end, self.lines(block(new, place.indent)).lstrip(" "))
+            style = getattr(node, "style", None)
+            quotes = style if isinstance(new, str) and style in ("'", '"') else None
+            self._cut(start, end, self._gap(start) + _in_line(new, quotes))
 
-    def _remark_of_block(self, place: YamlValue) -> str:
-        """The remark behind the mark of a text in lines of its own, which goes with these lines."""
-        if not isinstance(place.node, yaml.ScalarNode) or place.node.style not in ("|", ">"):
-            return ""
-        remark = self.after(place.start).partition(" ")[2].strip()
-        return f"  {remark}" if remark else ""
+    def _gap(self, start: int) -> str:
+        """A blank behind a key that has no value."""
+        return " " if self._source[start - 1 : start] == ":" else ""
 
-    def _fill(self, place: YamlValue, new: Any) -> None:
-        """Write a value in the place of null, or of an empty list or mapping."""
-        start, end = place.start, self.end(place.node)
-        if place.flow and "#" in self.source[start:end]:  # remarks between the brackets stay there
-            self.put(start + 1, start + 1, yaml_flow(new)[1:-1])
-            return
-        if place.key_end is None or place.in_flow:
-            self.put(start, end, yaml_flow(new))
-            return
-        at, indent = self.line_end(end), " " * (len(self.before(place.begin)) + 2)
-        self.put(len(self.source[:start].rstrip(" ")), end, "")
-        self.put(at, at, self.newline + self.lines(block(new, indent)))
-
-    def _wrap(self, place: YamlValue, key: str, others: Mapping[str, Any]) -> None:
+    def _wrap(self, value: _Value, key: str, others: Mapping[str, Any]) -> None:
         """Make a mapping of a value: the value itself under `key`, and others beside it."""
-        start, end = place.start, self.end(place.node)
-        lines = [f"{word(name)}: {yaml_flow(value)}" for name, value in others.items()]
-        if place.is_word or place.flow:
-            self.put(start, start, f"{{{word(key)}: ")
-            self.put(end, end, "".join(f", {line}" for line in lines) + "}")
+        start, end = value.first, self._end(value.node)
+        if isinstance(value.node, yaml.ScalarNode) or value.flow:
+            more = "".join(f", {name}: {_in_line(item)}" for name, item in others.items())
+            self._put(start, start, f"{{{key}: ")
+            self._put(end, end, f"{more}}}")
         else:
-            separator = self.newline + place.indent
-            self.put(start, start, "".join(f"{line}{separator}" for line in [*lines, f"{key}:"]))
+            indent = "\n" + " " * value.node.start_mark.column
+            lines = [f"{name}: {_in_line(item)}" for name, item in others.items()]
+            self._put(
+                start, start, self._broken("".join(f"{x}{indent}" for x in [*lines, f"{key}:"]))
+            )
 
     # Entries
 
-    def _entry_text(self, place: YamlValue, key: str, value: Any) -> str:
-        """A key and its value, as an entry of this mapping."""
-        if place.flow:
-            return yaml_flow({key: value})[1:-1]
-        return self.lines(block({key: value}, place.indent)).lstrip(" ")
+    def entries(self, value: _Value) -> list[_Value]:
+        """The items of a list, or the values of a mapping with their keys; none of a word."""
+        node = value.node
+        if isinstance(node, yaml.MappingNode):
+            return [
+                _Value(item, f"{value.name}.{key.value}", key.start_mark.index, key, value.flow)
+                for key, item in node.value
+            ]
+        items = node.value if isinstance(node, yaml.SequenceNode) else []
+        return [
+            _Value(item, f"{value.name}[{i}]", self._dash(value, item), None, value.flow)
+            for i, item in enumerate(items)
+        ]
 
-    def _add_keys(self, place: YamlValue, more: Mapping[str, Any]) -> None:
-        """Add keys behind the last one of a mapping that has some."""
-        if place.flow:
-            spans = self._spans(place)
-            texts = [self._entry_text(place, *item) for item in more.items()]
-            self._insert_in_flow(place, spans, len(spans), texts)
+    def _dash(self, value: _Value, item: yaml.Node) -> int:
+        """The first character of a list's item: its dash, or itself where it is in brackets."""
+        at, column = int(item.start_mark.index), int(value.node.start_mark.column)
+        if value.flow:
+            return at
+        at = self._line_start(at)
+        while at > value.first and self._source[at : at + column + 1].strip(" ") != "-":
+            at = self._line_start(at - 1)
+        return max(at + column, value.first)
+
+    def _entry(self, value: _Value, key: Any, item: Any) -> str:
+        """An entry's text, for this list or mapping."""
+        if value.flow:
+            return _in_line(item) if key is None else _in_line({key: item})[1:-1]
+        if key is None:
+            lines = [("  " if i else "- ") + line for i, line in enumerate(_lines(item))]
+        elif _is_short(item):
+            lines = [f"{_in_line(key)}: {_in_line(item)}"]
         else:
-            at = self.line_end(self.end(place.node))
-            gap = self.newline if not place.keys else ""
-            self.put(at, at, gap + self.newline + self.lines(block(more, place.indent)))
+            lines = [f"{_in_line(key)}:", *("  " + line for line in _lines(item))]
+        return self._broken(("\n" + " " * value.node.start_mark.column).join(lines))
 
-    def _insert(self, place: YamlValue, index: int, items: Sequence[Any]) -> None:
-        """Insert items into a list, before the one that has the index now."""
-        spans = self._spans(place)
-        if place.flow:
-            self._insert_in_flow(place, spans, index, map(yaml_flow, items))
-            return
-        lines = self.lines(block(list(items), place.indent))
+    def _insert(self, value: _Value, index: int, items: Sequence[tuple[Any, Any]]) -> None:
+        """Insert keys, or None, with their values before the entry that has the index now."""
+        entries, texts = self._own(value), [self._entry(value, *item) for item in items]
+        alone = all(self._is_alone(entry) for entry in entries)
+        indent = self._newline + self._before(entries[0].start) if alone else ""
+        separator = indent
+        if value.flow:
+            separator = f",{indent}" if indent else ", "
+        elif not alone:  # the first one stands behind another's dash
+            separator = self._newline + " " * value.node.start_mark.column
         if index == 0:
-            text = lines.lstrip(" ") + self.newline + place.indent
-            self.put(place.start, place.start, text)
-        else:
-            at = self.line_end(spans[index - 1][1])
-            self.put(at, at, self.newline + lines)
-
-    def _insert_in_flow(
-        self, place: YamlValue, spans: list[tuple[int, int]], index: int, texts: Iterable[str]
-    ) -> None:
-        separator = self._separator(place, spans)
-        text = separator.join(texts)
-        if index == 0:
-            self.put(spans[0][0], spans[0][0], text + separator)
+            at = entries[0].start
+            self._put(at, at, separator.join([*texts, ""]))
             return
-        at = spans[index - 1][1]
-        rest = _REST.fullmatch(self.after(at))
-        if "\n" not in separator or rest is None or not rest[2]:
-            self.put(at, at, separator + text)
+        at = self._end(entries[index - 1].node)
+        if value.flow and alone:  # a comment stays with the entry that it stands behind
+            rest = _REST.match(self._after(at))
+            self._put(at, at, "" if rest and rest[1] else ",")
+            texts[-1] += "," if index < len(entries) or (rest and rest[1]) else ""
+            separator = separator.removeprefix(",")
+            texts[:-1] = [text + "," for text in texts[:-1]]
+        if not value.flow or alone:
+            at = self._line_end(at)
+        if not value.flow and value.name == "the file":
+            self._put(at, at, self._newline)
+        self._put(at, at, "".join(separator + text for text in texts))
+
+    def _remove(self, value: _Value, indexes: Iterable[int]) -> None:
+        """Take items out of a list, or keys with their values out of a mapping."""
+        entries, gone = self._own(value), set(indexes)
+        if len(gone) == len(entries):
+            self._empty(value, entries)
             return
-        line = separator[1:] + text  # a comment stays with the item that it stands behind
-        end = self.line_end(at)
-        if rest[1]:
-            self.put(end, end, line + ",")
-        else:
-            self.put(at, at, ",")
-            self.put(end, end, line)
+        for index in sorted(gone):
+            entry = entries[index]
+            if self._is_alone(entry):
+                self._remove_lines(entry)
+            elif any(i not in gone for i in range(index + 1, len(entries))):
+                self._cut(entry.start, entries[index + 1].start, "")
+            else:
+                self._cut(self._end(entries[index - 1].node), self._end(entry.node), "")
 
-    def _remove(self, place: YamlValue, index: int) -> None:
-        """Take an item out of a list, or a key with its value out of a mapping."""
-        spans = self._spans(place)
-        starts = [self._entry_start(place, start) for start, _ in spans]
-        start, end = starts[index], spans[index][1]
-        alone = not self.before(start).strip()
-        if len(spans) == 1:
-            self._remove_last(place, start, end)
-        elif alone and (not place.flow or _REST.fullmatch(self.after(end))):
-            self.remove_lines(start, end)
-        elif index + 1 < len(spans):
-            self.put(start, starts[index + 1], "")
-        else:
-            self.put(spans[index - 1][1], end, "")
-
-    def _remove_last(self, place: YamlValue, start: int, end: int) -> None:
-        if place.flow:
-            self.put(place.start + 1, self.end(place.node) - 1, "")
+    def _empty(self, value: _Value, entries: list[_Value]) -> None:
+        empty = "[]" if isinstance(value.node, yaml.SequenceNode) else "{}"
+        if value.flow or value.key is None or not all(map(self._is_alone, entries)):
+            self._cut(value.first, self._end(value.node), empty)
             return
-        if isinstance(place.node, yaml.MappingNode):
-            raise SourceError(f"{place.named} would be empty; remove it as a whole")
-        if place.key_end is None or self.before(start).strip():
-            self.put(start, end, "[]")
-            return
-        colon = self.source.index(":", place.key_end) + 1
-        self.put(colon, colon, " []")
-        self.remove_lines(start, end)
+        colon = self._source.index(":", value.key.end_mark.index) + 1
+        self._put(colon, colon, f" {empty}")
+        for entry in entries:
+            self._remove_lines(entry)
 
-    # Where things stand
-
-    def _spans(self, place: YamlValue) -> list[tuple[int, int]]:
-        """The places of a list's items, or of a mapping's keys with their values."""
-        entries = list(place.entries())
-        if any(self.is_shared(entry.node) for entry in entries):
+    def _own(self, value: _Value) -> list[_Value]:
+        """The entries of a list or mapping that stand where they are, and nowhere else."""
+        entries = self.entries(value)
+        if self._anchored(value) or any(id(entry.node) in self._shared for entry in entries):
             raise SourceError(
-                "the list has entries that stand elsewhere (YAML aliases); "
+                f"{value.name} has an anchor, or entries that stand elsewhere (YAML aliases); "
                 "write them out, or edit it by hand"
             )
-        return [(entry.begin, self.end(entry.node)) for entry in entries]
+        return entries
 
-    def _entry_start(self, place: YamlValue, start: int) -> int:
-        """The dash of a list's item, the key of a mapping, all of an item in brackets."""
-        if place.flow or isinstance(place.node, yaml.MappingNode):
-            return start
-        at = self.line_start(start)
-        while at > place.start and not self.source.startswith(place.indent + "-", at):
-            at = self.line_start(at - 1)
-        return max(at + len(place.indent), place.start)
+    def _anchored(self, value: _Value) -> bool:
+        return self._source[value.first : value.first + 1] in ("&", "!")
 
-    def _separator(self, place: YamlValue, spans: list[tuple[int, int]]) -> str:
-        """What stands between two entries, or would; comments left out."""
-        first = spans[0][0]
-        if len(spans) > 1:
-            between = self.source[spans[0][1] : spans[1][0]]
-            first = spans[1][0]
-        else:
-            between = ", " + self.source[place.start + 1 : first]
-        if "\n" not in between:
-            return between if len(spans) > 1 else ", "
-        return "," + self.newline + self.before(first)
+    def _is_alone(self, entry: _Value) -> bool:
+        """Whether nothing else stands on an entry's lines but comments."""
+        if self._before(entry.start).strip(" "):
+            return False
+        return not entry.in_flow or bool(_REST.fullmatch(self._after(self._end(entry.node))))
+
+    # Lines
+
+    def replace_lines(self, entry: _Value, lines: str) -> None:
+        """Put whole lines in the place of an entry."""
+        start, end = self._line_start(entry.start), self._next_line(self._end(entry.node))
+        self._put(start, end, self._broken(lines))
+
+    def _remove_lines(self, entry: _Value) -> None:
+        first, behind = self._line_start(entry.start), self._next_line(self._end(entry.node))
+        if behind == len(self._source) and not self._source.endswith("\n") and first:
+            first -= len(self._newline)  # the last line of all has no line break
+        self._put(first, behind, "")
+
+    def _put(self, start: int, end: int, text: str) -> None:
+        """Have another text from a character up to, not including, another."""
+        self._pieces.append((start, end, text))
+
+    def _cut(self, start: int, end: int, text: str) -> None:
+        """The same where lines of comments may stand, which must not get lost."""
+        if _COMMENT_LINE.search(self._source, start, end):
+            line = self._source.count("\n", 0, start) + 1
+            raise SourceError(f"comments stand in what changes on line {line}; edit it by hand")
+        self._put(start, end, text)
+
+    def _broken(self, text: str) -> str:
+        """A text with the line breaks of this one."""
+        return text.replace("\n", self._newline)
+
+    def _before(self, at: int) -> str:
+        return self._source[self._line_start(at) : at]
+
+    def _after(self, at: int) -> str:
+        return self._source[at : self._line_end(at)]
+
+    def _line_start(self, at: int) -> int:
+        return self._source.rfind("\n", 0, at) + 1
+
+    def _line_end(self, at: int) -> int:
+        """The end of the line, before its line break."""
+        end = self._source.find("\n", at)
+        end = len(self._source) if end < 0 else end
+        return end - 1 if end > at and self._source[end - 1] == "\r" else end
+
+    def _next_line(self, at: int) -> int:
+        """The first character of the line below; line breaks of a file may differ."""
+        end = self._source.find("\n", at)
+        return len(self._source) if end < 0 else end + 1
+
+    def _is_one_line(self, node: yaml.Node) -> bool:
+        return "\n" not in self._source[int(node.start_mark.index) : self._end(node)]
+
+    def _end(self, node: yaml.Node) -> int:
+        """Behind a node; a list or mapping without brackets ends with its last value."""
+        start, end = int(node.start_mark.index), int(node.end_mark.index)
+        if isinstance(node, yaml.ScalarNode) and node.style in ("|", ">"):
+            return start + len(self._source[start:end].rstrip())
+        if not isinstance(node, yaml.CollectionNode) or node.flow_style or not node.value:
+            return end
+        last = node.value[-1][-1] if isinstance(node, yaml.MappingNode) else node.value[-1]
+        if id(last) in self._shared:
+            raise SourceError("a YAML alias stands last; write it out, or edit it by hand")
+        return self._end(last)
+
+
+def _shared(root: yaml.Node) -> set[int]:
+    """Ids of the nodes that a text uses more than once, through YAML's aliases."""
+    counts: Counter[int] = Counter()
+    rest = [root]
+    while rest:
+        node = rest.pop()
+        counts[id(node)] += 1
+        if counts[id(node)] == 1 and isinstance(node, yaml.CollectionNode):
+            for entry in node.value:
+                rest += entry if isinstance(entry, tuple) else [entry]
+    return {node for node, count in counts.items() if count > 1}
+
+
+def _is_short(value: Any) -> bool:
+    """Whether a value gets one line: it holds no lists and no mappings."""
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return not any(isinstance(item, list | dict) for item in items)
+
+
+def _in_line(value: Any, quotes: str | None = None) -> str:
+    return yaml_lines(value, quotes=quotes, in_line=True)[0]
+
+
+def _lines(value: Any) -> list[str]:
+    return yaml_lines(value, in_line=_is_short(value))
 
 
 def _wrapping_key(old: Any, new: Mapping[str, Any]) -> str | None:

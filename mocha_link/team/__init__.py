@@ -5,7 +5,7 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "document": ("Document", "MAX_BYTES", "as_yaml"),
+        "document": ("Document", "MAX_BYTES", "as_yaml", "yaml_lines"),
         "error_text": ("Key", "as_label", "code_of", "request_error_text", "text_of_error"),
         "keys": (
             "KeyFileError",

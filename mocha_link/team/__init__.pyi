@@ -5,6 +5,7 @@ from mocha_link.team import upstream as upstream
 from mocha_link.team.document import MAX_BYTES as MAX_BYTES
 from mocha_link.team.document import Document as Document
 from mocha_link.team.document import as_yaml as as_yaml
+from mocha_link.team.document import yaml_lines as yaml_lines
 from mocha_link.team.error_text import Key as Key
 from mocha_link.team.error_text import as_label as as_label
 from mocha_link.team.error_text import code_of as code_of

@@ -29,7 +29,7 @@ from mocha_link.team.problem import (
 from mocha_link.team.yaml_mistakes import explained
 from mocha_link.team.yaml_nodes import MAX_DEPTH, TAG, Loader, TooDeepError, compose
 
-__all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
+__all__ = ["Document", "DocumentError", "Problem", "as_yaml", "yaml_lines"]
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
@@ -261,9 +261,34 @@ def _mark(node: yaml.Node | None) -> tuple[int, int]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes exactly what `Loader` would not read as text."""
+    """Quotes exactly what `Loader` would not read as text; writes out what is used twice."""
 
     yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: object) -> bool:
+        del data
+        return True
+
+
+class _LineDumper(_Dumper):
+    """Begins no line within a text; a float of a type of its own is written as its `str`."""
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+        del indentless  # a list is indented more than its key
+        super().increase_indent(flow=flow, indentless=False)
+
+    def text(self, text: str) -> yaml.ScalarNode:
+        """A text with line breaks or invisible letters is written in double quotes."""
+        return self.represent_scalar(TAG + "str", text, style=None if text.isprintable() else '"')
+
+    def number(self, number: float) -> yaml.ScalarNode:
+        """With as many digits as the number itself says."""
+        digits = str(number)
+        return self.represent_scalar(TAG + ("float" if "." in digits else "int"), digits)
+
+
+_LineDumper.add_representer(str, _LineDumper.text)
+_LineDumper.add_multi_representer(float, _LineDumper.number)
 
 
 def as_yaml(data: Any, *, short_in_line: bool = False) -> str:
@@ -279,3 +304,23 @@ def as_yaml(data: Any, *, short_in_line: bool = False) -> str:
         default_flow_style=None if short_in_line else False,
         width=100,
     )
+
+
+def yaml_lines(data: Any, *, quotes: str | None = None, in_line: bool = False) -> list[str]:
+    """Plain values as lines to be put into a YAML text, long ones not wrapped.
+
+    Args:
+        data: What is written. Lists and mappings that hold no others get one line.
+        quotes: The kind that all texts get; None: none where none are needed.
+        in_line: All of it gets one line, which may stand in brackets.
+    """
+    text: str = yaml.dump(
+        [data] if in_line else data,
+        Dumper=_LineDumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=True if in_line else None,
+        default_style=quotes,
+        width=math.inf,
+    )
+    return [text[1:-2]] if in_line else text.splitlines()

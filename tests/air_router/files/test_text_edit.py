@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from air_router.files.digits import Digits, degrees, like
 from air_router.files.json_document import json_from_text, value_at
 from air_router.files.text_edit import SourceError, rewritten
-from air_router.files.yaml_text import Digits, degrees, like, word
 from mocha_link.team.document import Document
 from tests.air_router.files.values import values_in
 
@@ -203,9 +203,17 @@ def test_numbers_look_like_those_they_replace(old, value, decimals, new):
 def test_words_are_read_back_as_they_are(text):
     if any(0xD800 <= ord(letter) <= 0xDFFF for letter in text):
         return
-    for shown in (f"name: {word(text)}  # remark", f"[{{name: {word(text)}}}]"):
-        data = loaded(shown).data
-        assert (data if isinstance(data, dict) else data[0]) == {"name": text}
+    for before in (
+        "name: old  # remark\n",
+        "name: 'old'\n",
+        "[{name: old}]\n",
+        "n:\n  - name: old\n",
+    ):
+        document = loaded(before)
+        data = json.loads(json.dumps(document.data).replace('"old"', json.dumps(text)))
+        after = rewritten(before, document, data)
+        assert loaded(after).data == data
+        assert remarks_of(after) == remarks_of(before)
 
 
 def test_what_is_used_twice_is_left_alone():
