@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from shapely import Polygon, make_valid
 
-from air_router.editor.changes import Changes, Region
-from air_router.editor.edits import Edit, EditError
-from air_router.editor.file_changes import PlanChanges, YamlChanges
+from air_router.editor.edits import Edit
+from air_router.editor.layouts import PlanParts, YamlParts
+from air_router.editor.parts import EditError, Parts, Region
 from air_router.files import Area, JsonDocument, MissionDocument, json_from_text, rewritten
 from air_router.files.missions import plan_draft, read_mission
 from air_router.mission import Mission, check_own, validate
@@ -42,7 +42,7 @@ class EditableMission:
     path: Path
     text: str  # as it would be saved
     document: Document
-    parts: Changes  # what of it can be changed; not changed itself
+    parts: Parts  # what of it can be changed; not changed itself
 
     @classmethod
     def read(cls, text: str, path: Path) -> EditableMission:
@@ -54,9 +54,9 @@ class EditableMission:
         check_own(path)
         if path.suffix.lower() == ".plan":
             document: Document = json_from_text(text, path)
-            return cls(path, text, document, PlanChanges(document.data))
+            return cls(path, text, document, PlanParts(document.data))
         document = Document.from_text(text, path)
-        return cls(path, text, document, YamlChanges(document.data))
+        return cls(path, text, document, YamlParts(document.data))
 
     def mission_document(self) -> MissionDocument:
         """What the text says, not yet validated."""
@@ -72,14 +72,13 @@ class EditableMission:
                 the change; the text is as it was.
             SourceError: likewise.
         """
-        changes = self.parts.copied()
-        changes.make(edit)
+        changed = edit.applied(self.parts)
         try:
-            text = rewritten(self.text, self.document, changes.data)
+            text = rewritten(self.text, self.document, changed.data)
             after = EditableMission.read(text, self.path)
         except (DocumentError, ValueError):
             raise EditError(_BY_HAND) from None
-        if after.document.data != changes.data:
+        if after.document.data != changed.data:
             raise EditError(_BY_HAND)
         return after
 
@@ -139,7 +138,7 @@ class MissionAnalysis:
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
 
 
-def _stand_ins(region: Region, parts: Changes, document: MissionDocument) -> Iterator[Area]:
+def _stand_ins(region: Region, parts: Parts, document: MissionDocument) -> Iterator[Area]:
     """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
     if document.frame is None:
         return

@@ -1,10 +1,41 @@
-"""What the page may ask to be changed; checked like anything that comes over a socket."""
+"""What the page may ask to be changed: each kind of edit is one class.
 
-from typing import Annotated, ClassVar, Literal
+An edit is checked like anything that comes over a socket, and names itself by `do`. It changes a
+copy of the mission's data, of which the text is made; undo shows the text of before again. So a
+new kind of edit is a class here, and nothing elsewhere in Python.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, ClassVar, Final, Literal, Union, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from air_router.errors import AirRouterError
+from air_router.editor.layouts import YamlParts
+from air_router.editor.parts import EditError, Handle, Parts
+from air_router.files import MissionForm, PlannerSettings, Timers, metres, value_at
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+
+_LEAST_CORNERS = 3
+
+SETTINGS: Final[dict[str, tuple[str, ...]]] = {
+    "": (
+        "name",
+        "team",
+        "uav",
+        "altitude_m",
+        "speed_m_s",
+        "duration_s",
+        "endurance_s",
+        "battery_reserve",
+    ),
+    "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),
+    "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s", "revisit_s"),
+}
+"""What `SetValue` sets, by the section of the mission file; '' is the file itself."""
+
+_SECTION_OF = {name: section for section, names in SETTINGS.items() for name in names}
+_FORMS: dict[str, type] = {"": MissionForm, "planner": PlannerSettings, "timers": Timers}
 
 
 def _on_earth(longitude_deg: float) -> float:
@@ -23,19 +54,53 @@ _Radius = Annotated[float, Field(gt=0, le=10_000)]
 _Index = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
-class EditError(AirRouterError):
-    """An edit that cannot be applied to the mission; the message says why."""
+class Edit(BaseModel, ABC):
+    """A change of a mission; its fields are what the page sends."""
 
-
-class _Edit(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
     words: ClassVar[str]
     """What undo calls it."""
 
+    from_start: ClassVar[bool] = False
+    """Of several in one gesture, each counts from the state before the first."""
 
-class _PartEdit(_Edit):
+    def applied(self, parts: Parts) -> Parts:
+        """A copy of the parts with the change in its data.
+
+        Raises:
+            EditError: the mission has no such part, or would not survive.
+        """
+        changed = parts.copied()
+        self._change(changed)
+        return changed
+
+    @abstractmethod
+    def _change(self, parts: Parts) -> None:
+        """Change the data of these parts."""
+
+
+class _PartEdit(Edit):
     keys: _Keys  # of the part of the mission that it is about
+
+
+class _YamlEdit(Edit):
+    """An edit of what a QGroundControl plan has no place for."""
+
+    def _change(self, parts: Parts) -> None:
+        if not isinstance(parts, YamlParts):
+            raise EditError(
+                f"{self.words}: a plan has no place for it; edit it in QGroundControl, or convert "
+                "the plan to YAML"
+            )
+        self._change_yaml(parts)
+
+    @abstractmethod
+    def _change_yaml(self, parts: YamlParts) -> None:
+        """Change the data of a mission file."""
+
+
+# Places
 
 
 class Move(_PartEdit):
@@ -45,14 +110,109 @@ class Move(_PartEdit):
     do: Literal["move"]
     to: _Place
 
+    def _change(self, parts: Parts) -> None:
+        parts.move(parts.handle(self.keys), self.to)
+
+
+class AddWaypoint(Edit):
+    """Insert a waypoint; with `index` waypoints before it."""
+
+    words: ClassVar[str] = "add waypoint"
+    do: Literal["add_waypoint"]
+    index: _Index
+    at: _Place
+
+    def _change(self, parts: Parts) -> None:
+        parts.insert_waypoint(self.index, self.at)
+
+
+class Reorder(_PartEdit):
+    """Move a waypoint to another place in the order; then so many waypoints are before it."""
+
+    words: ClassVar[str] = "reorder waypoints"
+    do: Literal["reorder"]
+    index: _Index
+
+    def _change(self, parts: Parts) -> None:
+        moved = parts.handle(self.keys)
+        if moved not in parts.waypoints:
+            raise EditError("only waypoints have an order")
+        if self.index >= len(parts.waypoints):
+            raise EditError(f"the mission has only {len(parts.waypoints)} waypoints")
+        order = [handle for handle in parts.waypoints if handle is not moved]
+        order.insert(self.index, moved)
+        _put_in_order(parts, order)
+
+
+class Reverse(Edit):
+    """Turn the order of the waypoints round."""
+
+    words: ClassVar[str] = "reverse waypoints"
+    do: Literal["reverse"]
+
+    def _change(self, parts: Parts) -> None:
+        _put_in_order(parts, parts.waypoints[::-1])
+
+
+def _put_in_order(parts: Parts, order: Sequence[Handle]) -> None:
+    """Write the waypoints' entries in another order; what stands between them stays there."""
+    places = [handle.entry for handle in parts.waypoints if handle.entry is not None]
+    entries = [value_at(parts.data, handle.entry) for handle in order if handle.entry is not None]
+    for place, entry in zip(places, entries, strict=True):
+        parts.at(place[:-1])[place[-1]] = entry
+
+
+class SetAltitude(_PartEdit):
+    """Give a waypoint an altitude of its own, in metres above home; None: the mission's."""
+
+    words: ClassVar[str] = "altitude"
+    do: Literal["set_altitude"]
+    altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
+
+    def _change(self, parts: Parts) -> None:
+        waypoint = parts.handle(self.keys)
+        if waypoint not in parts.waypoints:
+            raise EditError("only waypoints have altitudes of their own")
+        parts.set_altitude(waypoint, self.altitude_m)
+
+
+class AddRallyPoint(Edit):
+    """Add a rally point."""
+
+    words: ClassVar[str] = "add rally point"
+    do: Literal["add_rally_point"]
+    at: _Place
+
+    def _change(self, parts: Parts) -> None:
+        parts.add_rally_point(self.at)
+
+
+# Areas
+
 
 class Shift(_PartEdit):
     """Move a whole area by as much as from one place to another."""
 
     words: ClassVar[str] = "move area"
+    from_start: ClassVar[bool] = True  # so that no rounding adds up
     do: Literal["shift"]
     origin: _Place
     to: _Place
+
+    def _change(self, parts: Parts) -> None:
+        region = parts.region(self.keys)
+        try:
+            frame = LocalFrame(Geodetic(*self.to))
+            start = frame.to_local(*self.origin)
+            for handle in region.handles:
+                here = parts.geodetic(handle.pair)
+                if here is None:
+                    raise EditError(f"{region.name} has a corner that is not on Earth")
+                point = frame.to_local(*here)
+                there = Point(point.east_m - start.east_m, point.north_m - start.north_m)
+                parts.move(handle, frame.to_geodetic(there))
+        except FrameError as error:
+            raise EditError(f"{region.name} cannot be moved there: {error}") from None
 
 
 class Resize(_PartEdit):
@@ -61,6 +221,13 @@ class Resize(_PartEdit):
     words: ClassVar[str] = "resize circle"
     do: Literal["resize"]
     radius_m: _Radius
+
+    def _change(self, parts: Parts) -> None:
+        region = parts.region(self.keys)
+        if region.circle is None:
+            raise EditError(f"{region.name} is no circle")
+        *keys, name = region.circle.radius_keys
+        parts.put(parts.at(keys), name, metres(self.radius_m, 1 if self.radius_m >= 1 else 2))
 
 
 class AddCorner(_PartEdit):
@@ -71,40 +238,16 @@ class AddCorner(_PartEdit):
     index: _Index
     at: _Place
 
-
-class AddWaypoint(_Edit):
-    """Insert a waypoint; with `index` waypoints before it."""
-
-    words: ClassVar[str] = "add waypoint"
-    do: Literal["add_waypoint"]
-    index: _Index
-    at: _Place
-
-
-class Reorder(_PartEdit):
-    """Move a waypoint to another place in the order; then so many waypoints are before it."""
-
-    words: ClassVar[str] = "reorder waypoints"
-    do: Literal["reorder"]
-    index: _Index
+    def _change(self, parts: Parts) -> None:
+        ring = parts.rings.get(self.keys)
+        if ring is None:
+            raise EditError("the mission has no such border any more")
+        if self.index > len(ring.corners):
+            raise EditError(f"the ring has only {len(ring.corners)} corners")
+        parts.at(self.keys).insert(self.index, parts.digits(self.at))
 
 
-class Reverse(_Edit):
-    """Turn the order of the waypoints round."""
-
-    words: ClassVar[str] = "reverse waypoints"
-    do: Literal["reverse"]
-
-
-class AddRallyPoint(_Edit):
-    """Add a rally point."""
-
-    words: ClassVar[str] = "add rally point"
-    do: Literal["add_rally_point"]
-    at: _Place
-
-
-class AddArea(_Edit):
+class AddArea(Edit):
     """Add a no-fly zone or a fence: a polygon, or a circle around the only place."""
 
     words: ClassVar[str] = "add zone"
@@ -113,77 +256,8 @@ class AddArea(_Edit):
     corners: Annotated[tuple[_Place, ...], Field(min_length=1, max_length=500)]
     radius_m: _Radius | None = None
 
-
-class Remove(_PartEdit):
-    """Remove a place, a corner or an area."""
-
-    words: ClassVar[str] = "remove"
-    do: Literal["remove"]
-
-
-class Rename(_PartEdit):
-    """Give a no-fly zone another name."""
-
-    words: ClassVar[str] = "rename"
-    do: Literal["rename"]
-    name: Annotated[str, Field(min_length=1, max_length=80)]
-
-
-class SetAltitude(_PartEdit):
-    """Give a waypoint an altitude of its own, in metres above home; None: the mission's."""
-
-    words: ClassVar[str] = "altitude"
-    do: Literal["set_altitude"]
-    altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
-
-
-class SetValue(_Edit):
-    """Change one of the mission's settings; None: its default."""
-
-    words: ClassVar[str] = "setting"
-    do: Literal["set_value"]
-    name: Literal[
-        "name",
-        "team",
-        "uav",
-        "altitude_m",
-        "speed_m_s",
-        "duration_s",
-        "endurance_s",
-        "battery_reserve",
-        "clearance_m",
-        "tracking_margin_m",
-        "max_edge_m",
-        "init_s",
-        "explore_s",
-        "search_s",
-        "communicate_s",
-        "hold_s",
-        "revisit_s",
-    ]
-    value: (
-        Annotated[float, Field(ge=0, le=100_000)]
-        | Annotated[str, Field(min_length=1, max_length=200)]
-        | None
-    )
-
-
-class Seek(_Edit):
-    """Seek these robots, in this order."""
-
-    words: ClassVar[str] = "whom to seek"
-    do: Literal["seek"]
-    robots: Annotated[
-        tuple[Annotated[str, Field(min_length=1, max_length=80)], ...], Field(max_length=500)
-    ]
-
-
-class SetCrossing(_PartEdit):
-    """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
-
-    words: ClassVar[str] = "crossing"
-    do: Literal["set_crossing"]
-    crosses: bool
+    def _change(self, parts: Parts) -> None:
+        parts.add_area(self.corners, self.radius_m, fence=self.fence)
 
 
 class Redraw(_PartEdit):
@@ -193,27 +267,148 @@ class Redraw(_PartEdit):
     do: Literal["redraw"]
     corners: Annotated[tuple[_Place, ...], Field(min_length=3, max_length=500)]
 
+    def _change(self, parts: Parts) -> None:
+        parts.redraw(parts.region(self.keys), self.corners)
 
-Edit = (
-    Move
-    | Shift
-    | Resize
-    | AddCorner
-    | AddWaypoint
-    | Reorder
-    | Reverse
-    | AddRallyPoint
-    | AddArea
-    | Remove
-    | Rename
-    | SetAltitude
-    | SetValue
-    | Seek
-    | SetCrossing
-    | Redraw
-)
 
-_ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="do")])
+class Rename(_PartEdit, _YamlEdit):
+    """Give a no-fly zone another name."""
+
+    words: ClassVar[str] = "rename"
+    do: Literal["rename"]
+    name: Annotated[str, Field(min_length=1, max_length=80)]
+
+    def _change_yaml(self, parts: YamlParts) -> None:
+        if parts.region(self.keys).is_fence:
+            raise EditError("a fence has no name")
+        parts.long_form(self.keys, "polygon")["name"] = self.name
+
+
+class SetCrossing(_PartEdit, _YamlEdit):
+    """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
+
+    words: ClassVar[str] = "crossing"
+    do: Literal["set_crossing"]
+    crosses: bool
+
+    def _change_yaml(self, parts: YamlParts) -> None:
+        if parts.region(self.keys).is_fence:
+            raise EditError("only zones cross the fence")
+        zone = parts.long_form(self.keys, "polygon")
+        if self.crosses:
+            zone["crosses_fence"] = True
+        else:
+            zone.pop("crosses_fence", None)
+
+
+# Of any part
+
+
+class Remove(_PartEdit):
+    """Remove a place, a corner or an area."""
+
+    words: ClassVar[str] = "remove"
+    do: Literal["remove"]
+
+    def _change(self, parts: Parts) -> None:
+        region = next((region for region in parts.regions if region.keys == self.keys), None)
+        if region is not None:
+            if region.entry is None:
+                raise EditError(f"the {region.name} is removed by hand: write 'fence: null'")
+            parts.take_out(region.entry)
+            return
+        handle = parts.handle(self.keys)
+        if handle.entry is None:
+            raise EditError("this cannot be removed; move it instead")
+        ring = parts.rings.get(self.keys[:-1])
+        if ring and len(ring.corners) <= _LEAST_CORNERS:
+            raise EditError("an area needs three corners; remove the whole area instead")
+        if parts.waypoints == [handle]:
+            raise EditError("a mission needs a waypoint; move it instead")
+        parts.take_out(handle.entry)
+
+
+# Settings
+
+
+def _setting(name: str) -> str:
+    if name not in _SECTION_OF:
+        raise ValueError(f"no setting is called '{name}'")
+    return name
+
+
+class SetValue(_YamlEdit):
+    """Change one of the mission's settings; None: its default."""
+
+    words: ClassVar[str] = "setting"
+    do: Literal["set_value"]
+    name: Annotated[str, AfterValidator(_setting)]
+    value: (
+        Annotated[float, Field(ge=0, le=100_000)]
+        | Annotated[str, Field(min_length=1, max_length=200)]
+        | None
+    )
+
+    def _change_yaml(self, parts: YamlParts) -> None:
+        name, value, values = self.name, self.value, parts.data
+        section = _SECTION_OF[name]
+        if value is not None:
+            self._check(section)
+        if section:
+            if section in values and not isinstance(values[section], dict):
+                raise EditError(f"{section} is empty in the file; write {section}.{name} by hand")
+            if value is not None:
+                values.setdefault(section, {})
+            values = parts.at((section,)) if section in values else {}
+        if value is None:
+            values.pop(name, None)
+        elif isinstance(value, str):
+            values[name] = value
+        else:
+            values.setdefault(name, None)
+            parts.put(values, name, metres(value))
+
+    def _check(self, section: str) -> None:
+        """The form of a mission file says which values a setting may have."""
+        kind = get_type_hints(_FORMS[section], include_extras=True)[self.name]
+        try:
+            TypeAdapter(kind).validate_python(self.value, strict=True)
+        except ValidationError as error:
+            why = error.errors(include_url=False, include_input=False)[0]["msg"]
+            raise EditError(f"{self.name} cannot be '{self.value}': {why}") from None
+
+
+class Seek(_YamlEdit):
+    """Seek these robots, in this order."""
+
+    words: ClassVar[str] = "whom to seek"
+    do: Literal["seek"]
+    robots: Annotated[
+        tuple[Annotated[str, Field(min_length=1, max_length=80)], ...], Field(max_length=500)
+    ]
+
+    def _change_yaml(self, parts: YamlParts) -> None:
+        """Write the list of robots, whatever stood there."""
+        if not self.robots:
+            raise EditError("a mission seeks at least one robot")
+        seek = parts.data.get("seek")
+        if isinstance(seek, str):
+            seek = {"policy": seek}
+        robots = [*self.robots]
+        parts.data["seek"] = {**seek, "robots": robots} if isinstance(seek, dict) else robots
+
+
+def _kinds(of: Any) -> Iterator[Any]:
+    """All classes above that have a name."""
+    for kind in of.__subclasses__():
+        if "do" in kind.model_fields:
+            yield kind
+        else:
+            yield from _kinds(kind)
+
+
+_EDITS: Any = Union[tuple(_kinds(Edit))]  # noqa: UP007 - of a tuple that is made here
+_ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[_EDITS, Field(discriminator="do")])
 
 
 def read_edit(json: str) -> Edit:

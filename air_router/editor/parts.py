@@ -1,24 +1,26 @@
-"""What edits change of a mission's data; the same for YAML and for QGroundControl plans.
+"""The parts of a mission's data that can be edited; the same for YAML and for QGroundControl plans.
 
-What can be moved is read leniently from the bare data, before anything is validated: a zone that
-crosses itself, or a waypoint on another continent, can still be seen and dragged back.
+They are read leniently from the bare data, before anything is validated: a zone that crosses
+itself, or a waypoint on another continent, can still be seen and dragged back.
 """
 
 import copy
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
-from air_router.editor import edits
-from air_router.editor.edits import Edit, EditError
+from air_router.errors import AirRouterError
 from air_router.files import Digits, Keys, degrees, is_number, metres, value_at
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
-_LEAST_CORNERS = 3
 Pair = tuple[float, float]
 """As the file has it: degrees (latitude first), or metres east and north."""
+
+
+class EditError(AirRouterError):
+    """An edit that cannot be applied to the mission; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +120,14 @@ def entries_of(data: Any, keys: Keys) -> Iterator[tuple[Keys, Any]]:
         yield (*keys, index), item
 
 
-class Changes(ABC):
-    """A mission's data, and how edits change them: a method for each possible one, of its name.
+class Parts(ABC):
+    """A mission's data and what of them can be edited; a kind of file has its own layout of them.
 
     Attributes:
         settable: Whether settings and names are possible in this kind of file.
         data: The file's values; they are changed in place.
         home, waypoints, rally_points, regions: What of them can be moved.
+        rings: All borders of regions by their keys.
         in_metres: Pairs are metres, else degrees.
         origin: That of metres, in degrees.
     """
@@ -141,12 +144,12 @@ class Changes(ABC):
         self.origin: Pair | None = None
         self._find()
         self._regions = {region.keys: region for region in self.regions}
-        self._rings = {ring.keys: ring for r in self._regions.values() for ring in r.rings}
+        self.rings = {ring.keys: ring for r in self._regions.values() for ring in r.rings}
 
     def copied(self) -> Self:
-        """The same data to be changed by an edit, which means what can be moved as it is here."""
+        """The same parts of data that an edit may change: these here stay as they are."""
         copied = copy.copy(self)
-        copied.data = copy.copy(self.data)  # of what is in there, `_at` copies what is changed
+        copied.data = copy.copy(self.data)  # of what is in there, `at` copies what is changed
         return copied
 
     @abstractmethod
@@ -160,20 +163,6 @@ class Changes(ABC):
         yield from self.rally_points
         for region in self.regions:
             yield from region.handles
-
-    def make(self, edit: Edit) -> None:
-        """Change the data.
-
-        Raises:
-            EditError: the mission has no such part, or would not survive.
-        """
-        change: Callable[[Edit], None] | None = getattr(self, edit.do, None)
-        if change is None:
-            raise EditError(
-                f"{edit.words}: a plan has no place for it; edit it in QGroundControl, or convert "
-                "the plan to YAML"
-            )
-        change(edit)
 
     # Places
 
@@ -200,96 +189,31 @@ class Changes(ABC):
         except FrameError as error:
             raise EditError(f"frame.origin: {error}; correct it first") from None
 
-    # Edits that are the same in every file
-
-    def move(self, edit: edits.Move) -> None:
-        """Write another pair."""
-        self._move(self._handle(edit.keys), edit.to)
-
-    def shift(self, edit: edits.Shift) -> None:
-        """Write all pairs of an area anew; it keeps its size in metres."""
-        region = self._region(edit.keys)
-        try:
-            frame = LocalFrame(Geodetic(*edit.to))
-            start = frame.to_local(*edit.origin)
-            for handle in region.handles:
-                here = self.geodetic(handle.pair)
-                if here is None:
-                    raise EditError(f"{region.name} has a corner that is not on Earth")
-                point = frame.to_local(*here)
-                there = Point(point.east_m - start.east_m, point.north_m - start.north_m)
-                self._move(handle, frame.to_geodetic(there))
-        except FrameError as error:
-            raise EditError(f"{region.name} cannot be moved there: {error}") from None
-
-    def resize(self, edit: edits.Resize) -> None:
-        """Write another radius."""
-        region = self._region(edit.keys)
-        if region.circle is None:
-            raise EditError(f"{region.name} is no circle")
-        *keys, name = region.circle.radius_keys
-        self._put(self._at(keys), name, metres(edit.radius_m, 1 if edit.radius_m >= 1 else 2))
-
-    def add_corner(self, edit: edits.AddCorner) -> None:
-        """Insert a corner into a ring."""
-        ring = self._rings.get(edit.keys)
-        if ring is None:
-            raise EditError("the mission has no such border any more")
-        if edit.index > len(ring.corners):
-            raise EditError(f"the ring has only {len(ring.corners)} corners")
-        self._at(edit.keys).insert(edit.index, self.digits(edit.at))
-
-    def remove(self, edit: edits.Remove) -> None:
-        """Take a place, a corner or an area out."""
-        keys = edit.keys
-        if keys in self._regions:
-            region = self._regions[keys]
-            if region.entry is None:
-                raise EditError(f"the {region.name} is removed by hand: write 'fence: null'")
-            self._take_out(region.entry)
-            return
-        handle = self._handle(keys)
-        if handle.entry is None:
-            raise EditError("this cannot be removed; move it instead")
-        ring = self._rings.get(keys[:-1])
-        if ring and len(ring.corners) <= _LEAST_CORNERS:
-            raise EditError("an area needs three corners; remove the whole area instead")
-        if self.waypoints == [handle]:
-            raise EditError("a mission needs a waypoint; move it instead")
-        self._take_out(handle.entry)
-
-    def reorder(self, edit: edits.Reorder) -> None:
-        """Move a waypoint; those between its old and its new place move up."""
-        moved = self._handle(edit.keys)
-        if moved not in self.waypoints:
-            raise EditError("only waypoints have an order")
-        if edit.index >= len(self.waypoints):
-            raise EditError(f"the mission has only {len(self.waypoints)} waypoints")
-        order = [handle for handle in self.waypoints if handle is not moved]
-        order.insert(edit.index, moved)
-        self._order(order)
-
-    def reverse(self, edit: edits.Reverse) -> None:
-        """The last waypoint comes first."""
-        del edit
-        self._order(self.waypoints[::-1])
-
-    def _order(self, order: Sequence[Handle]) -> None:
-        """Write the waypoints' entries in another order; what stands between them stays there."""
-        places = [handle.entry for handle in self.waypoints if handle.entry is not None]
-        entries = [
-            value_at(self.data, handle.entry) for handle in order if handle.entry is not None
-        ]
-        for place, entry in zip(places, entries, strict=True):
-            self._at(place[:-1])[place[-1]] = entry
+    # What each kind of file writes in its own way
 
     @abstractmethod
-    def add_area(self, edit: edits.AddArea) -> None:
-        """Add a zone or a fence."""
+    def insert_waypoint(self, index: int, place: Pair) -> None:
+        """Insert a waypoint with so many before it. Raises EditError: there are fewer."""
+
+    @abstractmethod
+    def add_rally_point(self, place: Pair) -> None:
+        """Add a rally point behind the last one."""
+
+    @abstractmethod
+    def add_area(self, corners: Sequence[Pair], radius_m: float | None, *, fence: bool) -> None:
+        """Add a zone or a fence, with a radius a circle around the only corner."""
+
+    @abstractmethod
+    def redraw(self, region: Region, corners: Sequence[Pair]) -> None:
+        """Give an area another outline, in the place of a circle too."""
+
+    @abstractmethod
+    def set_altitude(self, waypoint: Handle, altitude_m: float | None) -> None:
+        """Give a waypoint an altitude of its own; None: the mission's."""
 
     # Parts of the data
 
-    def _at(self, keys: Sequence[str | int]) -> Any:
+    def at(self, keys: Sequence[str | int]) -> Any:
         """The value at a path, to be changed: it and all on the way there are this one's own.
 
         The path may name the long form of what has the short one.
@@ -303,29 +227,33 @@ class Changes(ABC):
             value = value[key]
         return value
 
-    def _take_out(self, keys: Keys) -> None:
-        del self._at(keys[:-1])[keys[-1]]
+    def take_out(self, keys: Keys) -> None:
+        """Remove an item of a list, or a key."""
+        del self.at(keys[:-1])[keys[-1]]
 
-    def _move(self, handle: Handle, place: Pair) -> None:
-        numbers, first = self._at(handle.keys), 0
+    def move(self, handle: Handle, place: Pair) -> None:
+        """Write another pair in the place of a handle's."""
+        numbers, first = self.at(handle.keys), 0
         if not isinstance(numbers, list):
-            numbers, first = self._at(handle.keys[:-1]), int(handle.keys[-1])
+            numbers, first = self.at(handle.keys[:-1]), int(handle.keys[-1])
         for index, digits in enumerate(self.digits(place), start=first):
-            self._put(numbers, index, digits)
+            self.put(numbers, index, digits)
 
-    def _put(self, values: Any, key: str | int, digits: Digits) -> None:
+    def put(self, values: Any, key: str | int, digits: Digits) -> None:
         """Write a number, unless the one that stands there is the same, as fine as this one is."""
         old = as_number(values[key])
         if old is None or abs(old - digits) >= 0.5 * 10.0**-digits.decimals:
             values[key] = digits
 
-    def _handle(self, keys: Keys) -> Handle:
+    def handle(self, keys: Keys) -> Handle:
+        """What is called so. Raises EditError: there is no such place."""
         handle = next((each for each in self.handles() if each.keys == keys), None)
         if handle is None:
             raise EditError("the mission has no such place any more")
         return handle
 
-    def _region(self, keys: Keys) -> Region:
+    def region(self, keys: Keys) -> Region:
+        """The area that is called so. Raises EditError: there is none."""
         if keys not in self._regions:
             raise EditError("the mission has no such area any more")
         return self._regions[keys]

@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import Any
 
-from air_router.editor.edits import EditError, read_edit
+from air_router.editor.edits import read_edit
+from air_router.editor.parts import EditError
 from air_router.editor.session import (
     ChangedOnDiskError,
     EditSession,

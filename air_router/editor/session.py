@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from air_router.editor import edits
 from air_router.editor.editable_mission import EditableMission, MissionAnalysis
-from air_router.editor.edits import Edit, EditError
+from air_router.editor.edits import Edit
+from air_router.editor.parts import EditError
 from air_router.editor.view import route_view, view
 from air_router.errors import AirRouterError, UsageError
 from air_router.files import bytes_within, write_whole
@@ -201,7 +201,7 @@ class EditSession:
         last = self._steps[self._now]
         goes_on = gesture is not None and self._now > 0 and last.gesture == gesture
         base = self.editable
-        if goes_on and isinstance(edit, edits.Shift):  # from where it began: no rounding adds up
+        if goes_on and edit.from_start:
             base = EditableMission.read(self._steps[self._now - 1].text, self.file.path)
         after = base.edited(edit)
         if after.text == self.editable.text:

@@ -1,21 +1,19 @@
 """What the page shows of a mission, in degrees: everything that it draws, as plain values."""
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from functools import lru_cache
 from os.path import relpath
 from typing import Any
 
-from air_router.editor.changes import Changes, Handle, Pair, Region
 from air_router.editor.editable_mission import MissionAnalysis
-from air_router.editor.file_changes import SECTIONS
+from air_router.editor.edits import SETTINGS
+from air_router.editor.parts import Handle, Pair, Parts, Region
 from air_router.files import Area, Keys, MissionDocument
 from air_router.mission import UAV_KIND, Mission, TrackingMargin
 from air_router.routing import Route
 from air_router.web import Degrees, Rings, area_beside, beside, buffer, degrees, line
 from mocha_link.team import DocumentError, Problem, Team
 
-_NUMBERS = ("altitude_m", "speed_m_s", "duration_s", "endurance_s", "battery_reserve")
 _MOST_EDGES = 20_000
 
 
@@ -23,7 +21,7 @@ _buffer = lru_cache(maxsize=4_000)(buffer)
 """Most shapes do not change with an edit."""
 
 
-def view(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
+def view(parts: Parts, analysis: MissionAnalysis) -> dict[str, Any]:
     """Everything that the page draws."""
     problems = sorted(set(analysis.document.problems)), sorted(set(analysis.document.notes))
     marks = _Marks(parts)
@@ -41,7 +39,7 @@ def view(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
     }
 
 
-def _areas(parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
+def _areas(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
     document = analysis.document
     areas = {area.keys: area for area in (*document.fences, *document.zones) if area.source is None}
     for region in parts.regions:
@@ -105,7 +103,7 @@ def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any
 class _Marks:
     """Finds what a problem is about, and where to look."""
 
-    def __init__(self, parts: Changes) -> None:
+    def __init__(self, parts: Parts) -> None:
         self._parts = parts
         # handles of everything with keys of its own
         self._handles: dict[Keys, list[Handle]] = {}
@@ -134,9 +132,7 @@ class _Marks:
         }
 
 
-def _places(
-    parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]
-) -> Iterable[dict[str, Any]]:
+def _places(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
     document = analysis.document
     spots = {spot.keys: spot for spot in document.waypoints}
     numbers = {spot.keys: number for number, spot in enumerate(document.waypoints, start=1)}
@@ -172,7 +168,7 @@ def _places(
             }
 
 
-def _region(parts: Changes, region: Region) -> dict[str, Any]:
+def _region(parts: Parts, region: Region) -> dict[str, Any]:
     rings = [
         {"keys": list(ring.keys), "corners": corners}
         for ring in region.rings
@@ -196,7 +192,7 @@ def _region(parts: Changes, region: Region) -> dict[str, Any]:
     }
 
 
-def _corners(parts: Changes, corners: Iterable[Handle]) -> list[Degrees]:
+def _corners(parts: Parts, corners: Iterable[Handle]) -> list[Degrees]:
     places = (_on_map(parts, corner.pair) for corner in corners)
     return [list(place) for place in places if place is not None]
 
@@ -250,16 +246,16 @@ def _legs(analysis: MissionAnalysis) -> list[dict[str, Any]]:
     ]
 
 
-def _settings(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
+def _settings(parts: Parts, analysis: MissionAnalysis) -> dict[str, Any]:
     document, length_m = analysis.document, analysis.length_m()
     return {
-        "name": document.name,
         "settable": parts.settable,
-        **{name: getattr(document, name) for name in _NUMBERS},
-        **asdict(document.timers),
-        **{name: getattr(document.planner, name) for name in SECTIONS["planner"]},
+        **{
+            name: getattr(getattr(document, section) if section else document, name)
+            for section, names in SETTINGS.items()
+            for name in names
+        },
         "team": document.team and relpath(document.team, document.source.path.parent),
-        "uav": document.uav,
         "robots": _robots(document),
         "length_m": round(length_m),
         "time_s": round(length_m / document.speed_m_s) if document.speed_m_s > 0 else None,
@@ -280,7 +276,7 @@ def _robots(document: MissionDocument) -> list[dict[str, Any]]:
     return [{"name": name, "sought": name in sought} for name in names]
 
 
-def _on_map(parts: Changes, pair: Pair) -> Pair | None:
+def _on_map(parts: Parts, pair: Pair) -> Pair | None:
     """A pair of the file as it is drawn; None if it is not on Earth."""
     place, origin = parts.geodetic(pair), parts.origin
     return place if place is None or origin is None else beside(origin, place)

@@ -14,7 +14,7 @@ import pytest
 
 from air_router.editor import edits
 from air_router.editor.editable_mission import EditableMission, MissionAnalysis
-from air_router.editor.edits import EditError
+from air_router.editor.parts import EditError
 from air_router.editor.server import changes_of
 from air_router.editor.view import view
 

@@ -18,7 +18,8 @@ from air_router.cli.arguments import home
 from air_router.cli.cli import main
 from air_router.editor import edits
 from air_router.editor.editable_mission import LegKind
-from air_router.editor.edits import EditError, read_edit
+from air_router.editor.edits import read_edit
+from air_router.editor.parts import EditError
 from air_router.editor.server import EditorServer
 from air_router.editor.session import (
     ChangedOnDiskError,

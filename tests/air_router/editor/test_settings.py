@@ -5,7 +5,8 @@ import json
 import pytest
 
 from air_router.editor import edits
-from air_router.editor.edits import EditError, read_edit
+from air_router.editor.edits import read_edit
+from air_router.editor.parts import EditError
 from air_router.editor.session import EditSession, MissionFile
 from air_router.files.settings import DEFAULT_SEEK_POLICY
 from tests.air_router.editor.test_session import FREE, changed_lines

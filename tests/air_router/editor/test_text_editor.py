@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from air_router.editor import edits
 from air_router.editor.editable_mission import EditableMission
-from air_router.editor.edits import EditError
+from air_router.editor.parts import EditError
 from air_router.files.text_edit import SourceError
 
 ROOT = Path(__file__).parents[3]
