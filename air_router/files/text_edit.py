@@ -46,7 +46,7 @@ def rewritten(text: str, document: Document, data: Any) -> str:
     if root is None:
         return text
     change = _Change(text, root)
-    change.value(_Value(root, "the file"), document.data, data)
+    change.value(_Value(root), document.data, data)
     return change.text()
 
 
@@ -59,7 +59,7 @@ def with_section(text: str, document: Document, key: str, lines: str) -> str | N
     if not isinstance(root, yaml.MappingNode) or root.flow_style:
         return None
     change = _Change(text, root)
-    for entry in change.entries(_Value(root, "the file")):
+    for entry in change.entries(_Value(root)):
         if entry.key is not None and entry.key.value == key:
             change.replace_lines(entry, lines)
             return change.text()
@@ -71,7 +71,7 @@ class _Value:
     """A value of the text."""
 
     node: yaml.Node
-    name: str  # for messages: 'no_fly_zones[2].name'
+    name: str = ""  # for messages: no_fly_zones[2].name; '' is the whole file
     start: int = 0  # its entry's first character: of its dash or its key, where it has one
     key: yaml.Node | None = None  # None: an item of a list, or the whole
     in_flow: bool = False  # it stands in brackets of another value
@@ -113,7 +113,7 @@ class _Change:
             return
         if id(value.node) in self._shared:
             raise SourceError(
-                f"{value.name} is used in several places of the file (a YAML alias); "
+                f"'{value.name}' is used in several places of the file (a YAML alias); "
                 "write it out, or edit it by hand"
             )
         if old and new and isinstance(old, dict) and isinstance(new, dict):
@@ -220,7 +220,13 @@ class _Change:
         node = value.node
         if isinstance(node, yaml.MappingNode):
             return [
-                _Value(item, f"{value.name}.{key.value}", key.start_mark.index, key, value.flow)
+                _Value(
+                    item,
+                    f"{value.name}.{key.value}".removeprefix("."),
+                    key.start_mark.index,
+                    key,
+                    value.flow,
+                )
                 for key, item in node.value
             ]
         items = node.value if isinstance(node, yaml.SequenceNode) else []
@@ -274,7 +280,7 @@ class _Change:
             texts[:-1] = [text + "," for text in texts[:-1]]
         if not value.flow or alone:
             at = self._line_end(at)
-        if not value.flow and value.name == "the file":
+        if not value.flow and not value.name:
             self._put(at, at, self._newline)
         self._put(at, at, "".join(separator + text for text in texts))
 
@@ -308,7 +314,7 @@ class _Change:
         entries = self.entries(value)
         if self._anchored(value) or any(id(entry.node) in self._shared for entry in entries):
             raise SourceError(
-                f"{value.name} has an anchor, or entries that stand elsewhere (YAML aliases); "
+                f"'{value.name}' has an anchor, or entries that stand elsewhere (YAML aliases); "
                 "write them out, or edit it by hand"
             )
         return entries

@@ -37,6 +37,23 @@ def test_a_setting_changes_its_line_and_no_other(session, do, fields, lines):
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [
+        ("battery_reserve", 1.0, "less than 1"),
+        ("altitude_m", 0.5, "greater than or equal to 1"),
+        ("search_s", 0.0, "greater than 0"),
+        ("speed_m_s", "fast", "valid number"),
+        ("team", 3.0, "valid string"),
+    ],
+)
+def test_a_setting_is_checked_by_the_form_of_the_file(session, name, value, why):
+    before = session.editable.text
+    with pytest.raises(EditError, match=f"{name} cannot be '{value}': .*{why}"):
+        session.edit(edits.SetValue(do="set_value", name=name, value=value))
+    assert session.editable.text == before
+
+
+@pytest.mark.parametrize(
     "seek", ["", "seek: []", "seek: freshest", "seek: {policy: freshest}", "seek:\n- io\n- ariel"]
 )
 def test_whom_to_seek_is_written_whatever_stood_there(path, seek):

@@ -251,3 +251,90 @@ def test_what_is_used_twice_is_left_alone():
 def test_each_way_of_writing_has_a_place_for_the_change(text, change, after):
     expected = after.replace("P", "[1.2345678, -2.5000000]")
     assert rewritten(text, loaded(text), change) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "after"),
+    [
+        ("a: 39.9500\nb: 1\n", {"b": 2}, "a: 39.9500\nb: 2\n"),
+        (
+            "a: +5\nb: ~\nc: TRUE\nd: 0x1F\ne: 1\n",
+            {"e": 2},
+            "a: +5\nb: ~\nc: TRUE\nd: 0x1F\ne: 2\n",
+        ),
+        ("a:   1   # wide\nb:  2\n", {"a": 3}, "a:   3   # wide\nb:  2\n"),
+        ("a: 1\t# tab\nb: 2\n", {"b": 3}, "a: 1\t# tab\nb: 3\n"),
+        ("a: 'it''s'\nb: \"x\\u00e9\"\n", {"a": "you"}, "a: 'you'\nb: \"x\\u00e9\"\n"),
+        ("a: 1\r\nb: [1, 2]\r\n", {"c": [[3]]}, "a: 1\r\nb: [1, 2]\r\n\r\nc:\r\n  - [3]\r\n"),
+        ("a: 1\nb:\n  - [1, 2]", {"b": [[1, 2], [3]]}, "a: 1\nb:\n  - [1, 2]\n  - [3]"),
+        ("a: 1\nb:\n  - [1]\n  - [2]", {"b": [[1]]}, "a: 1\nb:\n  - [1]"),
+        ("---\na: 1\n...\n", {"a": 2}, "---\na: 2\n...\n"),
+        ("b: [ 1,2 ,3 ]\n", {"b": [1, 2, 4]}, "b: [ 1,2 ,4 ]\n"),
+        ("b: [\n  [1, 2],\n  [3, 4]  # x\n]\n", {"b": [[1, 2]]}, "b: [\n  [1, 2],\n]\n"),
+        (
+            "b: [\n  [1, 2],\n  [3, 4]  # x\n]\n",
+            {"b": [[1, 2], [3, 4], [5]]},
+            "b: [\n  [1, 2],\n  [3, 4],  # x\n  [5]\n]\n",
+        ),
+        (
+            "w:\n  - [1.50, 2.0]  # 1\n  - [3, 4]  # 2\n",
+            {"w": [[3, 4], [1.5, 2.0]]},
+            "w:\n  - [3, 4]  # 1\n  - [1.5, 2.0]  # 2\n",
+        ),
+        (
+            "z:\n  - a: 1\n# of the next\nn: 1\n",
+            {"z": [{"a": 1}, {"a": 2, "b": [[1]]}]},
+            "z:\n  - a: 1\n  - a: 2\n    b:\n      - [1]\n# of the next\nn: 1\n",
+        ),
+        (f"a: [{'1.25, ' * 5000}1]\nb: 1\n", {"b": 2}, f"a: [{'1.25, ' * 5000}1]\nb: 2\n"),
+        ("p: {c: 1}  # all\n", {"p": {}}, "p: {}  # all\n"),
+        ("p:  # all\n  # one\n  c: 1  # its\n", {"p": {}}, "p: {}  # all\n  # one\n"),
+    ],
+)
+def test_whatever_a_change_is_not_about_stays_as_it_is_written(text, change, after):
+    document = loaded(text)
+    assert rewritten(text, document, {**document.data, **change}) == after
+
+
+def test_entries_change_places_as_they_are_written():
+    text = "w:\n  - [1.50, 2.0]  # 1\n  - {at: [3, 4.0]}  # 2\n"
+    document = loaded(text)
+    turned = {"w": document.data["w"][::-1]}
+    assert rewritten(text, document, turned) == (
+        "w:\n  - {at: [3, 4.0]}  # 1\n  - [1.50, 2.0]  # 2\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "why"),
+    [
+        ("w: &all\n  - [1]\n", {"w": [[1], [2]]}, "'w' has an anchor"),
+        ("w: [[1],\n  # two\n  [2]]\n", {"w": []}, "comments stand in what changes on line 1"),
+        (
+            "w:\n  - - 1\n    # two\n    - 2\n",
+            {"w": [[2]]},
+            "comments stand in what changes on line 2",
+        ),
+    ],
+)
+def test_what_cannot_be_changed_is_refused_with_one_sentence(text, change, why):
+    with pytest.raises(SourceError, match=why):
+        rewritten(text, loaded(text), change)
+
+
+SHIPPED = sorted((Path(__file__).parents[3] / "missions").glob("*/*.yaml"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_in_every_shipped_file_a_value_changes_in_its_place(path):
+    text = path.read_text(encoding="utf-8")
+    document = Document.from_text(text, path)
+    numbers = [keys for keys, value in values_in(document.data) if type(value) in (int, float)]
+    for keys in numbers[:: max(len(numbers) // 10, 1)]:
+        data = copy.deepcopy(document.data)
+        value_at(data, keys[:-1])[keys[-1]] = Digits(-7.25, 2)
+        after = rewritten(text, document, data)
+        line = document.place(*keys)[0] - 1
+        old, new = text.splitlines(keepends=True), after.splitlines(keepends=True)
+        assert old[:line] + old[line + 1 :] == new[:line] + new[line + 1 :]
+        assert loaded(after).data == data
