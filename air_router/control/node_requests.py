@@ -1,6 +1,6 @@
 """Requests for the UAV's gossip node at the flight's endpoint: `publish`, `latest`, `links` ...
 
-docs/bridges.md describes them. They are answered on a thread of their own, so that no message,
+docs/ros.md describes them. They are answered on a thread of their own, so that no message,
 however large, takes time from the flight.
 """
 

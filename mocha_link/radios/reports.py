@@ -1,7 +1,7 @@
 """Radios that other programs report for: by datagram, by line over TCP or stdin, by MAVLink.
 
 A report is one line, JSON or plain text: ``{"peer": "io", "rssi_dbm": -61.5}`` or ``io -61.5 dBm``;
-so any program can be a radio. `docs/radios.md` has all forms.
+so any program can be a radio. `docs/embedding.md` has all forms.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class _Receiver(asyncio.DatagramProtocol):
 class UdpRadio(_ListeningRadio):
     """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
 
-    ``null`` for `rssi_dbm`: the peer is not heard; `docs/radios.md` has the other forms. `url` is
+    ``null`` for `rssi_dbm`: the peer is not heard; `docs/embedding.md` has the other forms. `url` is
     ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
     are counted in `refused`.
     """

@@ -1,7 +1,7 @@
 """A node's messages for programs on the same machine, over ZeroMQ: a verb for each request.
 
 `publish` has a frame with the data; an answer has a frame of data for every message in it. Programs
-that do not want bytes send and get JSON values in their place. docs/bridges.md describes them. A
+that do not want bytes send and get JSON values in their place. docs/ros.md describes them. A
 program that reaches the endpoint may publish in the robot's name: keep it on this machine.
 """
 

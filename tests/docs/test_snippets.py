@@ -37,7 +37,6 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["option
 
 RUN_BY = {  # snippets that need something around them: the test that runs each
     "README.md python 1": "test_readme.py::test_the_snippet_runs",
-    "bridges.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
     "control.md python 1": "air_router/control/test_control.py::test_what_the_docs_show_is_done",
     "control.md python 2": "air_router/control/test_one_endpoint.py::test_the_planner_of_the_docs",
     "coverage.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
@@ -45,17 +44,18 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "embedding.md python 2": (
         "mocha_link/test_docs_embedding.py::test_the_reader_needs_nothing_of_ours"
     ),
+    "embedding.md python 3": "mocha_link/test_docs_embedding.py::test_the_radio_of_a_program",
+    "embedding.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
+    "embedding.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
+    "embedding.md 4": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "mission-file.md yaml": (
         "air_router/files/missions/test_mission_file.py::"
         "test_the_documented_examples_load_and_the_table_has_every_key"
     ),
-    "radios.md python 1": "mocha_link/test_docs_embedding.py::test_the_radio_of_a_program",
-    "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
-    "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
-    "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "records.md 2": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
     "robot.md python": "system/test_rovers.py::test_rovers_of_three_kinds_are_found",
-    "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
+    "ros.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
+    "ros.md python 2": "mocha_link/bridges/test_docs.py::test_values",
     "state-machine.md mermaid": (
         "air_router/controller/test_state_table.py::test_the_diagrams_in_the_docs_are_those_drawn_from_the_table"
     ),
@@ -95,7 +95,7 @@ FOREIGN = {  # first words of commands that are not ours
     **dict.fromkeys(("systemctl", "systemd-tmpfiles", "journalctl"), "systemd"),
     "docker": "install.md",
     "dtoverlay=uart0-pi5,ctsrts": "a line of a Raspberry Pi's config.txt",
-    "radio:": "a line of a team file (radios.md)",
+    "radio:": "a line of a team file (embedding.md)",
     "source": "",
     "PX4_HOME_LAT=39.9421523": "PX4's own build",
     ".": "a virtual environment's own script",

@@ -1,4 +1,4 @@
-"""What docs/embedding.md, radios.md and team-file.md show works as it stands, and is complete."""
+"""What docs/embedding.md and docs/team-file.md show works as it stands, and is complete."""
 
 import contextlib
 import dataclasses
@@ -31,8 +31,8 @@ from mocha_link.team.team_file import FORMS, RobotModel, TopicModel
 from tests.mocha_link.conftest import team_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-EMBEDDING, RADIOS = ((DOCS / f"{name}.md").read_text() for name in ("embedding", "radios"))
-PLANNER, READER = re.findall(r"```python\n(.*?)```", EMBEDDING, re.DOTALL)
+EMBEDDING = (DOCS / "embedding.md").read_text()
+PLANNER, READER, MODEM = re.findall(r"```python\n(.*?)```", EMBEDDING, re.DOTALL)
 WAIT_S = 60
 
 
@@ -104,22 +104,21 @@ def test_every_metric_is_documented():
 
 
 def test_every_radio_and_unit_is_documented():
-    urls = {re.sub(r"[`\s]", "", cells[0]) for cells in rows(RADIOS)}
+    urls = {re.sub(r"[`\s]", "", cells[0]) for cells in rows(EMBEDDING)}
     schemes = {url.partition(":")[0] for url in urls}
     assert set(FORMS) | {unit.value for unit in Unit} <= schemes
     trigger = Trigger()
     for name in ("rssi_threshold_dbm", "snr_threshold_db", "device_threshold", "hysteresis_db"):
-        assert f"`{name}` ({getattr(trigger, name):g})" in RADIOS
+        assert f"`{name}` ({getattr(trigger, name):g})" in EMBEDDING
 
 
 def test_the_radio_of_a_program(field, tmp_path):
-    (program,) = re.findall(r"```python\n(.*?)```", RADIOS, re.DOTALL)
     path = tmp_path / "team.yaml"
     path.write_text(field.team.dump())
     with Node(Team.load(path), "io") as node:
         node.publish("/pose", b"{}")
         ended = subprocess.run(
-            [sys.executable, "-c", program, str(path), "titan", "io"],
+            [sys.executable, "-c", MODEM, str(path), "titan", "io"],
             capture_output=True,
             text=True,
             timeout=WAIT_S,
@@ -136,7 +135,7 @@ def test_a_unit_that_is_none(unit):
 
 
 def test_the_reports_are_reports():
-    (block,) = re.findall(r"```text\n(.*?)```", RADIOS, re.DOTALL)
+    (block,) = re.findall(r"```text\n(.*?)```", EMBEDDING, re.DOTALL)
     found = [parse_report(line.encode()) for line in block.splitlines()]
     assert found[:4] == [
         ("titan", Reading(-61.5, Unit.DBM, "radio")),
@@ -148,11 +147,11 @@ def test_the_reports_are_reports():
 
 
 def test_the_team_has_radios():
-    (text,) = re.findall(r"```yaml\n(.*?)```", RADIOS, re.DOTALL)
+    (text,) = re.findall(r"```yaml\n(.*?)```", EMBEDDING, re.DOTALL)
     team = Team.from_document(Document.from_text(text, Path("team.yaml")))
     for robot in team.robots.values():
         open_radio(robot.radio, team, robot.name)
-    for url in re.findall(r'radio: "(.*?)"', RADIOS):
+    for url in re.findall(r'radio: "(.*?)"', EMBEDDING):
         assert open_radio(url, team, "io")
 
 

@@ -1,4 +1,4 @@
-"""What docs/bridges.md and docs/ros.md show can be done as it stands there."""
+"""What docs/ros.md shows can be done as it stands there."""
 
 import re
 import subprocess
@@ -12,16 +12,13 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 from mocha_link.ros.typed import Typed
 from mocha_link.service.service import Service, ServiceServer
 
-DOCS = Path(__file__).parents[3] / "docs"
-
-
-def example(name):
-    return re.search(r"```python\n(.*?)```", (DOCS / name).read_text(), re.DOTALL)[1]
+PAGE = (Path(__file__).parents[3] / "docs" / "ros.md").read_text()
+PROGRAM, VALUES = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
 def test_the_program(one, tmp_path):
     with ServiceServer(one, f"ipc://{tmp_path}/io") as server:
-        program = example("bridges.md").replace("ipc:///tmp/io.node", server.endpoint)
+        program = PROGRAM.replace("ipc:///tmp/io.node", server.endpoint)
         command = [sys.executable, "-u", "-c", program]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert "'ok': True" in next(process.stdout)
@@ -32,8 +29,7 @@ def test_the_program(one, tmp_path):
 
 
 def test_every_field_of_a_request_is_documented(one):
-    text = (DOCS / "bridges.md").read_text()
-    rows = dict(re.findall(r"^\| `(\w+)` \| (.*)\|$", text, re.MULTILINE))
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*)\|$", PAGE, re.MULTILINE))
     for name, verb in Service(one).verbs.items():
         for field, about in verb.model.model_fields.items():
             known = f"`{about.alias or field}`" in rows[name]
@@ -42,7 +38,7 @@ def test_every_field_of_a_request_is_documented(one):
 
 def test_values(one, pulled, team):
     types = Typed(team)
-    program = example("ros.md").replace('"/goal"', '"/pose"')
+    program = VALUES.replace('"/goal"', '"/pose"')
     pulled("/pose", types.encode("two", "/pose", {"pose": {"position": {"x": 1.5}}}))
     places = {"team": team, "node": one}
     exec(program.replace('"io"', '"two"'), places)  # noqa: S102 - our own documentation
