@@ -22,7 +22,7 @@ _DEFAULT_CAMERA: Final = "tcp://127.0.0.1:24600"
 _EPILOG = """\
 Prints one JSON line on stdout when it is ready: {"ready": true, "team": ..., "camera": ...,
 "truth": ..., "vehicle": ..., "robots": [...], "vehicles": {...}}. Runs until SIGINT or SIGTERM,
-then writes the report. See docs/world-file.md.
+then writes the report. See docs/simulation.md.
 
 example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --report world.json
 """

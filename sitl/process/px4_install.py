@@ -28,7 +28,7 @@ Install one of these and try again:
   * the px4 package (about 10 MB, Ubuntu) from https://github.com/PX4/PX4-Autopilot/releases
   * Docker or Podman, and: docker pull {IMAGE}:v1.17.0
   * PX4's source, built with `make px4_sitl`; give its folder with --px4 DIR or {ENVIRONMENT}=DIR
-docs/simulated-vehicle.md has each step by step."""
+docs/simulation.md has each step by step."""
 
 
 class NoPx4Error(NoVehicleError):

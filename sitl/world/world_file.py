@@ -1,6 +1,6 @@
 """Reads world files: the radio, the camera, the terrain and the robots of a simulation.
 
-The format is described in docs/world-file.md. A mission without a world file gets a default world,
+The format is described in docs/simulation.md. A mission without a world file gets a default world,
 made from the mission and a seed.
 """
 

@@ -72,7 +72,7 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "sync-protocol.md 1": "who sends what when",
     "watching.md 1": "what is printed; its parts: air_router/test_status.py",
     "watching.md 2": "what is printed; its columns: below",
-    "world-file.md 1": "printed by `sitl team`, shortened",
+    "simulation.md 3": "printed by `sitl team`, shortened",
     "control.md cpp 1": "needs a compiler and cppzmq; its request: below",
 }
 FOREIGN = {  # first words of commands that are not ours
