@@ -18,32 +18,31 @@ PAGE = ROOT / "docs" / "announcements.md"
 HEAD = """\
 # Warnings and alarms
 
-Everything that a flight announces has a severity. The operator reads it in the
-[terminal](watching.md), on the [live page](watching.md), in the [record](records.md) and the
-report; the pilot in the ground station, as a STATUSTEXT.
+Every announcement of a flight has a severity. The operator sees it in the [terminal](watching.md),
+on the [live page](watching.md), in the [record](records.md) and in the report. The pilot gets it on
+the ground station, as a STATUSTEXT.
 
-| severity | means | terminal | STATUSTEXT |
+| severity | meaning | terminal | STATUSTEXT |
 |---|---|---|---|
-| info | nothing to do | as it is | INFO |
-| warning | something is off; the flight copes | yellow, `WARNING:` | WARNING, read aloud |
+| info | nothing to do | plain | INFO |
+| warning | a problem that the flight handles | yellow, `WARNING:` | WARNING, read aloud |
 | alarm | the pilot has to act | red, `ALARM:`, and a bell | CRITICAL, read aloud |
 
 ## Alarms that go on
 
-An alarm whose condition lasts (an input that the vehicle stands for, a zone without a way out, a
-vehicle that hovers after hands off) is said again after 10 s, then every 30 s, and then asks the
-pilot to take the vehicle by hand. It ends with the condition, or once a pilot has the vehicle.
+An alarm whose condition lasts (the vehicle holds for a missing input, no way leads out of a zone,
+the vehicle hovers after hands off) is repeated after 10 s and then every 30 s, and asks the pilot
+to fly by hand. It ends with the condition, or when a pilot takes the vehicle.
 
-Infos and warnings that come again and again are one line with a count on the
-[terminal](watching.md) and the [live page](watching.md); each alarm is a line of its own, and
-STATUSTEXT carries them all.
+Terminal and live page show repeated infos and warnings as one line with a count, and each alarm on
+its own line. STATUSTEXT carries every repetition.
 
 ## All of them
 
-Every warning and alarm ends with what the pilot or the operator does about it. These are all of
-them; `…` stands for what differs. The code is the source of this table
-(`DOCS_WRITE=1 pytest tests/docs` writes it anew).
+Every warning and alarm ends with an instruction to the pilot or the operator. `…` stands for the
+parts that vary. The table is printed from the code.
 
+<!-- printed: announcements -->
 | announcement | severity | what to do |
 |---|---|---|
 """
@@ -206,4 +205,4 @@ def page() -> str:
     lines = (
         f"| {row.text.replace('|', '/')} | {row.severity} | {row.instruction} |" for row in rows()
     )
-    return HEAD + "\n".join(lines) + "\n"
+    return HEAD + "\n".join(lines) + "\n<!-- /printed -->\n"
