@@ -152,8 +152,8 @@ class UdpRadio(_ListeningRadio):
     """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
 
     ``null`` for `rssi_dbm`: the peer is not heard; `docs/embedding.md` has the other forms.
-    `url` is ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
-    are counted in `refused`.
+    `url` is ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no
+    reports are counted in `refused`.
     """
 
     def __init__(self, url: str) -> None:

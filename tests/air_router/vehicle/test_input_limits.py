@@ -1,7 +1,6 @@
 """What a flight does when one input is missing while the vehicle says other things."""
 
 import dataclasses
-from pathlib import Path
 
 import pytest
 
@@ -13,6 +12,7 @@ from air_router.vehicle.input_limits import LIMITS
 from air_router.vehicle.instructions import TAKE_OVER_BLIND, TAKE_OVER_NOW, Severity
 from air_router.vehicle.limits import FIX_ALARM_S
 from air_router.vehicle.vehicle import Ages, FlightMode
+from tests.printed import assert_printed
 
 INPUTS = {limit.age: limit for limit in LIMITS}
 
@@ -80,12 +80,14 @@ def test_the_mission_ends_for_what_is_missing_too_long(away, age):
 
 
 def test_the_table_is_in_the_documents():
-    text = (Path(__file__).parents[3] / "docs" / "vehicle.md").read_text()
+    head = "missing | in | announced after | no leg begins after | the mission ends after | because"
+    lines = [f"| {head} |", "|---|---|---|---|---|---|"]
     for limit in LIMITS:
         stop = "" if limit.stop_s is None else f"{limit.stop_s:.0f} s: {limit.stop.value}"
         home = "" if limit.home_s is None else f"{limit.home_s:.0f} s"
         row = (limit.words, limit.message, f"{limit.told_s:.0f} s", stop, home, limit.why)
-        assert f"| {' | '.join(row)} |" in text
+        lines.append(f"| {' | '.join(row)} |")
+    assert_printed("vehicle.md", "input limits", lines)
 
 
 def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back(away):
