@@ -227,7 +227,7 @@ def imported(module):
 
 
 VEHICLE = {"mavsdk", "pymavlink"}
-EXTRAS = {"aiohttp", "foxglove", "jinja2", "matplotlib", "rerun", "rosbags", "scipy", "shtab"}
+EXTRAS = {"aiohttp", "foxglove", "jinja2", "matplotlib", "rosbags", "scipy", "shtab"}
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ from mocha_link.team import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KMZ = "KMZ"
-_FOXGLOVE, _RERUN = "Foxglove", "Rerun"
+_FOXGLOVE = "Foxglove"
 _KINDS: Final = {
     ".plan": _PLAN,
     ".yaml": _YAML,
@@ -46,7 +46,6 @@ _KINDS: Final = {
     ".kml": _KML,
     ".kmz": _KMZ,
     ".mcap": _FOXGLOVE,
-    ".rrd": _RERUN,
 }
 _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
     _GEOJSON: geojson_text,
@@ -57,8 +56,8 @@ _RECORD: Final = ".mcap"
 _LOSING: Final = frozenset({_RECORD, ".yaml", ".yml"})  # written anew they lack something
 
 _EPILOG = """\
-FROM is a flight's record (.mcap), which becomes .mcap with Foxglove's schemas or .rrd for Rerun;
-or a mission (.yaml, .plan, waypoints and fences of ArduPilot's programs, .gpx with --altitude); or
+FROM is a flight's record (.mcap), which becomes .mcap with all that Foxglove and Rerun draw; or a
+mission (.yaml, .plan, waypoints and fences of ArduPilot's programs, .gpx with --altitude); or
 a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air, .json with ED-269 or ED-318
 geozones). TO is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last three.
 
@@ -67,7 +66,7 @@ examples:
   air-router convert mission.yaml map.kml
   air-router convert mission.yaml with_zones.plan --zones geozones.json --zones site.kml
   air-router convert geozones.json geozones.geojson --allow CONDITIONAL
-  air-router convert flight.mcap flight.rrd
+  air-router convert flight.mcap shown.mcap
 
 exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no --force),
 3 a file is invalid
@@ -125,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
     read = _zones
     if is_mission(source) or arguments.altitude is not None:
         read = _mission
-    if source.suffix.lower() == _RECORD or kind in (_FOXGLOVE, _RERUN):
+    if source.suffix.lower() == _RECORD or kind == _FOXGLOVE:
         read = _record
     try:
         written = read(arguments, kind, report)
@@ -180,18 +179,14 @@ class _Report:
 
 
 def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
-    if arguments.source.suffix.lower() != _RECORD or kind not in (_FOXGLOVE, _RERUN):
+    if arguments.source.suffix.lower() != _RECORD or kind != _FOXGLOVE:
         raise UsageError(
-            "a flight's record (.mcap) becomes .mcap with Foxglove's schemas or .rrd for Rerun; "
-            "nothing else does"
+            "a flight's record (.mcap) becomes .mcap with Foxglove's schemas; nothing else does"
         )
     log = Log(arguments.source)
-    with needs_extra(f"a file for {kind}", kind.lower(), "air-router"):
-        if kind == _FOXGLOVE:
-            from air_router.record import foxglove_mcap as made  # noqa: PLC0415
-        else:
-            from air_router.record import rerun_recording as made  # noqa: PLC0415
-    written = made(log)
+    with needs_extra("a file for Foxglove", "foxglove", "air-router"):
+        from air_router.record import foxglove_mcap  # noqa: PLC0415 - an extra
+    written = foxglove_mcap(log)
     if log.ending is not None:
         report.warnings.add("the rest", f"the record is not whole: {log.ending}", "record-cut")
     report.counts = {"bytes": len(written)}

@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = door(
         "foxglove_sdk": ("foxglove_mcap",),
         "log": ("Log", "Note", "RecordEntry"),
         "record_file": ("no_folder",),
-        "recorder": ("PREFLIGHT", "Recorder"),
+        "recorder": ("Recorder",),
         "recording": (
             "ViewerAddress",
             "add_record",
@@ -19,8 +19,6 @@ __getattr__, __dir__, __all__ = door(
             "viewing",
         ),
         "replay": ("RecordedStep", "Replayer", "replay_record", "steps_of"),
-        "rerun_file": ("rerun_recording",),
-        "serialization": ("json_of",),
+        "serialization": ("json_of", "plain_of"),
     },
-    modules=("serialization",),
 )

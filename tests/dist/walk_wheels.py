@@ -115,11 +115,6 @@ def foxglove(there: Environment, record: Path) -> None:
     assert "foxglove.LocationFix" in schemas
 
 
-def rerun(there: Environment, record: Path) -> None:
-    there.run("air-router", "convert", record, "flight.rrd")
-    assert (there.home / "flight.rrd").read_bytes().startswith(b"RRF")
-
-
 TWO_NODES = """
 import sys, threading
 from pathlib import Path
@@ -239,7 +234,6 @@ USES = {
         "web": Use(("air-router", "edit", MISSION, "--port", 0, "--no-open"), web),
         "experiments": Use(("sitl", "town", "8x6", "--seed", 3, "--out", "t"), experiments),
         "foxglove": Use(("air-router", "convert", "RECORD", "flight.mcap"), foxglove),
-        "rerun": Use(("air-router", "convert", "RECORD", "flight.rrd"), rerun),
     },
 }
 NO_DDS = sys.version_info >= (3, 14) or platform.machine() != "x86_64"

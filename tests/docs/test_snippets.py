@@ -53,7 +53,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
     "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
-    "records.md 2": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
+    "records.md 4": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
     "robot.md python": "system/test_rovers.py::test_rovers_of_three_kinds_are_found",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
     "state-machine.md mermaid": (
@@ -80,6 +80,7 @@ FOREIGN = {  # first words of commands that are not ours
     "roslaunch": "ROS 1",
     "rostopic": "ROS 1",
     "colcon": "builds ROS 2 packages",
+    "rerun": "opens records",
     "ros2": "ROS 2",
     "export": "",
     "CHECKOUT_UNDER_TEST=OLD": "needs another checkout (evidence/rehearsal.md)",

@@ -59,7 +59,7 @@ IN_USAGE = [
     ("edit mission.yaml --new 47,8", "leave --new out to edit it"),
     ("fly mission.yaml --control tcp://0.0.0.0:1", "other machines could reach it"),
     ("fly mission.yaml --foxglove web", "web is not [HOST:]PORT"),
-    ("convert mission.yaml there.rrd", "a flight's record (.mcap) becomes"),
+    ("convert mission.yaml there.mcap", "a flight's record (.mcap) becomes"),
 ]
 IN_WORLDS = [  # what is changed in the world file, the command, what is said
     ("callisto|calisto", "check mission.yaml", "world.yaml:113:5: no ground robot 'calisto'"),

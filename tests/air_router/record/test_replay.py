@@ -69,6 +69,7 @@ def fly(pretend, pennovation, folder):
         flight.give(AirspaceChanged(flight.mission.fences, (*flight.mission.zones, drawn)))
         flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions))
         flight.give(PlanRenewed())
+        recorder.patch(bytes(1 << 20), flight.now_s)  # which fills a chunk of the file
         flight.fly_until(lambda: flight.finished is not None, 400.0)
         recorder.note("LetGo", flight.now_s, {})
         recorder.event(GoOn(), flight.now_s)  # came too late to be decided on
