@@ -5,8 +5,8 @@ in the record. Needs the extra `foxglove`.
 """
 
 import io
-import math
-from typing import Any, Final
+from collections.abc import Iterable
+from typing import Any
 
 import foxglove
 
@@ -16,13 +16,6 @@ from air_router.record.channels import RecordChannel
 from air_router.record.drawing import Drawn, FlightDrawing
 from air_router.record.log import Log, RecordEntry
 from mocha_link.errors import Guard
-from mocha_link.links import LinkMetrics
-
-_GRID_S: Final = 30.0
-"""So often the whole map is drawn while it grows, seconds of Unix time."""
-
-_LINKS_S: Final = 1.0
-"""The same of robots and links, to the vehicle that moves."""
 
 
 class FoxgloveChannels:
@@ -50,43 +43,6 @@ class FoxgloveChannels:
             opened.log(data, log_time=time_ns)
 
 
-class _RecordedDrawing:
-    """Draws what a record says, whatever was drawn in flight."""
-
-    def __init__(self) -> None:
-        self._drawing: FlightDrawing | None = None  # None until the setup
-        self._mapper: Mapper | None = None
-        self._links: dict[str, LinkMetrics] = {}  # newest, by peer
-        self._links_s = self._grid_s = -math.inf  # when links, the map were drawn, Unix time
-
-    def drawn(  # noqa: PLR0911 - one for each kind
-        self, entry: RecordEntry, unix_s: float
-    ) -> list[Drawn]:
-        """What is drawn of an entry."""
-        if entry.kind == "setup":
-            self._drawing = FlightDrawing(entry.value.mission)
-            self._mapper = Mapper(entry.value.mission)
-            return [*self._drawing.begin(unix_s)]
-        if self._drawing is None or self._mapper is None:
-            return []
-        drawing, value = self._drawing, entry.value
-        match entry.kind:
-            case "event" if unix_s - self._links_s >= _LINKS_S:
-                self._links_s = unix_s
-                return [*drawing.event(value, unix_s), *drawing.links(self._links, unix_s)]
-            case "event":
-                return [*drawing.event(value, unix_s)]
-            case "action":
-                return [*drawing.action(value, unix_s)]
-            case "link":
-                self._links[value.peer] = value
-                return [*drawing.links(self._links, unix_s)]
-            case "patch" if self._mapper.paint(value) and unix_s - self._grid_s >= _GRID_S:
-                self._grid_s = unix_s
-                return [*drawing.grid(self._mapper.grid, unix_s)]
-        return []
-
-
 def foxglove_mcap(log: Log) -> bytes:
     """A record as an MCAP file with Foxglove's protobuf schemas, drawn anew.
 
@@ -94,13 +50,31 @@ def foxglove_mcap(log: Log) -> bytes:
         LogError: it is no record of a flight.
     """
     context, file = foxglove.Context(), io.BytesIO()
-    channels, drawing = FoxgloveChannels(context), _RecordedDrawing()
+    channels, drawing = FoxgloveChannels(context), _RecordDrawing()
     with foxglove.open_mcap(file, context=context):
         for message in log.messages():
             channels.send(message.channel, message.time_ns, message.data)
-            for drawn in drawing.drawn(message.entry, message.time_ns / 1e9):
-                channels.send(drawn.channel, message.time_ns, drawn.data)
+            for channel, data in drawing.drawn(message.entry, message.time_ns / 1e9):
+                channels.send(channel, message.time_ns, data)
     return file.getvalue()
+
+
+class _RecordDrawing:
+    """Draws what a record says, whatever was drawn in flight."""
+
+    def __init__(self) -> None:
+        self._made: tuple[FlightDrawing, Mapper] | None = None  # None until the setup
+
+    def drawn(self, entry: RecordEntry, unix_s: float) -> Iterable[Drawn]:
+        """What is drawn of an entry."""
+        if entry.kind == "setup":
+            self._made = FlightDrawing(entry.value.mission), Mapper(entry.value.mission)
+            return self._made[0].begin(unix_s)
+        if self._made is None:
+            return ()
+        drawing, mapper = self._made
+        painted = entry.kind == "patch" and mapper.paint(entry.value)
+        return drawing.draw(mapper.grid if painted else entry.value, unix_s)
 
 
 class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]

@@ -11,6 +11,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol
 
@@ -139,9 +140,11 @@ class Recorder(Closeable):
         link_channel()  # makes all schemas: on the ground, and not at the first event of a kind
         self.note("Setup", 0.0, {"setup": self._encoded(plain_of, setup)})
         self.note("Options", 0.0, facts)
+        unix_s = self._unix_s()
         with self._harmless:
             self._drawing = _drawing_of(setup)
-        self._draw("begin", self._unix_s())
+        if self._drawing is not None:
+            self._draw(self._drawing.begin, unix_s)
 
     def event(self, event: object, now_s: float) -> None:
         """Record what happened."""
@@ -155,7 +158,7 @@ class Recorder(Closeable):
         self._write("event", event, now_s)
         if self._due(CLOCK, now_s):
             self.note("Clock", now_s, {"unix_s": self._unix_s()})
-        self._draw("event", event, self._time_s(now_s))
+        self._show(event, now_s)
 
     def actions(self, actions: Iterable[object], now_s: float) -> None:
         """Record what was decided."""
@@ -163,7 +166,7 @@ class Recorder(Closeable):
             return
         for action in actions:
             self._write("action", action, now_s)
-            self._draw("action", action, self._time_s(now_s))
+            self._show(action, now_s)
 
     def note(self, name: str, now_s: float, fields: Mapping[str, Any]) -> None:
         """Record something else about the flight, in plain data."""
@@ -193,7 +196,7 @@ class Recorder(Closeable):
                 self._links[peer] = steady
                 message = message_of(dataclasses.replace(link, contacts=()), now_s)
                 self._add(link_channel(), now_s, message)
-        self._draw("links", self._links, self._time_s(now_s))
+                self._show(link, now_s)
         for peer, holdings in held().items():
             known = self._held.setdefault(peer, {})
             news = [[*key, s] for key, s in sorted(holdings.items()) if known.get(key) != s]
@@ -219,7 +222,7 @@ class Recorder(Closeable):
             self.note("Map", now_s, {"known_cells": mapper.known_cells})
         if mapper.known_cells != self._grid_cells and self._due(GRID, now_s):
             self._grid_cells = mapper.known_cells
-            self._draw("grid", mapper.grid, self._time_s(now_s))
+            self._show(mapper.grid, now_s)
 
     def file(self, path: Path) -> None:
         """Put a file of the mission into the record."""
@@ -290,22 +293,23 @@ class Recorder(Closeable):
                 _log.exception("%s cannot be recorded: the record cannot be replayed", name)
             return None
 
-    def _draw(self, what: str, *seen: Any) -> None:
-        """Record what is drawn of it; the last of what is seen is the Unix time."""
-        if self._drawing is None:
-            return
+    def _show(self, value: object, now_s: float) -> None:
+        """Record what is drawn of it."""
+        if self._drawing is not None:
+            self._draw(partial(self._drawing.draw, value), self._time_s(now_s))
+
+    def _draw(self, draw: Callable[[float], Iterable[Any]], unix_s: float) -> None:
         with self._harmless:
-            for drawn in getattr(self._drawing, what)(*seen):
-                time_ns = None if drawn.unix_s is None else _ns(drawn.unix_s)
-                self._send(drawn.channel, time_ns, drawn.data)
+            for channel, data in draw(unix_s):
+                self._send(channel, _ns(unix_s), data)
 
     def _add(self, channel: RecordChannel, now_s: float, data: bytes) -> None:
         self._send(channel, _ns(self._time_s(now_s)), data)
 
-    def _send(self, channel: RecordChannel, time_ns: int | None, data: bytes) -> None:
+    def _send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
         if self._idle:
             return
-        self._last_ns = max(self._last_ns, time_ns or 0)
+        self._last_ns = max(self._last_ns, time_ns)
         if self._file is not None:
             self._file.add(channel, self._last_ns, data)
         if self._viewer is not None:

@@ -190,12 +190,11 @@ def test_the_log_says_how_grave_an_announcement_is(pennovation):
     drawing = importlib.import_module("air_router.record.drawing")
     levels = []
     for severity in Severity:
-        (drawn,) = drawing.FlightDrawing(pennovation).action(
-            Announce("x", severity, BE_READY), 1.7e9
-        )
-        schema = Schema(1, drawn.channel.schema, "protobuf", drawn.channel.schema_name)
-        log = decoder.DecoderFactory().decoder_for("protobuf", schema)(drawn.data)
-        levels.append((drawn.channel.topic, log.level))
+        announced = Announce("x", severity, BE_READY)
+        ((channel, data),) = drawing.FlightDrawing(pennovation).draw(announced, 1.7e9)
+        schema = Schema(1, channel.schema, "protobuf", channel.schema_name)
+        log = decoder.DecoderFactory().decoder_for("protobuf", schema)(data)
+        levels.append((channel.topic, log.level))
     assert levels == [("/log", 2), ("/log", 3), ("/log", 4)]
 
 
@@ -214,7 +213,7 @@ def test_a_record_itself_is_drawn_as_one_that_is_converted(record, found):
 
 
 def test_without_the_sdk_a_flight_is_recorded_and_drawn_later(pennovation, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "foxglove.messages", None)
+    monkeypatch.setitem(sys.modules, "foxglove", None)
     monkeypatch.delitem(sys.modules, "air_router.record.drawing")
     with Recorder(tmp_path, "mission.yaml", unix_s=lambda: UNIX_S) as recorder:
         fly(recorder, pennovation)
