@@ -1,11 +1,12 @@
 """`air-router convert`: a mission or zones in another format, and what got lost on the way."""
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
+
+import click
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, note_options, number, print_json
 from air_router.errors import ExitCode, UsageError
@@ -31,6 +32,7 @@ from air_router.files.missions import (
 from air_router.mission import foreign_draft, is_mission, read_draft, validate
 from air_router.record import Log
 from air_router.words import counted
+from mocha_link.cli import PATH, Options, Parsed, command, option
 from mocha_link.errors import needs_extra
 from mocha_link.team import DocumentError, Problem
 
@@ -73,42 +75,33 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Convert a mission, zones or a flight's record; says what could not be carried over."
-    )
-    parser.epilog = _EPILOG
-    parser.add_argument("source", type=Path, metavar="FROM", help="a mission, zones or a record")
-    parser.add_argument("target", type=Path, metavar="TO", help="the file to write")
-    parser.add_argument(
-        "--zones", type=Path, action="append", default=[], metavar="F", help="add the zones of F"
-    )
-    parser.add_argument(
-        "--allow",
-        action="append",
-        default=[],
-        metavar="WORD",
-        help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
-    )
-    parser.add_argument(
-        "--skip",
-        action="append",
-        default=[],
-        metavar="WORD",
-        help="leave out zones of this name or kind: they are none for this mission",
-    )
-    parser.add_argument(
-        "--altitude",
-        type=number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE),
-        metavar="M",
-        help="fly the route of a FROM in GPX this high above home, in metres",
-    )
-    parser.add_argument("--force", action="store_true", help="replace TO if it is there")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Convert a mission, zones or a flight's record; says what could not be carried over.", _EPILOG
+)
+@click.argument("source", type=PATH, metavar="FROM", help="a mission, zones or a record")
+@click.argument("target", type=PATH, metavar="TO", help="the file to write")
+@option("--zones", multiple=True, type=PATH, metavar="F", help="add the zones of F")
+@option(
+    "--allow",
+    multiple=True,
+    metavar="WORD",
+    help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
+)
+@option(
+    "--skip",
+    multiple=True,
+    metavar="WORD",
+    help="leave out zones of this name or kind: they are none for this mission",
+)
+@option(
+    "--altitude",
+    type=Parsed(number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE)),
+    metavar="M",
+    help="fly the route of a FROM in GPX this high above home, in metres",
+)
+@option("--force", is_flag=True, help="replace TO if it is there")
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(arguments: Options) -> int:
     """Convert, and say what got lost."""
     source, target = arguments.source, arguments.target
     kind = _KINDS.get(target.suffix.lower())
@@ -178,7 +171,7 @@ class _Report:
         }
 
 
-def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
+def _record(arguments: Options, kind: str, report: _Report) -> bytes:
     if arguments.source.suffix.lower() != _RECORD or kind != _FOXGLOVE:
         raise UsageError(
             "a flight's record (.mcap) becomes .mcap with Foxglove's schemas; nothing else does"
@@ -193,7 +186,7 @@ def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
     return written
 
 
-def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
+def _mission(arguments: Options, kind: str, report: _Report) -> str | bytes:
     source, altitude_m = arguments.source, arguments.altitude
     draft = foreign_draft(source, altitude_m=altitude_m) or read_draft(source)
     own_zones = len(draft.zones)
@@ -220,7 +213,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
 def _written(
     draft: MissionDocument,
     own_zones: int,
-    arguments: argparse.Namespace,
+    arguments: Options,
     kind: str,
     report: _Report,
 ) -> str | bytes:
@@ -253,7 +246,7 @@ def _refuse_without_waypoints(draft: MissionDocument) -> None:
         raise DocumentError([*draft.problems, problem])
 
 
-def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
+def _zones(arguments: Options, kind: str, report: _Report) -> str | bytes:
     if kind not in _MAP_WRITERS and arguments.source.suffix.lower() == ".gpx":
         raise UsageError("GPX does not say how high to fly: add --altitude M, above home")
     if kind not in _MAP_WRITERS:

@@ -11,9 +11,9 @@ __getattr__, __dir__, __all__ = door(
         "recorder": ("Recorder",),
         "recording": (
             "ViewerAddress",
-            "add_record",
-            "add_recording",
-            "add_viewer",
+            "record_argument",
+            "recording_options",
+            "viewer_option",
             "folder_of",
             "record_of",
             "viewing",

@@ -204,12 +204,6 @@ def ros2(there: Environment, _: Path) -> None:
             each.communicate(timeout=60)
 
 
-def completion(there: Environment, _: Path) -> None:
-    names = [path.name for path in there.bin.iterdir()]
-    for program in {"air-router", "mocha-link", "sitl"}.intersection(names):
-        assert "complete" in there.run(program, "completion", "bash").stdout
-
-
 class Use(NamedTuple):
     """How to see what an extra is for."""
 
@@ -222,13 +216,11 @@ NODES = {
     "mavlink": Use((), mavlink),
     "ros": Use((), ros),
     "ros2": Use(("mocha-link", "bridge", "ros2", "--node", "ipc:///nowhere"), ros2),
-    "completion": Use(("mocha-link", "completion", "bash"), completion),
 }
 USES = {
     "mocha-link": NODES,
     "air-router": {
         **NODES,
-        "completion": Use(("air-router", "completion", "bash"), completion),
         "sim": Use(("air-router", "sim", MISSION), sim),
         "plot": Use(("air-router", "check", MISSION, "--png", "m.png"), plot),
         "web": Use(("air-router", "edit", MISSION, "--port", 0, "--no-open"), web),

@@ -40,7 +40,7 @@ IN_FILES = [  # what is changed in the mission, the command, what is said
 ]
 IN_USAGE = [
     ("", "fly a mission in a simulated world"),
-    ("dance", "invalid choice: 'dance'"),
+    ("dance", "No such command 'dance'"),
     ("plan mission.yaml --from 0 --to 99", "no waypoint 99; Pennovation has 1 to 39"),
     ("plan mission.yaml --from 1 --to here", "here is neither a waypoint's number nor LATITUDE"),
     ("plan mission.yaml --from 1 --to 1,2,3", "1,2,3 is neither a waypoint's number nor"),
