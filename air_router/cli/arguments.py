@@ -147,13 +147,16 @@ start_option = option(
     "--at",
     type=Parsed(moment),
     metavar="TIME",
-    help="the mission starts then, e.g. 2026-11-20T08:00:00Z (default: now)",
+    help="time at which the mission starts, e.g. 2026-11-20T08:00:00Z (default: now); zones may "
+    "depend on it",
 )
 """Add `--at`: when the mission is to start, for zones that do not apply at all times."""
 
 
 uav_option = option(
-    "--uav", metavar="NAME", help="whose mission, if it is for several UAVs (`uavs`)"
+    "--uav",
+    metavar="NAME",
+    help="UAV whose mission is meant, where the file is for several (its `uavs`)",
 )
 """Add `--uav`: whose mission it is, where it is for several."""
 
@@ -163,8 +166,9 @@ rover_option = option(
     multiple=True,
     type=Parsed(_rover),
     metavar="NAME=ENDPOINT",
-    help="a program of yours plays this robot: its node is served there, and it is where the "
-    "program says, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be repeated",
+    help="your own program plays robot NAME: the simulation serves the robot's node at ENDPOINT, "
+    "and the program sets its position, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be "
+    "repeated",
 )
 """Add `--rover`: which robots of a simulation the user's own programs play."""
 
@@ -176,6 +180,6 @@ def px4_version_option(words: str) -> Decorator:
             "--px4-version",
             type=Parsed(_px4_version),
             metavar="VERSION",
-            help=f"of PX4, {words}: {_VERSIONS} (default {name_of(NEWEST)})",
+            help=f"version of PX4 that {words}: {_VERSIONS} (default {name_of(NEWEST)})",
         ),
     )

@@ -25,27 +25,31 @@ exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
 
 
 @command(
-    "Have a flight that runs with --control on this machine do something.",
+    "Send a request to a flight that runs with --control on this machine.",
     _EPILOG,
-    usage="%(prog)s [-h] [ENDPOINT] VERB [WHAT ...] [options]",
+    usage="[OPTIONS] [ENDPOINT] VERB [WHAT ...]",
 )
 @click.argument(
     "words",
     nargs=-1,
     required=True,
     metavar="[ENDPOINT] VERB [WHAT] ...",
-    help="ENDPOINT: the flight's --control, if that has one; VERB: one of "
-    f"{', '.join(MODELS)}; WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], "
-    "of altitude METRES, of resume upload",
+    help=f"ENDPOINT: the flight's --control, if that has one; VERB: one of {', '.join(MODELS)}; "
+    "WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], of altitude METRES, of resume upload",
 )
-@option("--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long")
-@option("--by", metavar="WHO", help="who asks, for the flight's record")
+@option(
+    "--hold-s",
+    type=float,
+    metavar="S",
+    help="with goto: time to hover at the last point, in seconds",
+)
+@option("--by", metavar="WHO", help="name of the requester, for the flight's record")
 @option(
     "--timeout",
     type=Parsed(number("a number of seconds", MORE_THAN_0, 3600.0)),
     metavar="S",
     default=5.0,
-    help="for an answer (default 5 s)",
+    help="time to wait for an answer, in seconds (default 5)",
 )
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:

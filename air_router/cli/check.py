@@ -35,9 +35,11 @@ exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its pla
 
 
 @command("Check a mission: prints every error as file:line:column, or a summary.", _EPILOG)
-@click.argument("mission", type=PATH, help="mission YAML or .plan")
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @option("--json", is_flag=True, help="one JSON object on stdout")
-@option("--png", type=PATH, metavar="F", help="draw the mission into F, right or wrong")
+@option(
+    "--png", type=PATH, metavar="F", help="draw the mission into file F, also where it has errors"
+)
 @start_option
 @uav_option
 def run(arguments: Options) -> int:

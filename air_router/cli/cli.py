@@ -10,7 +10,7 @@ from mocha_link.errors import told
 _EXIT_CODES = """\
 exit codes:
   0 done                      4 no vehicle
-  1 ended otherwise           5 refused before take-off
+  1 ended abnormally          5 refused before take-off
   2 wrong usage               6 the pilot took over
   3 invalid file              7 a package is missing
                             130 interrupted
@@ -18,30 +18,33 @@ exit codes:
 
 COMMANDS = {
     "new": ("air_router.start.new", "make a first mission, with team, world and rover"),
-    "check": ("air_router.cli.check", "check a mission file and say what to expect"),
+    "check": ("air_router.cli.check", "check a mission file and show what to expect of it"),
     "plan": ("air_router.cli.plan", "plan a route between two waypoints or places"),
-    "cover": ("air_router.cli.cover", "lawnmower waypoints over an area, no-fly zones cut out"),
+    "cover": (
+        "air_router.cli.cover",
+        "plan lawnmower waypoints over an area, clear of no-fly zones",
+    ),
     "edit": ("air_router.cli.edit", "edit a mission on a map"),
-    "tiles": ("air_router.web.fetch_command", "fetch a map to lie under the pages"),
+    "tiles": ("air_router.web.fetch_command", "fetch map tiles for the pages, for use offline"),
     "convert": (
         "air_router.cli.convert",
-        "a mission or zones into another format (plan, YAML, GeoJSON, KML)",
+        "convert a mission, zones or a record to another format",
     ),
-    "preflight": ("air_router.cli.preflight", "is this vehicle ready to fly this mission?"),
+    "preflight": ("air_router.cli.preflight", "check whether a vehicle is ready to fly a mission"),
     "signing-key": (
         "air_router.cli.signing_key_command",
         "make a key that signs MAVLink, and give it to a PX4",
     ),
-    "fly": ("air_router.cli.fly", "fly a mission with a vehicle that is already there"),
+    "fly": ("air_router.cli.fly", "fly a mission with a real vehicle"),
     "sim": ("air_router.sim.sim", "fly a mission in a simulated world"),
-    "watch": ("air_router.cli.watch", "several flights on one map page"),
+    "watch": ("air_router.cli.watch", "show several flights on one map page"),
     "ask": (
         "air_router.cli.ask",
-        "have a flight hold, resume, seek a robot, explore, come home or fly to points",
+        "send a request to a flight: hold, resume, seek, explore, home, goto ...",
     ),
     "ros2": ("air_router.ros2.command", "show a flight to ROS 2, and take its requests"),
-    "replay": ("air_router.cli.replay", "run a recorded flight's decisions again, and compare"),
-    "report": ("air_router.cli.report", "a recorded flight as one HTML page"),
+    "replay": ("air_router.cli.replay", "replay a recorded flight's decisions and compare them"),
+    "report": ("air_router.cli.report", "write a recorded flight as one HTML page"),
 }
 
 

@@ -78,28 +78,35 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 @command(
     "Convert a mission, zones or a flight's record; says what could not be carried over.", _EPILOG
 )
-@click.argument("source", type=PATH, metavar="FROM", help="a mission, zones or a record")
-@click.argument("target", type=PATH, metavar="TO", help="the file to write")
-@option("--zones", multiple=True, type=PATH, metavar="F", help="add the zones of F")
+@click.argument("source", type=PATH, metavar="FROM", help="mission, zones or flight record to read")
+@click.argument("target", type=PATH, metavar="TO", help="file to write; its ending is the format")
+@option(
+    "--zones",
+    multiple=True,
+    type=PATH,
+    metavar="F",
+    help="add the no-fly zones of file F; may be repeated",
+)
 @option(
     "--allow",
     multiple=True,
     metavar="WORD",
-    help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
+    help="leave out zones with this restriction (CONDITIONAL, ...), class or identifier; may be "
+    "repeated",
 )
 @option(
     "--skip",
     multiple=True,
     metavar="WORD",
-    help="leave out zones of this name or kind: they are none for this mission",
+    help="leave out zones of this name or kind, which do not concern this mission; may be repeated",
 )
 @option(
     "--altitude",
     type=Parsed(number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE)),
     metavar="M",
-    help="fly the route of a FROM in GPX this high above home, in metres",
+    help="altitude above home at which a GPX route is flown, in metres",
 )
-@option("--force", is_flag=True, help="replace TO if it is there")
+@option("--force", is_flag=True, help="replace TO if it exists")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Convert, and say what got lost."""

@@ -80,49 +80,74 @@ def _angle(text: str) -> float | None:
 
 
 @command("Plan rows from which a camera sees an area, clear of no-fly zones.", _EPILOG)
-@click.argument("area", type=PATH, help="what to cover")
-@option("--camera", metavar="CAMERA", required=True, help="what sees it; see below")
-@option("--portrait", is_flag=True, help="longer side along the rows")
+@click.argument("area", type=PATH, help="file with the area to cover; see below")
+@option(
+    "--camera", metavar="CAMERA", required=True, help="camera that takes the pictures; see below"
+)
+@option("--portrait", is_flag=True, help="mount the camera with its longer side along the rows")
 @option(
     "--overlap",
     type=Parsed(_percent),
     metavar="PERCENT",
     default=_OVERLAP,
-    help=f"of pictures on a row (default {_OVERLAP:g})",
+    help=f"overlap of consecutive pictures on a row, in percent (default {_OVERLAP:g})",
 )
 @option(
     "--sidelap",
     type=Parsed(_percent),
     metavar="PERCENT",
     default=_SIDELAP,
-    help=f"of pictures of two rows (default {_SIDELAP:g})",
+    help=f"overlap of pictures on neighbouring rows, in percent (default {_SIDELAP:g})",
 )
 @option(
-    "--altitude", type=Parsed(_positive), metavar="M", help="above home (default: the mission's)"
+    "--altitude",
+    type=Parsed(_positive),
+    metavar="M",
+    help="flight altitude above home, in metres (default: the mission's)",
 )
 @option(
     "--angle",
     type=Parsed(_angle),
     metavar="DEG",
-    help="where rows lead, clockwise from north, or 'auto' (default): the quickest",
+    help="direction of the rows, in degrees clockwise from north, or 'auto' (default): the "
+    "direction that takes the least time",
 )
-@option("--mission", type=PATH, metavar="F", help="whose airspace and home to use")
-@option("--home", type=Parsed(place), metavar="LAT,LON", help="without a mission: home")
-@option("--zones", multiple=True, type=PATH, metavar="F", help="without a mission")
+@option("--mission", type=PATH, metavar="F", help="mission whose airspace and home are used")
+@option(
+    "--home",
+    type=Parsed(place),
+    metavar="LAT,LON",
+    help="home, in degrees, where no mission gives it",
+)
+@option(
+    "--zones",
+    multiple=True,
+    type=PATH,
+    metavar="F",
+    help="file with no-fly zones, where no mission gives them; may be repeated",
+)
 @option(
     "--clearance",
     type=Parsed(number("within 0 to 1000 m", 0.0, 1000.0)),
     metavar="M",
-    help="without a mission",
+    help="distance kept from zones and fence, in metres, where no mission gives it",
 )
-@option("--inside", is_flag=True, help="never fly beyond the area")
-@option("--speed", type=Parsed(_positive), metavar="M_S", help="cruise speed")
+@option("--inside", is_flag=True, help="never leave the area, not even in turns")
 @option(
-    "--every", type=Parsed(_positive), metavar="M", help="waypoints on rows at most so far apart"
+    "--speed",
+    type=Parsed(_positive),
+    metavar="M_S",
+    help="cruise speed, in m/s (default: the mission's)",
 )
-@option("--out", type=PATH, metavar="F", help="write a whole mission (YAML)")
-@option("--force", is_flag=True, help="let --out replace a file")
-@option("--png", type=PATH, metavar="F", help="draw it into F")
+@option(
+    "--every",
+    type=Parsed(_positive),
+    metavar="M",
+    help="largest distance between waypoints on a row, in metres",
+)
+@option("--out", type=PATH, metavar="F", help="write a whole mission (YAML) into file F")
+@option("--force", is_flag=True, help="replace the file of --out if it exists")
+@option("--png", type=PATH, metavar="F", help="draw area and rows into file F")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Plan rows, and write what was asked for."""

@@ -23,21 +23,21 @@ _DEFAULT_PORT = 8424
     "Ctrl-C ends.",
     "example: air-router edit missions/pennovation/mission.yaml",
 )
-@click.argument("mission", type=PATH, help="mission YAML or .plan")
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @option(
     "--port",
     "web",
     type=Parsed(page_port),
     metavar="P",
     default=_DEFAULT_PORT,
-    help=f"where the page is served (default {_DEFAULT_PORT}, 0: any free port)",
+    help=f"port that the page is served on (default {_DEFAULT_PORT}; 0: any free port)",
 )
 @page_options()
 @option(
     "--new",
     type=Parsed(home),
     metavar="LAT,LON",
-    help="begin a new mission there; MISSION must not exist yet",
+    help="create MISSION with its home at this place, in degrees; the file must not exist yet",
 )
 @option("--no-open", is_flag=True, help="do not open a browser")
 def run(arguments: Options) -> int:

@@ -179,16 +179,16 @@ def link_options(connect: str | None = DEFAULT_URL) -> Decorator:
             "--connect",
             metavar="URL",
             default=connect,
-            help="the vehicle's link"
+            help="MAVLink connection to the vehicle"
             + (f" (default {connect})" if connect else "")
-            + "; also serial:///dev/ttyACM0:57600",
+            + "; for a serial port e.g. serial:///dev/ttyACM0:57600",
         ),
         option(
             "--sysid",
             type=Parsed(_system_id),
             metavar="N",
             default=1,
-            help="its MAVLink system id (default 1)",
+            help="MAVLink system id of the vehicle, 1 to 250 (default 1)",
         ),
     )
 
@@ -199,29 +199,35 @@ vehicle_options = together(
         "--signing-key",
         type=PATH,
         metavar="FILE",
-        help="sign MAVLink with this key, and take only what is signed with it (`air-router "
-        "signing-key`, docs/security.md)",
+        help="sign MAVLink with the key in FILE, and accept only messages signed with it "
+        "(`air-router signing-key`, docs/security.md)",
     ),
-    option("--team", type=PATH, metavar="FILE", help="team file (the mission's)"),
+    option("--team", type=PATH, metavar="FILE", help="team file (default: the mission's)"),
 )
 """What `fly` and `preflight` have in common."""
 
 
 flight_options = together(
-    click.argument("mission", type=PATH, help="mission YAML or .plan"),
+    click.argument("mission", type=PATH, help="mission file (.yaml or .plan)"),
     option(
         "--duration",
         type=Parsed(number("a positive number of seconds, at most 1e9", MORE_THAN_0, 1e9)),
         metavar="S",
-        help="come home after so many seconds in the air, on the vehicle's clock",
+        help="return home after this time in the air, in seconds of the vehicle's clock "
+        "(default: the mission's)",
     ),
     recording_options,
     viewer_option,
-    option("--png", type=PATH, metavar="F", help="draw the flown track into F (track.png)"),
+    option(
+        "--png",
+        type=PATH,
+        metavar="F",
+        help="draw the flown track into file F (default: track.png)",
+    ),
     option(
         "--metrics",
         metavar="ENDPOINT",
-        help="let your other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
+        help="serve link metrics to other programs at this endpoint, e.g. tcp://127.0.0.1:24500 "
         "(`mocha-link metrics ENDPOINT --follow`)",
     ),
     option(
@@ -229,8 +235,8 @@ flight_options = together(
         type=Parsed(endpoint_of),
         **optional(CONTROL_NAME),
         metavar="[ENDPOINT]",
-        help="let your other programs on this machine ask for something (`air-router ask`, "
-        "docs/control.md); at another place than the usual: a name, ipc://PATH, a port or "
+        help="accept requests of other programs on this machine (`air-router ask`, "
+        "docs/control.md), at the usual endpoint or at a name, ipc://PATH, a port or "
         "tcp://127.0.0.1:PORT",
     ),
     web_options(),
@@ -238,7 +244,7 @@ flight_options = together(
     option(
         "--seek",
         type=click.Choice(SEEK_POLICIES),
-        help="how the next robot is chosen (as the mission says)",
+        help="policy that chooses the next robot (default: the mission's)",
     ),
 )
 """What `fly` and `sim` have in common."""
@@ -251,20 +257,24 @@ flight_options = together(
 )
 @vehicle_options
 @uav_option
-@option("--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://...")
-@option("--arm", is_flag=True, help="arm and take off, once confirmed")
+@option(
+    "--camera",
+    metavar="URL",
+    help="ZeroMQ endpoint that publishes map patches, e.g. tcp://127.0.0.1:24600",
+)
+@option("--arm", is_flag=True, help="arm and take off after the operator has confirmed it")
 @option(
     "--resume",
     is_flag=True,
-    help="go on with a flight of this mission that is in the air",
+    help="take over a flight of this mission that is already in the air",
     not_with=["arm"],
 )
-@option("--yes", is_flag=True, help="confirm --arm without being asked")
+@option("--yes", is_flag=True, help="do not ask before --arm")
 @option(
     "--keys",
     type=PATH,
     metavar="DIR",
-    help="the folder with the UAV's secret key, NAME.key, if the team has a key for it",
+    help="folder with the UAV's secret key, NAME.key, where the team file has a key for it",
 )
 @flight_options
 @option(PART, is_flag=True, hidden=True)

@@ -43,7 +43,7 @@ def _stop(text: str) -> Stop:
 
 
 @command("Plan the route between two waypoints (0 is home) or places in degrees.", _EPILOG)
-@click.argument("mission", type=PATH, help="mission YAML or .plan")
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @start_option
 @uav_option
 @option(
@@ -52,7 +52,7 @@ def _stop(text: str) -> Stop:
     type=Parsed(_stop),
     required=True,
     metavar="N|LAT,LON",
-    help="where the route starts: a waypoint (0: home), or degrees",
+    help="start of the route: number of a waypoint (0: home), or a place in degrees",
 )
 @option(
     "--to",
@@ -60,10 +60,10 @@ def _stop(text: str) -> Stop:
     type=Parsed(_stop),
     required=True,
     metavar="N|LAT,LON",
-    help="where the route ends: a waypoint (0: home), or degrees",
+    help="end of the route: number of a waypoint (0: home), or a place in degrees",
 )
 @option("--json", is_flag=True, help="one JSON object on stdout")
-@option("--png", type=PATH, metavar="F", help="draw mission and route into F")
+@option("--png", type=PATH, metavar="F", help="draw mission and route into file F")
 def run(arguments: Options) -> int:
     """Plan, and print the route's legs."""
     mission = load_mission(arguments.mission, uav=arguments.uav, start=arguments.at)

@@ -27,10 +27,12 @@ TELEMETRY_S: Final = 4.0
     "example: air-router preflight missions/pennovation/mission.yaml "
     "--connect udpin://127.0.0.1:14540",
 )
-@click.argument("mission", type=PATH, help="mission YAML or .plan")
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @vehicle_options
 @uav_option
-@option("--look", is_flag=True, help="change nothing: only compare the plan on board")
+@option(
+    "--look", is_flag=True, help="change nothing on the vehicle: only compare the plan on board"
+)
 @recording_options
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:

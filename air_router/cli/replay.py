@@ -10,7 +10,7 @@ from mocha_link.errors import needs_extra
 
 @command(
     "Give the events of a recorded flight to a new controller and compare what it "
-    "decides. Exit code 0: the same; 1: otherwise, the first difference is told; 3: the "
+    "decides. Exit code 0: same decisions; 1: others, the first difference is printed; 3: the "
     "record is damaged or holds no decision, so the comparison is not complete.",
     "examples:\n"
     "  air-router replay flight-20261120T234403Z-titan.mcap\n"
@@ -20,7 +20,11 @@ from mocha_link.errors import needs_extra
 @option("--json", is_flag=True, help="one JSON object on stdout")
 @web_options()
 @option(
-    "--speed", type=Parsed(speed_factor), metavar="X", default=1.0, help="of --web: times real time"
+    "--speed",
+    type=Parsed(speed_factor),
+    metavar="X",
+    default=1.0,
+    help="playback speed with --web, times real time, 0.1 to 100 (default 1)",
 )
 def run(arguments: Options) -> int:
     """Replay, and print what came of it."""

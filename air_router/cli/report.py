@@ -15,8 +15,12 @@ from mocha_link.cli import PATH, Options, command, option
     "example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html",
 )
 @record_argument
-@option("-o", "--output", type=PATH, metavar="F", help="the page (default: LOG with .html)")
-@option("--json", is_flag=True, help="the same as JSON on stdout, and no page without -o")
+@option("-o", "--output", type=PATH, metavar="F", help="file of the page (default: LOG with .html)")
+@option(
+    "--json",
+    is_flag=True,
+    help="print the report as JSON on stdout; the page is written only with -o",
+)
 def run(arguments: Options) -> int:
     """Draw it."""
     log = Log(record_of(arguments))

@@ -19,12 +19,16 @@ from mocha_link.cli import PATH, Options, command, option
     "example: air-router signing-key uav.key; "
     "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600",
 )
-@click.argument("file", type=PATH, help="of the key; made, if no --connect")
+@click.argument(
+    "file", type=PATH, help="file of the key; without --connect a new key is written to it"
+)
 @link_options(None)
-@option("--old", type=PATH, metavar="FILE", help="the key that PX4 has already, to replace it")
-@option("--remove", is_flag=True, help="PX4 has this key, and is to forget it")
+@option("--old", type=PATH, metavar="FILE", help="key that PX4 has now and that FILE replaces")
+@option("--remove", is_flag=True, help="have PX4 forget its key, which is the one in FILE")
 @option(
-    "--in-the-clear", is_flag=True, help="send the key over a network where others may receive it"
+    "--in-the-clear",
+    is_flag=True,
+    help="send the key over a network even though others may be able to read it",
 )
 def run(arguments: Options) -> int:
     """Make the key, or give it to the vehicle."""

@@ -11,8 +11,8 @@ from mocha_link.errors import needs_extra
 
 @command(
     "Serve one map page for several flights, each flown with --web on a machine "
-    "of its own. They need not be there yet: the page finds each when it begins, and again "
-    "when it was lost. Ctrl-C ends the page, not the flights.",
+    "of its own. Flights may start later: the page finds each when it starts, and again "
+    "after its link was lost. Ctrl-C ends the page, not the flights.",
     "examples:\n"
     "  air-router watch 'http://192.168.1.11:8425/?token=aTbZ' 192.168.1.12:8425\n"
     "  air-router watch titan.local atlas.local --web 0    (any free port)",
@@ -22,7 +22,7 @@ from mocha_link.errors import needs_extra
     nargs=-1,
     required=True,
     metavar="ADDRESS ...",
-    help="what `fly --web` prints there; HOST or HOST:PORT for a page without a token",
+    help="address that `fly --web` prints; HOST or HOST:PORT for a page without a token",
 )
 @web_options(always=True)
 def run(arguments: Options) -> int:

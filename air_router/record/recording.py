@@ -38,7 +38,7 @@ record_argument = click.argument(
     "log",
     type=PATH,
     required=False,
-    help="the record, an MCAP file (default: the newest in logs/ and in "
+    help="flight record, an MCAP file (default: the newest in logs/ and in "
     "~/.local/state/air-router/flights)",
 )
 """`LOG`, the record of a flight."""
@@ -65,7 +65,7 @@ recording_options = together(
         "--log-dir",
         type=PATH,
         metavar="D",
-        help="record the flight there (default: ~/.local/state/air-router/flights)",
+        help="folder that the flight is recorded in (default: ~/.local/state/air-router/flights)",
     ),
     option("--no-record", is_flag=True, help="do not record the flight", not_with=["log_dir"]),
 )
@@ -100,8 +100,8 @@ viewer_option = option(
     type=Parsed(ViewerAddress.of),
     **optional(ViewerAddress()),
     metavar="[[HOST:]PORT]",
-    help="show the flight in Foxglove, which connects there (default: port 8765, this machine "
-    "only)",
+    help="serve the flight to Foxglove, which connects to this port (default 8765, on this "
+    "machine only)",
 )
 """Add `--foxglove`."""
 

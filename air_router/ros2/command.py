@@ -27,22 +27,27 @@ def _print_package(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 @command(
     "Show a flight that runs with --control on this machine to ROS 2, without a ROS "
     "installation: pose, fix, battery, state, zones, team and map as standard messages. "
-    "It waits for a flight that is not there. Ctrl-C ends it, not the flight.",
+    "It waits until the flight runs. Ctrl-C ends it, not the flight.",
     _EPILOG,
 )
 @click.argument(
     "endpoint",
     type=Parsed(endpoint_of),
     required=False,
-    help="the flight's --control, if that has one",
+    help="endpoint of the flight's --control, if it is not the usual one",
 )
-@option("--domain", type=int, metavar="N", help="number of the DDS domain (ROS_DOMAIN_ID, or 0)")
+@option(
+    "--domain",
+    type=int,
+    metavar="N",
+    help="number of the DDS domain (default: ROS_DOMAIN_ID, else 0)",
+)
 @option(
     "--requests",
     is_flag=True,
-    help="serve actions and services, too: every program in the DDS domain may then ask the "
-    "flight to hold, resume, explore, come home, land, change its altitude, fly to points or "
-    "seek a robot",
+    help="also serve actions and services: every program in the DDS domain can then make the "
+    "flight hold, resume, explore, come home, land, change its altitude, fly to points or seek a "
+    "robot",
 )
 @option(
     "--package",

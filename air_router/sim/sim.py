@@ -54,16 +54,17 @@ from mocha_link.path_safety import made_folder
     type=Parsed(speed_factor),
     metavar="X",
     default=1.0,
-    help="at most, times real time (default 1); the world waits for what falls behind",
+    help="largest speed, times real time, 0.1 to 100 (default 1); the simulation waits for the "
+    "slowest process",
 )
-@option("--seed", type=int, metavar="N", default=1, help="of all that is random")
+@option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
 @option(
     "--px4",
     **optional(""),
     metavar="[PATH]",
-    help="fly a real PX4 instead of our own: found as `sitl px4` finds it, or there",
+    help="fly a real PX4 instead of our simulated one, at PATH or where `sitl px4` finds it",
 )
-@px4_version_option("that our own behaves as")
+@px4_version_option("our simulated one behaves as")
 def run(arguments: Options) -> int:
     """Fly in a world of its own, and report on stdout."""
     if importlib.util.find_spec("pymavlink") is None:  # the world is other processes

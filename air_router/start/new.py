@@ -109,18 +109,20 @@ class _Question:
 
 
 _QUESTIONS = (
-    _Question("folder", "FOLDER", "where (default mission)", "Folder to make", Path, "mission"),
+    _Question(
+        "folder", "FOLDER", "folder to make (default mission)", "Folder to make", Path, "mission"
+    ),
     _Question(
         "home",
         "LAT,LON",
-        "where the vehicle takes off",
+        "place of take-off, in degrees",
         "Where does the vehicle take off (latitude,longitude)?",
         home,
     ),
     _Question(
         "altitude",
         "M",
-        "cruise altitude above home (default 30)",
+        "cruise altitude above home, in metres (default 30)",
         "Cruise altitude in metres above that?",
         _altitude,
         "30",
@@ -128,7 +130,7 @@ _QUESTIONS = (
     _Question(
         "uav",
         "NAME",
-        "its name (default titan)",
+        "name of the vehicle (default titan)",
         "Name of the vehicle in the team?",
         _name,
         "titan",
@@ -136,7 +138,7 @@ _QUESTIONS = (
     _Question(
         "robots",
         "NAMES",
-        "whom it seeks, each with what it speaks, json, ros1 or ros2 (default rover=json)",
+        "robots to seek, each with its message format json, ros1 or ros2 (default rover=json)",
         "Robots that it seeks, and what they speak (json, ros1, ros2)?",
         _robots,
         "rover=json",
@@ -148,8 +150,8 @@ _FOLDER, *_ASKED = _QUESTIONS
 
 
 @command(
-    "Make a folder with a mission, its team, a world to simulate and a rover's program. What "
-    "no option answers is asked for on a terminal. Nothing is overwritten.",
+    "Make a folder with a mission, its team, a world to simulate and a rover's program. The "
+    "command asks on the terminal for what no option gives. Nothing is overwritten.",
     _EPILOG,
 )
 @click.argument(

@@ -357,43 +357,65 @@ def _stopped(where: str, why: str) -> FetchError:
     "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
     "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'",
 )
-@click.argument("do", type=click.Choice(("fetch",)), help="what to do")
-@click.argument("file", type=PATH, help="MBTiles file; it is gone on with")
-@option("--mission", type=PATH, metavar="M", help="of the place of this mission")
-@option("--bounds", metavar="S,W,N,E", help="of this place, in degrees", not_with=["mission"])
+@click.argument("do", type=click.Choice(("fetch",)), help="what to do with the tiles")
+@click.argument(
+    "file", type=PATH, help="MBTiles file; tiles that it already has are not fetched again"
+)
+@option("--mission", type=PATH, metavar="M", help="fetch the surroundings of this mission")
+@option(
+    "--bounds",
+    metavar="S,W,N,E",
+    help="fetch this box: south, west, north, east in degrees",
+    not_with=["mission"],
+)
 @option(
     "--around",
     type=float,
     metavar="METRES",
     default=_AROUND_M,
-    help=f"so far around the mission (default {_AROUND_M:g})",
+    help=f"margin around the mission, in metres (default {_AROUND_M:g})",
 )
 @option(
-    "--zooms", metavar="Z-Z", help=f"zoom levels (default: from a view of everything to {FINEST})"
+    "--zooms",
+    metavar="Z-Z",
+    help=f"zoom levels, coarsest to finest (default: from a view of everything to {FINEST})",
 )
-@option("--url", metavar="URL", required=True, help="with {z}, {x} and {y}")
-@option("--attribution", metavar="TEXT", required=True, help="whom the map has to name")
-@option("--contact", metavar="TEXT", default="", help="told to the server")
+@option(
+    "--url", metavar="URL", required=True, help="address of a tile, with {z}, {x} and {y} in it"
+)
+@option(
+    "--attribution",
+    metavar="TEXT",
+    required=True,
+    help="copyright notice that the server's terms require on the map",
+)
+@option(
+    "--contact",
+    metavar="TEXT",
+    default="",
+    help="how the server's operator can reach you (an e-mail address, a URL); sent with every "
+    "request",
+)
 @option(
     "--per-second",
     type=float,
     metavar="N",
     default=2.0,
-    help=f"tiles per second, at most (default 2, up to {_FASTEST:g})",
+    help=f"largest rate, in tiles per second (default 2, up to {_FASTEST:g})",
 )
 @option(
     "--most",
     type=int,
     metavar="N",
     default=MOST_TILES,
-    help=f"refuse to fetch more tiles than these (default {MOST_TILES})",
+    help=f"largest number of tiles; a larger area is refused (default {MOST_TILES})",
 )
 @option(
     "--most-mb",
     type=float,
     metavar="N",
     default=MOST_MB,
-    help=f"stop at so many megabytes (default {MOST_MB:g})",
+    help=f"stop after this many megabytes (default {MOST_MB:g})",
 )
 def run(arguments: Options) -> int:
     """Fetch, and say how far it is."""

@@ -90,8 +90,8 @@ def page_options(prefix: str = "") -> Decorator:
             "web_host",
             default="127.0.0.1",
             metavar="ADDRESS",
-            help="address that the page is served on (default 127.0.0.1: this machine only; on any "
-            "other the page asks for a token)",
+            help="address that the page is served on (default 127.0.0.1: this machine only; on "
+            "any other the page asks for a token)",
         ),
         option(
             f"--{prefix}image",
@@ -111,8 +111,8 @@ def web_options(*, always: bool = False) -> Decorator:
             "--web",
             type=Parsed(page_port),
             metavar="PORT" if always else "[PORT]",
-            help=f"{'serve the page' if always else 'show the flight on a map page'} at this port "
-            f"(default {DEFAULT_PORT}; 0: any free port)",
+            help=f"{'serve the page' if always else 'show the flight on a map page'} at this "
+            f"port (default {DEFAULT_PORT}; 0: any free port)",
             **alone,
         ),
         page_options("web-"),

@@ -58,7 +58,7 @@ def _bridge(kind: str, *more: Decorator) -> Command:
             required=True,
             type=Parsed(endpoint),
             metavar="ENDPOINT",
-            help="the endpoint that the node serves (its --serve)",
+            help="endpoint of the node's --serve",
         ),
         option(
             "--state",

@@ -43,21 +43,21 @@ class Finding(NamedTuple):
 
 
 @command(
-    "Say why robots do not talk, by trying it on the computer of robot NAME: it asks every "
-    "peer as NAME's node does, waits for them to ask, and listens to the radio. Nothing is "
-    "published. A node of NAME may go on meanwhile; its pulls are interrupted. Exit code 1: "
-    "something is in the way.",
+    "Find out why robots do not talk by trying it on the computer of robot NAME: ask every "
+    "peer as NAME's node does, wait for their requests, and listen to the radio. Nothing is "
+    "published. A node of NAME may keep running; its pulls are interrupted. Exit code 1: "
+    "a problem was found.",
     examples("mocha-link doctor team.yaml --robot io"),
 )
 @click.argument("team", type=PATH, help="team file (YAML)")
-@option("--robot", metavar="NAME", required=True, help="which robot this is")
-@option("--keys", type=PATH, metavar="DIR", help="the folder with NAME.key, if the team has keys")
+@option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
+@option("--keys", type=PATH, metavar="DIR", help="folder with NAME.key, where the team has keys")
 @option(
     "--seconds",
     type=Parsed(seconds),
     metavar="S",
     default=LISTEN_S,
-    help="wait so long at most (8)",
+    help="longest time to wait and listen, in seconds (default 8)",
 )
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(options: Options) -> int:

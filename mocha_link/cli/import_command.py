@@ -22,18 +22,17 @@ from mocha_link.team import upstream
 @click.argument(
     "robot_configs",
     type=PATH,
-    help="its robots (YAML), or its package mocha_core, of ROS 1 or ROS 2, with all files",
+    help="robots of the original (YAML), or its package mocha_core for ROS 1 or ROS 2 with all "
+    "files",
 )
-@click.argument("topic_configs", type=PATH, required=False, help="its topics (YAML)")
-@click.argument("radio_configs", type=PATH, required=False, help="its radios (YAML)")
-@option(
-    "-o", "--output", type=PATH, metavar="TEAM", help="write the team file there, not to stdout"
-)
-@option("--ours", many=True, metavar="NAME ...", help="robots that run our node (none)")
+@click.argument("topic_configs", type=PATH, required=False, help="topics of the original (YAML)")
+@click.argument("radio_configs", type=PATH, required=False, help="radios of the original (YAML)")
+@option("-o", "--output", type=PATH, metavar="TEAM", help="file of the team (default: stdout)")
+@option("--ours", many=True, metavar="NAME ...", help="robots that run our node (default: none)")
 @option(
     "--ros",
     type=click.Choice([1, 2]),
-    help="the ROS of the robots (that of the package.xml above the files, else 1)",
+    help="ROS version of the robots (default: that of the package.xml above the files, else 1)",
 )
 def run(options: Options) -> int:
     """Do it; returns the exit code."""

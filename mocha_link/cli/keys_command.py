@@ -48,10 +48,14 @@ class _Plan(NamedTuple):
         "mocha-link keys team.yaml --robot io --force     # io's secret is lost",
     ),
 )
-@click.argument("team", type=PATH, help="team file (YAML), is changed")
-@option("--out", type=PATH, metavar="DIR", help="folder of the secret keys (keys, beside TEAM)")
-@option("--robot", multiple=True, metavar="NAME", help="only for this robot; may be repeated")
-@option("--force", is_flag=True, help="new keys also where there are some, which are void then")
+@click.argument("team", type=PATH, help="team file (YAML); the command changes it")
+@option(
+    "--out", type=PATH, metavar="DIR", help="folder of the secret keys (default: keys, beside TEAM)"
+)
+@option(
+    "--robot", multiple=True, metavar="NAME", help="make a key for this robot only; may be repeated"
+)
+@option("--force", is_flag=True, help="also replace existing keys, which then no longer work")
 @option("--print", is_flag=True, help="print the lines for TEAM instead of changing it")
 def run(options: Options) -> int:
     """Make what is missing. Raises MochaLinkError of several kinds; nothing is written then."""

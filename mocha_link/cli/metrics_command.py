@@ -25,10 +25,16 @@ from mocha_link.service import MetricsError, watch
     "Show the links of a running node.",
     examples(f"mocha-link metrics {EXAMPLE}", f"mocha-link metrics {EXAMPLE} --json --follow"),
 )
-@click.argument("endpoint", type=Parsed(endpoint), help="what the node got as --metrics")
+@click.argument("endpoint", type=Parsed(endpoint), help="endpoint of the node's --metrics")
 @option("--json", is_flag=True, help="print JSON, one object per line")
-@option("--follow", is_flag=True, help="go on with events as they happen")
-@option("--timeout", type=Parsed(seconds), metavar="S", default=5.0, help="wait so long, in s (5)")
+@option("--follow", is_flag=True, help="keep printing events as they happen")
+@option(
+    "--timeout",
+    type=Parsed(seconds),
+    metavar="S",
+    default=5.0,
+    help="time to wait for the node, in seconds (default 5)",
+)
 def run(options: Options) -> int:
     """Do it; returns the exit code."""
     picture, news, shown = NodeView(options.endpoint), EventFilter(), False

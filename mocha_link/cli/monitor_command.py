@@ -33,7 +33,7 @@ _HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 @command(
     "Watch the links of a running node live; q ends it.", examples(f"mocha-link monitor {EXAMPLE}")
 )
-@click.argument("endpoint", type=Parsed(endpoint), help="what the node got as --metrics")
+@click.argument("endpoint", type=Parsed(endpoint), help="endpoint of the node's --metrics")
 def run(options: Options) -> int:
     """Show the links until q or Ctrl-C; once, if the output is no terminal.
 

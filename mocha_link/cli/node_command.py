@@ -46,41 +46,41 @@ LOG = logging.getLogger("mocha_link")
     ),
 )
 @click.argument("team", type=PATH, help="team file (YAML)")
-@option("--robot", metavar="NAME", required=True, help="which robot this is")
+@option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
 @option(
     "--metrics",
     type=Parsed(endpoint),
     metavar="ENDPOINT",
-    help=f"serve metrics there, e.g. {EXAMPLE}",
+    help=f"serve metrics at this endpoint, e.g. {EXAMPLE}",
 )
 @option(
     "--prometheus",
     type=Parsed(web_address),
     metavar="HOST:PORT",
-    help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
+    help="serve metrics for Prometheus at this address, e.g. :9464 (this machine only)",
 )
 @option(
     "--storage",
     type=PATH,
     metavar="FILE",
-    help="keep the messages in this file, so that they survive a restart; default: in memory",
+    help="keep the messages in this file across restarts (default: in memory)",
 )
 @option(
     "--keys",
     type=PATH,
     metavar="DIR",
-    help="the folder with the robot's secret, NAME.key, if the team has a key for it",
+    help="folder with the robot's secret key, NAME.key, where the team file has a key for it",
 )
 @option(
     "--serve",
     type=Parsed(endpoint),
     metavar="ENDPOINT",
-    help="serve bridges and other programs there, e.g. ipc:///tmp/io.node",
+    help="serve bridges and other programs at this endpoint, e.g. ipc:///tmp/io.node",
 )
 @option(
     "--json",
     is_flag=True,
-    help="print every event as a JSON line; as text syncs that repeat are left out",
+    help="print every event as a JSON line (as text, repeated syncs are left out)",
 )
 def run(options: Options) -> int:
     """Do it; returns the exit code."""

@@ -52,31 +52,34 @@ of its is taken
     nargs=-1,
     required=False,
     metavar="[NAME ...]",
-    help="only those whose name contains this",
+    help="only conversations whose name contains one of these (default: all)",
 )
 @option(
     "--px4",
     **optional(""),
     metavar="[PATH]",
-    help="a real PX4, found as `sitl px4` finds it, or there",
+    help="test a real PX4, at PATH or where `sitl px4` finds it",
 )
 @option(
     "--speed",
     type=Parsed(speed_factor),
     metavar="X",
     default=5.0,
-    help="of PX4, times real time (default 5)",
+    help="speed of PX4, times real time, 0.1 to 100 (default 5)",
 )
 @option(
-    "--instance", type=Parsed(instance), metavar="N", help="PX4's (default: the first that is free)"
+    "--instance",
+    type=Parsed(instance),
+    metavar="N",
+    help="number of PX4's instance, 0 to 250 (default: the first free one)",
 )
-@px4_version_option("that our own vehicle behaves as")
-@option("--json", is_flag=True, help="the outcomes as JSON")
-@option("--list", is_flag=True, help="only list the conversations")
+@px4_version_option("our own vehicle behaves as")
+@option("--json", is_flag=True, help="print the outcomes as JSON")
+@option("--list", is_flag=True, help="list the conversations and hold none")
 @option(
     "--differences",
     is_flag=True,
-    help="only list what differs among the versions of PX4, as tables in Markdown",
+    help="list the differences between PX4 versions, as Markdown tables",
 )
 def run(arguments: Options) -> int:
     """Hold the conversations; returns 0 if the vehicle held to all of them."""

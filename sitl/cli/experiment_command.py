@@ -69,42 +69,51 @@ def _archive(text: str) -> Path:
     help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
     f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
 )
-@option("--seeds", type=Parsed(_count), metavar="N", help="runs per row (default: file's)")
+@option(
+    "--seeds", type=Parsed(_count), metavar="N", help="number of runs per row (default: the file's)"
+)
 @option(
     "--first-seed",
     type=Parsed(partial(_count, least=0)),
     metavar="N",
-    help="number of each row's first run (default: file's); from the file's "
-    "confirmation_seed on, runs are for confirmation",
+    help="number of the first run of each row (default: the file's); runs from the file's "
+    "confirmation_seed on are for confirmation",
 )
-@option("--rows", many=True, metavar="WHICH ...", help="key=value[,value], or label pattern")
-@option("--jobs", type=Parsed(_count), metavar="N", help="processes (default: CPUs)")
+@option(
+    "--rows",
+    many=True,
+    metavar="WHICH ...",
+    help="run only these rows: key=value[,value], or a pattern of labels",
+)
+@option(
+    "--jobs", type=Parsed(_count), metavar="N", help="number of processes (default: number of CPUs)"
+)
 @option(
     "--out",
     type=PATH,
     metavar="DIR",
-    help="for runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
+    help="folder of runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
 )
-@option("--fresh", is_flag=True, help="forget the finished runs in DIR")
+@option("--fresh", is_flag=True, help="delete the finished runs in DIR first")
 @option(
     "--docs",
     type=PATH,
     metavar="FILE",
-    help="put table, claims and figures into a Markdown file, between its marks",
+    help="write table, claims and figures into a Markdown file, between its marks",
 )
 @option(
     "--archive",
     type=Parsed(_archive),
     metavar="FILE",
-    help=f"keep what tables and claims are made of in a file *{ARCHIVE_ENDING}",
+    help=f"write what tables and claims are made of into a file *{ARCHIVE_ENDING}",
 )
 @option(
     "--verify",
     type=PATH,
     metavar="FILE",
-    help="of an archive: say what differs in a Markdown file and its evidence, and change nothing",
+    help="with an archive: list what differs in a Markdown file and its evidence; change nothing",
 )
-@option("--no-figures", is_flag=True, help="draw nothing")
+@option("--no-figures", is_flag=True, help="draw no figures")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 @option("--list", is_flag=True, help="list the experiments and their rows")
 def run(arguments: Options) -> int:

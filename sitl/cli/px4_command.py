@@ -41,19 +41,22 @@ examples:
 @option(
     "--px4",
     metavar="PATH",
-    help="a build folder, source tree or px4 executable; or docker, podman, docker:v1.17.0",
+    help="build folder, source tree or executable of PX4; or docker, podman, docker:v1.17.0",
 )
 @option(
-    "--instance", type=Parsed(instance), metavar="N", help="PX4's (default: the first that is free)"
+    "--instance",
+    type=Parsed(instance),
+    metavar="N",
+    help="number of PX4's instance, 0 to 250 (default: the first free one)",
 )
 @option(
     "--airframe",
     type=click.Choice(AIRFRAMES),
     default=AIRFRAMES[0],
-    help="what is simulated (default %(default)s; hex from PX4 1.17 on)",
+    help=f"airframe to simulate (default {AIRFRAMES[0]}; hex needs PX4 1.17 or newer)",
 )
-@speed_and_parameters("times real time (default 1)")
-@option("--log-dir", type=PATH, metavar="DIR", help="keep PX4's files and what it says there")
+@speed_and_parameters("speed, times real time, 0.1 to 100 (default 1)")
+@option("--log-dir", type=PATH, metavar="DIR", help="keep PX4's files and output in this folder")
 def run(arguments: Options) -> int:
     """Run PX4 until a signal comes; returns the exit code."""
     install = find_px4(arguments.px4)

@@ -73,23 +73,37 @@ MOST_VIOLATIONS: Final = 3
     "  sitl rehearse missions/pennovation/mission.yaml\n"
     "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3",
 )
-@click.argument("mission", type=PATH, help="mission YAML")
-@option("--share", type=float, metavar="X", default=1.0, help="of the flights (default 1: all)")
-@option("--fault", multiple=True, metavar="NAME", help="only these")
-@option("--seed", type=int, metavar="N", help="only this one of each fault")
+@click.argument("mission", type=PATH, help="mission file (.yaml)")
 @option(
-    "--jobs", type=int, metavar="N", default=os.cpu_count() or 1, help="processes (default: CPUs)"
+    "--share",
+    type=float,
+    metavar="X",
+    default=1.0,
+    help="share of the flights to fly, 0 to 1 (default 1: all)",
+)
+@option(
+    "--fault", multiple=True, metavar="NAME", help="fly only scenes of this fault; may be repeated"
+)
+@option("--seed", type=int, metavar="N", help="fly only this scene number of each fault")
+@option(
+    "--jobs",
+    type=int,
+    metavar="N",
+    default=os.cpu_count() or 1,
+    help="number of processes (default: number of CPUs)",
 )
 @option(
     "--mavlink",
     is_flag=True,
-    help="fly `air-router fly` over UDP against `sitl vehicle` instead: other scenes",
+    help="fly `air-router fly` over UDP against `sitl vehicle`; the scenes are others",
 )
-@option("--px4", metavar="PATH", help="the same against a real PX4 (see `sitl px4 --help`)")
+@option("--px4", metavar="PATH", help="as --mavlink, against a real PX4 (see `sitl px4 --help`)")
 @option(
     "--companion",
     metavar="COMMAND",
-    help="with --mavlink or --px4: another air-router is judged, which begins with this "
+    help="with --mavlink or --px4: judge another air-router, started with this "
+    'command ("env PYTHONPATH=OLD python -m air_router.cli"); the clock does '
+    "not wait for it, so use a low --speed"
     '("env PYTHONPATH=OLD python -m air_router.cli"); nothing waits for it: use a low --speed',
 )
 @option(
@@ -97,9 +111,9 @@ MOST_VIOLATIONS: Final = 3
     type=float,
     metavar="X",
     default=SPEED,
-    help=f"with --mavlink and --px4: times real time (default {SPEED:g})",
+    help=f"speed with --mavlink and --px4, times real time (default {SPEED:g})",
 )
-@option("--json", is_flag=True, help="one JSON object per flight instead")
+@option("--json", is_flag=True, help="print one JSON object per flight instead of the table")
 def run(arguments: Options) -> int:
     """Rehearse, and print what became of it."""
     began_s, verdicts = time.monotonic(), []

@@ -34,51 +34,51 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
     "simulated vehicle, whose true position and time are followed.",
     _EPILOG,
 )
-@click.argument("mission", type=PATH, help="mission YAML or .plan")
-@option("--team", type=PATH, metavar="FILE", help="default: the mission's team")
-@option("--world", type=PATH, metavar="FILE", help="default: the mission's world")
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
+@option("--team", type=PATH, metavar="FILE", help="team file (default: the mission's)")
+@option("--world", type=PATH, metavar="FILE", help="world file (default: the mission's)")
 @option(
     "--truth",
     multiple=True,
     metavar="[NAME=]URL",
-    help=f"where the vehicle sends HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, PX4's SIH); "
-    "once for each UAV of a mission for several (default: the next ports)",
+    help=f"address to which the vehicle sends HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, "
+    "PX4's SIH); one for each UAV of the mission (default: the next ports)",
 )
 @option(
     "--camera",
     multiple=True,
     metavar="[NAME=]URL",
-    help=f"where the camera publishes what it sees (ZeroMQ PUB, default {_DEFAULT_CAMERA}); "
-    "once for each UAV of a mission for several (default: the next ports)",
+    help="endpoint at which the camera publishes what it sees (ZeroMQ PUB, default "
+    f"{_DEFAULT_CAMERA}); one for each UAV of the mission (default: the next ports)",
 )
 @option(
     "--free-ports",
     type=PATH,
     metavar="DIR",
-    help="write a team file with free loopback addresses and ports into DIR and use that one, "
-    "so that simulations can run side by side; a mission without a team gets a built-in one",
+    help="write a team file with free loopback addresses and ports into DIR and use that one, so "
+    "that simulations can run side by side; a mission without a team gets a built-in one",
 )
 @rover_option
 @option(
     "--check",
     is_flag=True,
-    help="only check mission, team, world file and --rover; problems go to stderr, and to "
-    "stdout as one JSON object",
+    help="only check mission, team, world file and --rover; problems go to stderr, and to stdout "
+    "as one JSON object",
 )
-@option("--report", type=PATH, metavar="FILE", help="write a report at the end")
-@option("--seed", type=int, metavar="N", default=1, help="of all that is random")
+@option("--report", type=PATH, metavar="FILE", help="write a report to FILE at the end")
+@option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
 @option(
     "--epoch",
     type=Parsed(epoch),
     metavar="UNIX_S",
-    help="Unix time at the vehicle's time zero; give the vehicle the same one (default: so "
-    "that the vehicle's first packet comes now)",
+    help="Unix time at the vehicle's time zero, in seconds; the vehicle needs the same (default: "
+    "such that its first packet arrives now)",
 )
 @option(
     "--pace-from",
     type=Parsed(pace_source),
     metavar="HOST:PORT",
-    help="let that vehicle's clock (`sitl vehicle --pace`) wait for the team",
+    help="let the clock of this vehicle (`sitl vehicle --pace`) wait for the team",
 )
 def run(arguments: Options) -> int:
     """Simulate until a signal comes; returns the exit code."""

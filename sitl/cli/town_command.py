@@ -37,13 +37,17 @@ HOUSE, HOUSE_EDGE, GOAL, START = "#fdfdfb", "#b9b4a8", "#d1495b", "#30638e"
 
 
 @command("Check a town's file, draw it, or make one of any size.", _EPILOG)
-@click.argument("town", help="a file, or COLUMNSxROWS for a new town")
-@option("--seed", type=int, metavar="N", help="makes a new town, or new places (default 1)")
-@option("--goals", type=int, metavar="N", help="vehicles of a new town (default 15)")
-@option("--scatter", type=int, metavar="N", help="put N vehicles at other places beside the roads")
-@option("--out", type=PATH, metavar="FOLDER", help="write town.yaml there")
-@option("--force", is_flag=True, help="replace what is there")
-@option("--picture", type=PATH, metavar="FILE", help="draw it (png, svg, pdf)")
+@click.argument("town", help="file of a town, or COLUMNSxROWS for a new one")
+@option("--seed", type=int, metavar="N", help="seed of a new town, or of new places (default 1)")
+@option("--goals", type=int, metavar="N", help="number of vehicles in a new town (default 15)")
+@option(
+    "--scatter", type=int, metavar="N", help="move N vehicles to random places beside the roads"
+)
+@option("--out", type=PATH, metavar="FOLDER", help="folder that town.yaml is written to")
+@option("--force", is_flag=True, help="replace files that exist")
+@option(
+    "--picture", type=PATH, metavar="FILE", help="draw the town into a file (.png, .svg or .pdf)"
+)
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Do what was asked; returns the exit code."""

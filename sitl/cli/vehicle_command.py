@@ -151,13 +151,14 @@ place_options = together(
         "mission",
         type=PATH,
         required=False,
-        help="mission file or .plan: start at its home (default: PX4's, near Zurich)",
+        help="mission file (.yaml or .plan); the vehicle starts at its home (default: PX4's "
+        "home, near Zurich)",
     ),
     option(
         "--home",
         type=Parsed(_place),
         metavar="LAT,LON,ALT",
-        help="start here: degrees, metres AMSL",
+        help="start at this place: degrees, and metres AMSL",
         not_with=["mission"],
     ),
     uav_option,
@@ -174,70 +175,88 @@ def speed_and_parameters(speed_help: str) -> Decorator:
             type=Parsed(number("a number above zero", MORE_THAN_0, ANY_FINITE)),
             metavar="M",
             default=22.5,
-            help="minutes from full to empty (default 22.5)",
+            help="endurance of a full battery, in minutes (default 22.5)",
         ),
         option(
             "--param",
             multiple=True,
             type=Parsed(parameter),
             metavar="NAME=VALUE",
-            help="a parameter that is to differ from PX4's default; may be given again",
+            help="PX4 parameter that differs from its default; may be repeated",
         ),
     )
 
 
 @command("Simulate a multirotor with an autopilot that behaves as PX4 does.", _EPILOG)
 @place_options
-@option("--instance", type=Parsed(instance), metavar="N", default=0, help="ports +N, system id N+1")
-@speed_and_parameters("at most, times real time (default 1)")
+@option(
+    "--instance",
+    type=Parsed(instance),
+    metavar="N",
+    default=0,
+    help="number of the instance, 0 to 250: ports +N, system id N+1 (default 0)",
+)
+@speed_and_parameters("largest speed, times real time, 0.1 to 100 (default 1)")
 @option(
     "--pace",
     type=Parsed(_address),
     metavar="HOST:PORT",
-    help="let the clock wait for the processes that tell there how far they are",
+    help="serve the clock here, and wait for the processes that report their progress",
 )
 @option(
     "--pace-for",
     type=int,
     metavar="N",
     default=1,
-    help="how many of them (default 1); until all have told it the clock goes slowly",
+    help="number of processes to wait for (default 1); the clock runs slowly until all have "
+    "reported",
 )
 @option(
-    "--pace-from", type=Parsed(pace_source), metavar="HOST:PORT", help="follow that vehicle's clock"
+    "--pace-from",
+    type=Parsed(pace_source),
+    metavar="HOST:PORT",
+    help="follow the clock of the vehicle that serves it here (its --pace)",
 )
-@option("--seed", type=int, metavar="N", default=1, help="of the position noise")
+@option("--seed", type=int, metavar="N", default=1, help="seed of the position noise (default 1)")
 @option(
-    "--epoch", type=Parsed(epoch), metavar="UNIX_S", help="Unix time at time zero (default: now)"
+    "--epoch",
+    type=Parsed(epoch),
+    metavar="UNIX_S",
+    help="Unix time at simulated time zero, in seconds (default: now)",
 )
 @option(
     "--wind",
     type=Parsed(_wind),
     metavar="SPEED,FROM[,GUSTS]",
     default=WindSettings(),
-    help="m/s, degrees that it comes from, and the gusts' spread in m/s (default 0.3 of it)",
+    help="wind speed in m/s, direction it comes from in degrees, and spread of the gusts in m/s "
+    "(default 0.3 of the speed); no wind by default",
 )
 @option(
     "--api-to",
     type=Parsed(_address),
     metavar="HOST:PORT",
-    help="send the API link there (default 127.0.0.1:14540+N), from a free port",
+    help="send the API link to this address (default 127.0.0.1:14540+N), from a free port",
 )
 @option(
-    "--gcs-to", type=Parsed(_address), metavar="HOST:PORT", help="the same for the GCS link (14550)"
+    "--gcs-to",
+    type=Parsed(_address),
+    metavar="HOST:PORT",
+    help="send the ground station link to this address (default 127.0.0.1:14550)",
 )
 @option(
     "--listen",
     metavar="ADDRESS",
-    help="receive there (default: this machine only; 0.0.0.0: whoever reaches it flies it)",
+    help="address to receive on (default: this machine only; with 0.0.0.0 any machine that "
+    "reaches it can fly the vehicle)",
 )
-@px4_version_option("that it behaves as")
-@option("--no-gcs", is_flag=True, help="no link to a ground station")
+@px4_version_option("the vehicle behaves as")
+@option("--no-gcs", is_flag=True, help="open no link to a ground station")
 @option(
     "--truth-to",
     type=Parsed(_address),
     metavar="HOST:PORT",
-    help="the same for the truth (19410+N)",
+    help="send the true position to this address (default 127.0.0.1:19410+N)",
 )
 def run(arguments: Options) -> int:
     """Simulate until a signal comes; returns the exit code."""
