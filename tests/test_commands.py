@@ -92,6 +92,19 @@ def test_options_that_contradict_each_other_are_wrong_usage(line, capsys):
     assert "contradict each other" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("line", "option"),
+    [
+        ("air-router fly m.yaml --team --arm", "--team"),
+        ("sitl experiment e --rows --seeds 5", "--rows"),
+        ("mocha-link node t.yaml --robot", "--robot"),
+    ],
+)
+def test_an_option_is_no_value_of_another(line, option, capsys):
+    assert asked(*line.split()) == 2
+    assert f"Option '{option}' requires an argument" in capsys.readouterr().err
+
+
 def read(line):
     """What a program reads from a line."""
     program, *words = line.split()

@@ -49,6 +49,14 @@ def test_every_argument_says_what_it_is():
             assert param.help or param.hidden, (path, param)
 
 
+def test_every_default_is_in_the_help():
+    for path, ctx in ALL.items():
+        for param in ctx.command.params:
+            value = ctx.params.get(param.name)
+            if value and not param.hidden:  # an empty one is none
+                assert "default" in param.help, (path, param)
+
+
 def test_levels_before_and_after_the_command():
     def level(words):
         return log_level(context_of(air_router.cli.cli.PROGRAM, words.split()), logging.WARNING)

@@ -100,6 +100,7 @@ class Option(click.Option):
     ) -> None:
         super().__init__(names, multiple=many or more.pop("multiple", False), **more)
         self.not_with, self.many = not_with, many
+        self.needs_value = not (self.is_flag or self.count or "flag_value" in more)
 
 
 def option(*names: str, **attributes: Any) -> Decorator:
@@ -147,22 +148,32 @@ class Command(_WithEpilog):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read its words, and refuse options that contradict each other."""
-        rest = super().parse_args(ctx, self._spread(args))
+        rest = super().parse_args(ctx, self._spread(ctx, args))
         if ctx.resilient_parsing:
             return rest
         for param in self.params:
             for other in self.params:
                 if other.name in getattr(param, "not_with", ()) and _given(ctx, param, other):
-                    names = (each.get_error_hint(ctx).strip("'") for each in (param, other))
+                    names = (each.get_error_hint(ctx).strip("'[]") for each in (param, other))
                     raise click.UsageError(f"{' and '.join(names)} contradict each other", ctx)
         return rest
 
-    def _spread(self, args: Sequence[str]) -> list[str]:
-        """The words with `--rows A B` as `--rows A --rows B`, which is how click has it."""
-        many = {name for each in self.params if getattr(each, "many", False) for name in each.opts}
+    def _spread(self, ctx: click.Context, args: Sequence[str]) -> list[str]:
+        """The words with `--rows A B` as `--rows A --rows B`, which is how click has it.
+
+        Raises:
+            click.BadOptionUsage: an option stands where another one's value should be.
+        """
+        options = [each for each in self.params if isinstance(each, Option)]
+        known = {name for each in options for name in each.opts}
+        many = {name for each in options if each.many for name in each.opts}
+        needy = {name for each in options if each.needs_value for name in each.opts}
         spread: list[str] = []
         current = ""
         for word in args:
+            if word in known and spread and spread[-1] in needy and not ctx.resilient_parsing:
+                message = f"Option '{spread[-1]}' requires an argument, not '{word}'."
+                raise click.BadOptionUsage(spread[-1], message, ctx)
             if word.startswith("-"):
                 current = word if word in many else ""
             elif current and spread[-1] != current:
