@@ -20,6 +20,7 @@ from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.maps.kml import kml_text
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, MapRing
 from air_router.files.maps.zone_files import add_zones, read_zones
+from air_router.files.maps.zone_format import ZoneFeature, ZoneFeatures, ZoneFormat
 
 __all__ = [
     "FENCE_COMMANDS",
@@ -30,6 +31,9 @@ __all__ = [
     "MapCircle",
     "MapOutline",
     "MapRing",
+    "ZoneFeature",
+    "ZoneFeatures",
+    "ZoneFormat",
     "add_zones",
     "feature_set_of",
     "feature_set_of_zones",
