@@ -3,7 +3,8 @@
 import json
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any, TypeVar
+from dataclasses import fields
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, field_validator
 
@@ -46,6 +47,17 @@ _STAND_INS: dict[str, Any] = {
     "no_fly_zones": [],
 }
 """For mandatory sections that are missing or unreadable, so that the others are still checked."""
+
+_MADE: Final = frozenset(
+    {"name", "altitudes_m", "seek", "team", "world", "frame", "home", "uavs"}
+    | {"waypoints", "rally_points", "fences"}
+)
+"""What a draft has under the name of a form's, but not as it stands there."""
+
+_UNCHANGED: Final = (
+    MissionForm.model_fields.keys() & {field.name for field in fields(MissionDocument)} - _MADE
+)
+"""What a draft takes from the form as it is."""
 
 Entry = TypeVar("Entry")
 
@@ -104,20 +116,15 @@ class _RightParts(MissionForm):
 
 
 def _fill(draft: MissionDocument, form: MissionForm) -> None:
-    draft.name = form.name or draft.source.path.resolve().parent.name
-    draft.altitude_m, draft.speed_m_s = form.altitude_m, form.speed_m_s
-    draft.altitudes_m = tuple(form.altitudes_m or ())
-    draft.timers, draft.planner = form.timers, form.planner
-    draft.uav = form.uav
-    draft.seek, draft.seek_policy = tuple(form.seek.robots), form.seek.policy
-    draft.when_explored = form.when_explored
-    draft.goals_from = tuple(form.goals_from)
+    for name in _UNCHANGED:
+        value = getattr(form, name)
+        setattr(draft, name, tuple(value) if isinstance(value, list) else value)
     folder = draft.source.path.parent
+    draft.name = form.name or draft.source.path.resolve().parent.name
+    draft.altitudes_m = tuple(form.altitudes_m or ())
+    draft.seek, draft.seek_policy = tuple(form.seek.robots), form.seek.policy
     draft.team = None if form.team is None else folder / form.team
     draft.world = None if form.world is None else folder / form.world
-    draft.duration_s, draft.endurance_s = form.duration_s, form.endurance_s
-    draft.battery_reserve = form.battery_reserve
-    draft.accepts = tuple(form.accepts)
     draft.home_altitude_amsl_m = form.home.altitude_amsl_m
     draft.in_metres = form.coordinates == "local"
     _fill_frame(draft, form)
