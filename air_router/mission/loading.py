@@ -20,8 +20,14 @@ from air_router.files import (
     bytes_within,
     load_json,
 )
-from air_router.files.maps import gpx_draft, is_fence_file, is_waypoint_file, read_gpx
-from air_router.files.missions import plan_draft, read_mission, read_old_fence_draft, read_waypoints
+from air_router.files.maps import is_fence_file, is_waypoint_file, read_gpx
+from air_router.files.missions import (
+    gpx_draft,
+    plan_draft,
+    read_mission,
+    read_old_fence_draft,
+    read_waypoints,
+)
 from air_router.messages import FARTHEST_M
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan

@@ -1,42 +1,32 @@
 """GPX files of handheld receivers and map programs: their points, routes and tracks.
 
-GPX has no areas and no altitudes to fly at: a line that ends where it begins is taken for the
-border of a zone, a route or the points for waypoints. Elevations, where the receiver was carried,
-are not read.
+GPX has no areas: a line that ends where it begins is taken for the border of a zone. Elevations,
+where the receiver was carried, are not read.
 """
 
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Final
 
-from shapely import LineString
-
 from air_router.files import (
-    DEFAULT_SPEED_M_S,
     Element,
     Keys,
-    MissionDocument,
-    MissionPoint,
     PlacedSource,
     parse_xml,
 )
 from air_router.files.maps.map_area import MapOutline, place_of
 from air_router.files.maps.zone_format import ZoneFeature, ZoneFeatures, short_name
-from air_router.words import counted
-from geo.frame import FrameError, Geodetic, LocalFrame, polar
-from mocha_link.team import DocumentError, Problem, ProblemList, number_advice
+from geo.frame import Geodetic, polar
+from mocha_link.team import DocumentError, number_advice
 
-_HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"
-"""Types of points and lines with a meaning."""
+_ZONE: Final = "zone"
+"""The type of lines that are borders, where others are not."""
 
 _ROOT: Final = re.compile(rb"<(?:[^>]{0,2000}>\s{0,200}<){0,5}(?:\w{1,20}:)?gpx[\s/>]")
 _CLOSED_M: Final = 25.0
 """A line whose ends are no farther from each other than this is the border of an area."""
-
-_TRACK_ERROR_M: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,80 +159,3 @@ def _add_zone(feature: ZoneFeature, line: GpxLine) -> None:
     ring = feature.ring(places, line.keys)
     if ring is not None:
         feature.add([(line.keys, MapOutline(ring))])
-
-
-# As a mission
-
-
-def gpx_draft(document: GpxDocument, altitude_m: float) -> MissionDocument:
-    """A mission by the file's first route; without one by its waypoints, then by its first track.
-
-    Args:
-        document: The file.
-        altitude_m: Where to fly, above home: the file does not say.
-    """
-    source = document.file.source
-    draft = MissionDocument(source, source.path.stem, problems=_problems(document.file))
-    draft.altitude_m, draft.speed_m_s = altitude_m, DEFAULT_SPEED_M_S
-    free = [point for point in document.points if point.kind not in (_HOME, _RALLY_POINT)]
-    lines = [line for line in (*document.routes, *document.tracks) if line.points]
-    by_points = bool(free) and not any(route.points for route in document.routes)
-    if not free and not lines:
-        draft.report((), "no route, no waypoints and no track in it", "no-waypoints")
-        return draft
-    spots = free if by_points else list(lines[0].points)
-    home = next((point for point in document.points if point.kind == _HOME), None)
-    if home is None:
-        home = spots[0]
-        message = "no point has the type 'home': the first waypoint is taken; move it"
-        draft.note(home.keys, message, "home-assumed")
-    if not draft.find_frame("home", home.place, home.keys) or draft.frame is None:
-        return draft
-    if not by_points and lines[0] in document.tracks:
-        try:
-            spots = _thinned(spots, draft.frame)
-        except FrameError as error:
-            draft.report(home.keys, f"home: {error}; correct it", "not-on-earth")
-            return draft
-    draft.home = draft.spot("home", home.place, home.keys)
-    draft.waypoints = _spots(draft, "waypoint", spots)
-    rally_points = [point for point in document.points if point.kind == _RALLY_POINT]
-    draft.rally_points = _spots(draft, "rally point", rally_points)
-    others = len(lines) - (not by_points)
-    if others:
-        draft.note((), f"{counted(others, 'other lines')}: not flown", "not-flown")
-    return draft
-
-
-def _problems(file: ZoneFeature) -> list[Problem]:
-    """The first of each kind, and how many more there are."""
-    problems = ProblemList()
-    for keys, message, code in file.problems:
-        problems.add(file.source.path, code, partial(file.source.problem, keys, message, code))
-    return list(problems)
-
-
-def _spots(draft: MissionDocument, label: str, points: list[GpxPoint]) -> list[MissionPoint]:
-    """The points in the draft's frame, each place once."""
-    places: dict[Geodetic, GpxPoint] = {}
-    for point in points:
-        if point.place in places:
-            message = f"'{point.name}' lies on an earlier {label}: visited once"
-            draft.note(point.keys, message, "waypoint-twice")
-        places.setdefault(point.place, point)
-    found = (
-        draft.spot(f"{label} {number}", point.place, point.keys)
-        for number, point in enumerate(places.values(), start=1)
-    )
-    return [spot for spot in found if spot is not None]
-
-
-def _thinned(points: list[GpxPoint], frame: LocalFrame) -> list[GpxPoint]:
-    """The points of a track without those that are nearly on a line between others."""
-    places = frame.to_local_many(*zip(*(point.place for point in points), strict=True))
-    if len(places) < 2:
-        return points
-    kept = set(map(tuple, LineString(places).simplify(_TRACK_ERROR_M).coords))
-    return [
-        point for point, place in zip(points, places.tolist(), strict=True) if tuple(place) in kept
-    ]
