@@ -1,4 +1,4 @@
-"""Files of a mission, read and written so that every value keeps its place in the file."""
+"""Parts of all file formats: documents whose values know their place, text edited in place."""
 
 from air_router.files.digits import Digits, degrees, degrees_text, metres
 from air_router.files.json_document import (

@@ -1,4 +1,4 @@
-"""The record of a flight: written, read, and run again."""
+"""The record of a flight: written, read, replayed."""
 
 from mocha_link.lazy import door
 

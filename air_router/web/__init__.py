@@ -1,4 +1,4 @@
-"""Map pages in the browser: the server, its guard against others' pages, and what pages share."""
+"""Map pages in the browser: the server, protection from other sites, shared parts."""
 
 from mocha_link.lazy import door
 
