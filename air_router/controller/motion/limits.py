@@ -54,6 +54,9 @@ STALL_S: Final = 15.0
 ASTRAY_M: Final = 2.0
 """Farther than this from what was checked for a leg, it is checked again from there."""
 
+WANDERS_M: Final = 0.1
+"""So far apart are two positions of a hovering vehicle that follow each other, by their noise."""
+
 # For way_out.py
 
 REACH_M: Final = 500.0

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import Final
 
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
@@ -35,7 +36,14 @@ from air_router.controller.model import (
 )
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
-from air_router.controller.motion.limits import ASTRAY_M, SETTLE_S, SETTLES, STALL_S, STOP_S
+from air_router.controller.motion.limits import (
+    ASTRAY_M,
+    SETTLE_S,
+    SETTLES,
+    STALL_S,
+    STOP_S,
+    WANDERS_M,
+)
 from air_router.routing import (
     STANDING_M_S,
     Leg,
@@ -48,6 +56,8 @@ from air_router.routing import (
 from air_router.vehicle import Telemetry
 from geo.airspace import FENCE
 from geo.frame import Point
+
+AROUND: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 @dataclass(slots=True, eq=False)
@@ -408,16 +418,26 @@ class Navigator:
     ) -> bool:
         """Whether a leg that is clear from here is still so when its turn comes.
 
-        It is checked then by this telemetry, or by one from where the vehicle has flown until then.
+        It is checked then by this telemetry, or by one from where the vehicle has flown until then,
+        or, where it hovers, seems to have: what is clear at one place alone is not at the next.
         """
         gate, router = self._gate, self._context.airspace.flown_router
         here, (east_m_s, north_m_s) = telemetry.position, telemetry.velocity_m_s
         after_s = gate.leaves_s
-        there = Point(here.east_m + after_s * east_m_s, here.north_m + after_s * north_m_s)
         if not router.check_leg(here, target, gate.momentum(telemetry, after_s), pending):
             return False
-        moved = dataclasses.replace(telemetry, position=there)
-        return router.check_leg(there, target, gate.momentum(moved), gate.setpoints.pending(moved))
+        there = Point(here.east_m + after_s * east_m_s, here.north_m + after_s * north_m_s)
+        stands = math.hypot(east_m_s, north_m_s) < STANDING_M_S
+        for east_m, north_m in AROUND if stands else ((0.0, 0.0),):
+            place = Point(
+                there.east_m + WANDERS_M * east_m,
+                there.north_m + WANDERS_M * north_m,
+            )
+            moved = dataclasses.replace(telemetry, position=place)
+            later = gate.setpoints.pending(moved)
+            if not router.check_leg(place, target, gate.momentum(moved), later):
+                return False
+        return True
 
     def _height_refusal(
         self,

@@ -257,3 +257,24 @@ def test_a_leg_that_is_planned_at_speed_stays_clear_until_it_has_left(bend, reac
         assert navigator.objection(motion, here.time_s + age_s) is None
         planned.append(type(motion))
     assert {FlyToPoint, HoldHere} <= {*planned}
+
+
+def test_a_hovering_vehicle_begins_no_leg_that_is_clear_at_one_place_alone(bend):
+    """Its position wanders: it is sent on from where the next telemetry allows the leg as well."""
+    corner, beyond = Point(33.0, 0.0), Point(33.0, -60.0)
+    bend.router.route = lambda *_, **__: Route((Leg(corner), Leg(beyond)), 93.0)
+    sent = []
+    for step in range(60):
+        place = Point(33.0 + 0.02 * step, 0.0)
+        context, gate, navigator = navigating(bend, at(0.0, 0.0))
+        first = navigator.plan_to(Goal(beyond))
+        gate.command(first)
+        gate.confirmed(CommandConfirmed(first))
+        context.telemetry = telemetry = at(*place)
+        motion = navigator.update(telemetry)
+        sent.append(motion is not None)
+        if motion is not None:
+            gate.command(motion)
+            context.telemetry = at(place.east_m + 0.05, place.north_m)
+            assert navigator.objection(motion, 1.05) is None
+    assert {*sent} == {True, False}
