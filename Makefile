@@ -42,7 +42,7 @@ test: setup
 docs-test: setup
 	$(BIN)/python -m pytest -o 'python_files=test_*.py walk_*.py' tests/docs tests/test_readme.py tests/mocha_link/test_docs_embedding.py tests/mocha_link/bridges/test_docs.py tests/air_router/test_docs_routes.py tests/air_router/control/test_control.py
 
-# 1437 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
+# Flights in which something goes wrong, one of each kind and seed; options: make rehearse REHEARSE="--fault GUSTS"
 rehearse: setup
 	$(BIN)/python -m sitl rehearse $(MISSION) $(REHEARSE)
 

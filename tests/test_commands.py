@@ -1,7 +1,5 @@
 """Commands are imported when they are asked for, and the tables of them say what they are."""
 
-import argparse
-import dataclasses
 import json
 import os
 import subprocess
@@ -17,8 +15,9 @@ import pytest
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from mocha_link.cli.program import Command
+from mocha_link.cli import command, options_of
 from mocha_link.errors import install_command
+from tests.command_lines import commands_of, context_of
 from tests.imports import imports_in, late_homes
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +27,7 @@ PROGRAMS = {
     "mocha-link": mocha_link.cli.cli,
     "sitl": sitl.cli.cli,
 }
-TABLE = [(program, row) for program, cli in PROGRAMS.items() for row in cli.COMMANDS]
+TABLE = [(name, module) for name, cli in PROGRAMS.items() for module, _ in cli.COMMANDS.values()]
 OURS = {"air_router", "geo", "mocha_link", "sitl"}
 
 
@@ -40,49 +39,106 @@ def asked(program, *words):
         return end.code
 
 
-def subcommands(parser):
-    (action,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    return action.choices
-
-
 def test_a_command_is_of_its_program():
-    for program, row in TABLE:
-        assert row.module.split(".")[0] == PROGRAMS[program].__name__.split(".")[0]
+    for program, module in TABLE:
+        assert module.split(".")[0] == PROGRAMS[program].__name__.split(".")[0]
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_one_by_one_the_commands_say_the_same_as_all_at_once(program, capsys):
-    whole = PROGRAMS[program].PROGRAM.parser()
-    assert asked(program, "--help") == 0
-    assert capsys.readouterr().out == whole.format_help()
-    for name, parser in subcommands(whole).items():
-        assert asked(program, name, "--help") == 0
-        assert capsys.readouterr().out == parser.format_help()
-        assert asked(program, name, "--no-such-option") == 2
-        told = capsys.readouterr().err
-        with pytest.raises(SystemExit) as end:
-            whole.parse_args([name, "--no-such-option"])
-        assert (end.value.code, told) == (2, capsys.readouterr().err)
+def test_every_command_has_help_and_names_its_mistakes(program, capsys):
+    for ctx in commands_of(PROGRAMS[program].PROGRAM):
+        path = ctx.command_path.split()[1:]
+        assert asked(program, *path, "--help") == 0
+        assert capsys.readouterr().out.startswith(f"Usage: {program} {' '.join(path)} ")
+        assert asked(program, *path, "--verbos") == 2
+        first, second = capsys.readouterr().err.splitlines()
+        assert first.startswith(f"{ctx.command_path}: error: No such option '--verbos'.")
+        assert "'--verbose'" in first  # the nearest, with others that are near
+        assert second == f"`{ctx.command_path} --help` says what it takes"
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize(
     "words", [["-v"], ["dance"], ["-v", "dance"], ["--log-level", "loud", "x"]]
 )
-def test_wrong_usage_is_told_the_same(program, words, capsys):
+def test_wrong_usage_is_two_lines(program, words, capsys):
     assert asked(program, *words) == 2
     told = capsys.readouterr().err
     assert told.startswith(f"{program}: error: ")
-    assert told.endswith(f"`{program} --help` says what it takes\n")
-    with pytest.raises(SystemExit):
-        PROGRAMS[program].PROGRAM.parser().parse_args(words)
-    assert told == capsys.readouterr().err
+    assert told.endswith(f"\n`{program} --help` says what it takes\n")
+    assert told.count("\n") == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "near"),
+    [("air-router chek", "check"), ("mocha-link nod", "node"), ("sitl tawn", "town")],
+)
+def test_a_misspelt_command_is_told_the_nearest(line, near, capsys):
+    assert asked(*line.split()) == 2
+    assert f"Did you mean '{near}'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "air-router fly m.yaml --arm --resume",
+        "air-router sim m.yaml --log-dir d --no-record",
+        "air-router tiles fetch f --url u --attribution a --mission m --bounds 1,2,3,4",
+        "sitl vehicle m.yaml --home 47,8,400",
+    ],
+)
+def test_options_that_contradict_each_other_are_wrong_usage(line, capsys):
+    assert asked(*line.split()) == 2
+    assert "contradict each other" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "option"),
+    [
+        ("air-router fly m.yaml --team --arm", "--team"),
+        ("sitl experiment e --rows --seeds 5", "--rows"),
+        ("mocha-link node t.yaml --robot", "--robot"),
+    ],
+)
+def test_an_option_is_no_value_of_another(line, option, capsys):
+    assert asked(*line.split()) == 2
+    assert f"Option '{option}' requires an argument" in capsys.readouterr().err
+
+
+def read(line):
+    """What a program reads from a line."""
+    program, *words = line.split()
+    return options_of(context_of(PROGRAMS[program].PROGRAM, words))
+
+
+def test_an_option_can_take_several_values_until_the_next():
+    assert read("sitl experiment e --rows a=1 b=2 --seeds 5").rows == ("a=1", "b=2")
+    assert read("mocha-link import r.yaml --ours io titan -o t").ours == ("io", "titan")
+    assert read("sitl experiment e").rows == ()
+
+
+def test_a_place_in_the_south_is_a_value():
+    assert read("air-router ask goto -33.9,151.2").words == ("goto", " -33.9,151.2")
+    assert read("air-router new --home -33.9,151.2").home == (-33.9, 151.2)
+    assert read("air-router ask altitude -5").words == ("altitude", " -5")
+
+
+def test_an_option_whose_value_may_be_left_out():
+    assert read("air-router sim m.yaml").web is None
+    assert read("air-router sim m.yaml --web --json").web == 8425
+    assert read("air-router sim --web 0 m.yaml").web == 0
+    assert read("air-router sim m.yaml --px4").px4 == ""
+    assert read("air-router sim m.yaml --px4 ~/PX4").px4 == "~/PX4"
+    assert read("air-router sim m.yaml --control").control == "flight"
+    assert read("air-router sim m.yaml --foxglove").foxglove == ("127.0.0.1", 8765)
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_without_a_command_there_is_the_list_of_them(program, capsys):
     assert asked(program) == 2
-    assert capsys.readouterr().err == PROGRAMS[program].PROGRAM.parser().format_help()
+    told = capsys.readouterr().err
+    assert asked(program, "--help") == 0
+    assert capsys.readouterr().out == told
 
 
 MISSING = [  # the program, what is not installed, the command, what is said
@@ -94,7 +150,6 @@ MISSING = [  # the program, what is not installed, the command, what is said
     ("air-router", "foxglove", ["fly", MISSION, "--foxglove", "--no-record"], "--foxglove needs"),
     ("air-router", "cyclonedds", ["ros2"], "ROS 2 needs cyclonedds"),
     ("mocha-link", "cyclonedds", ["bridge", "ros2", "--node", "ipc:///none"], "needs cyclon"),
-    ("mocha-link", "shtab", ["completion", "bash"], "completion needs shtab"),
     ("sitl", "pymavlink", ["vehicle"], "the simulator needs pymavlink"),
     ("sitl", "scipy", ["experiment", "table1"], "a world with ways for its robots needs scipy"),
 ]
@@ -177,7 +232,7 @@ def test_what_only_the_program_says_needs_only_python():
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
         found = set(json.loads(done.stderr))
-        assert not {row.module for row in cli.COMMANDS} & found
+        assert not {module for module, _ in cli.COMMANDS.values()} & found
         assert not {"numpy", "pydantic", "yaml", "zmq", "shapely", "pyproj"} & found
         assert len([name for name in found if name.split(".")[0] in OURS]) < 20
 
@@ -227,7 +282,7 @@ def imported(module):
 
 
 VEHICLE = {"mavsdk", "pymavlink"}
-EXTRAS = {"aiohttp", "foxglove", "jinja2", "matplotlib", "rerun", "rosbags", "scipy", "shtab"}
+EXTRAS = {"aiohttp", "foxglove", "jinja2", "matplotlib", "rosbags", "scipy"}
 
 
 @pytest.mark.parametrize(
@@ -267,7 +322,7 @@ sys.exit(main())
 @pytest.mark.parametrize(
     ("program", "imported", "words"),
     [
-        ("air-router", "argparse", "check x.yaml"),
+        ("air-router", "click", "check x.yaml"),
         ("mocha-link", "pydantic", "check x.yaml"),
         ("sitl", "pymavlink", "vehicle"),
     ],
@@ -288,18 +343,12 @@ def test_ctrl_c_while_a_command_is_imported_is_one_line(program, imported, words
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_ctrl_c_while_a_command_runs_is_one_line(program, capsys, monkeypatch):
-    def run(_arguments):
+    @command("Stand in.")
+    def run(_options):
         raise KeyboardInterrupt
 
-    def add_arguments(_parser):
-        pass
-
-    row = Command("stand-in", "stand_in", "stands in")
-    monkeypatch.setitem(
-        sys.modules, "stand_in", types.SimpleNamespace(add_arguments=add_arguments, run=run)
-    )
-    cli = PROGRAMS[program]
-    monkeypatch.setattr(cli, "PROGRAM", dataclasses.replace(cli.PROGRAM, commands=(row,)))
+    monkeypatch.setitem(sys.modules, "stand_in", types.SimpleNamespace(run=run))
+    monkeypatch.setitem(PROGRAMS[program].PROGRAM.table, "stand-in", ("stand_in", "stand in"))
     assert asked(program, "stand-in") == 130
     assert capsys.readouterr().err == "interrupted\n"
 
@@ -313,15 +362,22 @@ def test_the_installed_programs_are_those_that_take_an_interrupt_from_the_first_
 
 
 def test_commands_that_lack_an_extra_are_completed_by_name():
-    """Else `sitl completion` needs pymavlink: an extra alone does what it is for."""
+    """And what needs the extra says so when it is run, not while a line is typed."""
     code = (
         "import sys\nsys.modules['pymavlink'] = None\nimport sitl.cli.cli\n"
-        "sys.exit(sitl.cli.cli.main(['completion', 'bash']))"
+        "sys.exit(sitl.cli.cli.main())"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "vehicle" in done.stdout
-    assert "the simulator needs pymavlink" in done.stderr
+    for line, found in (("sitl veh", "plain,vehicle"), ("sitl vehicle --ho", "")):
+        words = {"_SITL_COMPLETE": "bash_complete", "COMP_WORDS": line, "COMP_CWORD": "1"}
+        words["COMP_CWORD"] = str(len(line.split()) - 1)
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, **words},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout.strip(), done.stderr) == (0, found, "")
 
 
 def checked_without(tmp_path, missing, mission):

@@ -16,6 +16,8 @@ import air_router
 import air_router.cli.cli
 import mocha_link
 import mocha_link.cli.cli
+from mocha_link.cli import options_of
+from tests.command_lines import context_of
 from tests.distributions import ROOT, ROVER, needed, project
 
 
@@ -91,9 +93,9 @@ def test_only_simulator_and_radios_import_pymavlink():
 
 
 SERVICES = sorted((ROOT / "packaging" / "systemd").glob("*.service"))
-PARSERS = {
-    "air-router": air_router.cli.cli.PROGRAM.parser,
-    "mocha-link": mocha_link.cli.cli.PROGRAM.parser,
+PROGRAMS = {
+    "air-router": air_router.cli.cli.PROGRAM,
+    "mocha-link": mocha_link.cli.cli.PROGRAM,
 }
 
 
@@ -110,7 +112,7 @@ def test_a_service_starts_what_our_programs_take(path, signed):
         text = text.replace(f"${{{name}}}", value).replace(f" ${name}", f" {value}")
     (command,) = re.findall(r"^ExecStart=/opt/air-router/bin/(.*)$", text, re.MULTILINE)
     program, *words = shlex.split(command)
-    arguments = PARSERS[program]().parse_args(words)
+    arguments = options_of(context_of(PROGRAMS[program], words))
     assert "$" not in command
     assert bool(getattr(arguments, "signing_key", None)) is (signed and program == "air-router")
     assert getattr(arguments, "resume", None) in {None, "resume" in path.stem}

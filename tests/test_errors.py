@@ -1,7 +1,10 @@
 """docs/errors.md lists every code that a problem of a file can have, and no other."""
 
 import re
+import textwrap
 from pathlib import Path
+
+from tests.printed import assert_printed
 
 ROOT = Path(__file__).parents[1]
 KEBAB = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+")
@@ -36,7 +39,13 @@ def codes_in_the_sources():
     return found - NO_CODES
 
 
-def test_every_code_is_documented_and_none_is_made_up():
+def test_the_list_has_every_code():
+    codes = " · ".join(f"`{code}`" for code in sorted(codes_in_the_sources()))
+    lines = textwrap.wrap(codes, 128, break_on_hyphens=False)
+    assert_printed("errors.md", "codes", ["", *lines, ""])
+
+
+def test_no_code_is_made_up():
     text = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
     documented = {w for w in re.findall(r"`([^`]+)`", text) if KEBAB.fullmatch(w)} | SINGLE_WORDS
     assert documented == codes_in_the_sources()

@@ -33,7 +33,6 @@ MORE_NAMES = {  # doors with more names, and why
     "air_router.files": "what any reader needs: JSON, XML and YAML text, a draft, its settings",
     "air_router.files.maps": "each format that is read or written is a name",
     "air_router.mission": "a mission, its fleet, its plan on board, and how each is read",
-    "air_router.record": "written and replayed by the flight, exported by the commands",
     "air_router.vehicle": "the port: each event, each measurement, each instruction is a name",
     "air_router.web": "what the four pages share",
     "mocha_link.links": "a vocabulary: each event of a link is a name",

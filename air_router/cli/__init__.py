@@ -8,10 +8,10 @@ __getattr__, __dir__, __all__ = door(
         "arguments": (
             "ANY_FINITE",
             "MORE_THAN_0",
-            "add_px4_version",
-            "add_rover",
-            "add_start",
-            "add_uav",
+            "px4_version_option",
+            "rover_option",
+            "start_option",
+            "uav_option",
             "home",
             "note_options",
             "number",
@@ -20,6 +20,6 @@ __getattr__, __dir__, __all__ = door(
             "speed_factor",
         ),
         "cli": ("program_of",),
-        "fly": ("PART", "add_flight_arguments", "finish", "fly_mission", "refusing"),
+        "fly": ("PART", "flight_options", "finish", "fly_mission", "refusing"),
     },
 )

@@ -1,6 +1,5 @@
 """What several commands have in common: arguments, how they are read, and how they answer."""
 
-import argparse
 import json
 import math
 import sys
@@ -11,6 +10,7 @@ from typing import Any
 from air_router.vehicle.px4 import FLOWN, NEWEST, Version, name_of
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
+from mocha_link.cli import Decorator, Options, Parsed, option, together
 from mocha_link.team import decimal_degrees, number_advice, pair_in, plain
 
 _VERSIONS = ", ".join(map(name_of, FLOWN))
@@ -28,59 +28,17 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def add_start(parser: argparse.ArgumentParser) -> None:
-    """Add `--at`: when the mission is to start, for zones that do not apply at all times."""
-    parser.add_argument(
-        "--at",
-        type=moment,
-        metavar="TIME",
-        help="the mission starts then, e.g. 2026-11-20T08:00:00Z (default: now)",
-    )
-
-
-def add_uav(parser: argparse.ArgumentParser) -> None:
-    """Add `--uav`: whose mission it is, where it is for several."""
-    parser.add_argument(
-        "--uav", metavar="NAME", help="whose mission, if it is for several UAVs (`uavs`)"
-    )
-
-
-def add_rover(parser: argparse.ArgumentParser) -> None:
-    """Add `--rover`: which robots of a simulation the user's own programs play."""
-    parser.add_argument(
-        "--rover",
-        action="append",
-        type=_rover,
-        default=[],
-        metavar="NAME=ENDPOINT",
-        help="a program of yours plays this robot: its node is served there, and it is where the "
-        "program says, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be repeated",
-    )
-
-
-def add_px4_version(parser: argparse.ArgumentParser, words: str) -> None:
-    """Add --px4-version: of the simulated autopilot; None where it is not given."""
-    parser.add_argument(
-        "--px4-version",
-        type=_px4_version,
-        metavar="VERSION",
-        help=f"of PX4, {words}: {_VERSIONS} (default {name_of(NEWEST)})",
-    )
-
-
 def _px4_version(text: str) -> Version:
     for version in FLOWN:
         if text == name_of(version):
             return version
-    raise argparse.ArgumentTypeError(f"'{text}' is none of {_VERSIONS}")
+    raise ValueError(f"'{text}' is none of {_VERSIONS}")
 
 
 def _rover(text: str) -> tuple[str, str]:
     name, _, endpoint = text.partition("=")
     if not name or not endpoint.startswith(("ipc://", "tcp://")):
-        raise argparse.ArgumentTypeError(
-            f"{text} is not NAME=ENDPOINT; write it like rover=ipc:///tmp/rover"
-        )
+        raise ValueError(f"{text} is not NAME=ENDPOINT; write it like rover=ipc:///tmp/rover")
     return name, endpoint
 
 
@@ -101,13 +59,13 @@ def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
         if not lowest <= value <= highest:
             advice = number_advice(text)
             message = f"{text} is not {what}{f'; {advice}' * bool(advice)}"
-            raise argparse.ArgumentTypeError(message)
+            raise ValueError(message)
         return value
 
     return read
 
 
-def note_options(arguments: argparse.Namespace, fields: Mapping[str, str]) -> None:
+def note_options(arguments: Options, fields: Mapping[str, str]) -> None:
     """Note options whose values are not usual.
 
     Args:
@@ -132,13 +90,13 @@ def place(text: str) -> Geodetic:
     """An argument LAT,LON in degrees.
 
     Raises:
-        argparse.ArgumentTypeError: it is none.
+        ValueError: it is none.
     """
     try:
         latitude_deg, longitude_deg = map(float, text.split(","))
     except ValueError:
         message = f"{text} is not LATITUDE,LONGITUDE{_place_advice(text)}"
-        raise argparse.ArgumentTypeError(message) from None
+        raise ValueError(message) from None
     return Geodetic(latitude_deg, longitude_deg)
 
 
@@ -158,26 +116,70 @@ def home(text: str) -> Geodetic:
     """An argument LAT,LON in degrees where a mission may begin.
 
     Raises:
-        argparse.ArgumentTypeError: it is none, or not on Earth.
+        ValueError: it is none, or not on Earth.
     """
     given = place(text)
     try:
         return LocalFrame(given).origin
     except FrameError as error:
-        raise argparse.ArgumentTypeError(f"{text}: {error}") from None
+        raise ValueError(f"{text}: {error}") from None
 
 
 def moment(text: str) -> datetime:
     """An argument that is a time with its time zone.
 
     Raises:
-        argparse.ArgumentTypeError: it is none, or at an end of the calendar.
+        ValueError: it is none, or at an end of the calendar.
     """
     try:
         given = moment_of(text)
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text} is {error}") from None
+        raise ValueError(f"{text} is {error}") from None
     if not _FIRST_YEAR <= given.year <= _LAST_YEAR:
         years = f"the years {_FIRST_YEAR} to {_LAST_YEAR}"
-        raise argparse.ArgumentTypeError(f"{text} is not in {years}")
+        raise ValueError(f"{text} is not in {years}")
     return given
+
+
+# Options that several commands take.
+
+start_option = option(
+    "--at",
+    type=Parsed(moment),
+    metavar="TIME",
+    help="time at which the mission starts, e.g. 2026-11-20T08:00:00Z (default: now); zones may "
+    "depend on it",
+)
+"""Add `--at`: when the mission is to start, for zones that do not apply at all times."""
+
+
+uav_option = option(
+    "--uav",
+    metavar="NAME",
+    help="UAV whose mission is meant, where the file is for several (its `uavs`)",
+)
+"""Add `--uav`: whose mission it is, where it is for several."""
+
+
+rover_option = option(
+    "--rover",
+    multiple=True,
+    type=Parsed(_rover),
+    metavar="NAME=ENDPOINT",
+    help="your own program plays robot NAME: the simulation serves the robot's node at ENDPOINT, "
+    "and the program sets its position, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be "
+    "repeated",
+)
+"""Add `--rover`: which robots of a simulation the user's own programs play."""
+
+
+def px4_version_option(words: str) -> Decorator:
+    """Add --px4-version: of the simulated autopilot; None where it is not given."""
+    return together(
+        option(
+            "--px4-version",
+            type=Parsed(_px4_version),
+            metavar="VERSION",
+            help=f"version of PX4 that {words}: {_VERSIONS} (default {name_of(NEWEST)})",
+        ),
+    )

@@ -1,13 +1,15 @@
 """`air-router ask`: has a flight on this machine do something, and says what became of it."""
 
-import argparse
 import dataclasses
 import json
 import sys
 
+import click
+
 from air_router.cli.arguments import MORE_THAN_0, number, print_json
 from air_router.control import MODELS, ControlClient, endpoint_of, parse_command
 from air_router.errors import ExitCode, UsageError
+from mocha_link.cli import Options, Parsed, command, option
 
 _EPILOG = """\
 examples:
@@ -22,40 +24,41 @@ exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Have a flight that runs with --control on this machine do something."
-    parser.usage = "%(prog)s [-h] [ENDPOINT] VERB [WHAT ...] [options]"
-    parser.epilog = _EPILOG
-    parser.add_argument(
-        "words",
-        nargs="+",
-        metavar="[ENDPOINT] VERB [WHAT]",
-        help="ENDPOINT: the flight's --control, if that has one; VERB: one of "
-        f"{', '.join(MODELS)}; WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], "
-        "of altitude METRES, of resume upload",
-    )
-    parser.add_argument(
-        "--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long"
-    )
-    parser.add_argument("--by", metavar="WHO", help="who asks, for the flight's record")
-    parser.add_argument(
-        "--timeout",
-        type=number("a number of seconds", MORE_THAN_0, 3600.0),
-        default=5.0,
-        metavar="S",
-        help="for an answer (default 5 s)",
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Send a request to a flight that runs with --control on this machine.",
+    _EPILOG,
+    usage="[OPTIONS] [ENDPOINT] VERB [WHAT ...]",
+)
+@click.argument(
+    "words",
+    nargs=-1,
+    required=True,
+    metavar="[ENDPOINT] VERB [WHAT] ...",
+    help=f"ENDPOINT: the flight's --control, if that has one; VERB: one of {', '.join(MODELS)}; "
+    "WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], of altitude METRES, of resume upload",
+)
+@option(
+    "--hold-s",
+    type=float,
+    metavar="S",
+    help="with goto: time to hover at the last point, in seconds",
+)
+@option("--by", metavar="WHO", help="name of the requester, for the flight's record")
+@option(
+    "--timeout",
+    type=Parsed(number("a number of seconds", MORE_THAN_0, 3600.0)),
+    metavar="S",
+    default=5.0,
+    help="time to wait for an answer, in seconds (default 5)",
+)
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(arguments: Options) -> int:
     """Ask, and print the answer."""
     endpoint, words = None, arguments.words
     if len(words) > 1 and words[0] not in MODELS:
         try:
             endpoint, words = endpoint_of(words[0]), words[1:]
-        except argparse.ArgumentTypeError as error:
+        except ValueError as error:
             raise UsageError(str(error)) from None
     command = parse_command(" ".join(words))
     values = command.model_dump(exclude_none=True)

@@ -1,13 +1,14 @@
 """`air-router check`: whether a mission can be flown as it is written, and what to expect."""
 
-import argparse
 import importlib.util
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from air_router.cli.arguments import add_start, add_uav, print_json
+import click
+
+from air_router.cli.arguments import print_json, start_option, uav_option
 from air_router.errors import ExitCode
 from air_router.files import MissionDocument
 from air_router.mission import Mission, choose, read_draft, unusual, validate
@@ -20,6 +21,7 @@ from air_router.preflight import (
     world_notes,
 )
 from air_router.routing import WaypointGraph
+from mocha_link.cli import PATH, Options, command, option
 from mocha_link.team import DocumentError, Problem
 
 _EPILOG = """\
@@ -32,20 +34,15 @@ exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its pla
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Check a mission: prints every error as file:line:column, or a summary."
-    parser.epilog = _EPILOG
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument(
-        "--png", type=Path, metavar="F", help="draw the mission into F, right or wrong"
-    )
-    add_start(parser)
-    add_uav(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command("Check a mission: prints every error as file:line:column, or a summary.", _EPILOG)
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
+@option("--json", is_flag=True, help="one JSON object on stdout")
+@option(
+    "--png", type=PATH, metavar="F", help="draw the mission into file F, also where it has errors"
+)
+@start_option
+@uav_option
+def run(arguments: Options) -> int:
     """Check, and print the summary."""
     try:
         draft = read_draft(arguments.mission)
@@ -107,7 +104,7 @@ def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
 
 
 def _refusal(
-    problems: Sequence[Problem], notes: Sequence[Problem], arguments: argparse.Namespace
+    problems: Sequence[Problem], notes: Sequence[Problem], arguments: Options
 ) -> DocumentError:
     """Why it cannot be flown; scripts are told it here."""
     if arguments.json:

@@ -1,88 +1,62 @@
 """The command line: `air-router check`, `plan`, `convert` ...; each command is a module."""
 
-import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from air_router.errors import EXPECTED, exit_code
-from mocha_link.cli import Command, Program
+from mocha_link.cli import Program
 from mocha_link.errors import told
-
-_SOUTHERN = re.compile(r"-[\d.]+,")
-"""How a place, or bounds, with a negative latitude begin."""
 
 _EXIT_CODES = """\
 exit codes:
   0 done                      4 no vehicle
-  1 ended otherwise           5 refused before take-off
+  1 ended abnormally          5 refused before take-off
   2 wrong usage               6 the pilot took over
   3 invalid file              7 a package is missing
                             130 interrupted
 """
 
-COMMANDS = (
-    Command("new", "air_router.start.new", "make a first mission, with team, world and rover"),
-    Command("check", "air_router.cli.check", "check a mission file and say what to expect"),
-    Command("plan", "air_router.cli.plan", "plan a route between two waypoints or places"),
-    Command(
-        "cover", "air_router.cli.cover", "lawnmower waypoints over an area, no-fly zones cut out"
+COMMANDS = {
+    "new": ("air_router.start.new", "make a first mission, with team, world and rover"),
+    "check": ("air_router.cli.check", "check a mission file and show what to expect of it"),
+    "plan": ("air_router.cli.plan", "plan a route between two waypoints or places"),
+    "cover": (
+        "air_router.cli.cover",
+        "plan lawnmower waypoints over an area, clear of no-fly zones",
     ),
-    Command("edit", "air_router.cli.edit", "edit a mission on a map"),
-    Command("tiles", "air_router.web.fetch_command", "fetch a map to lie under the pages"),
-    Command(
-        "convert",
+    "edit": ("air_router.cli.edit", "edit a mission on a map"),
+    "tiles": ("air_router.web.fetch_command", "fetch map tiles for the pages, for use offline"),
+    "convert": (
         "air_router.cli.convert",
-        "a mission or zones into another format (plan, YAML, GeoJSON, KML)",
+        "convert a mission, zones or a record to another format",
     ),
-    Command("preflight", "air_router.cli.preflight", "is this vehicle ready to fly this mission?"),
-    Command(
-        "signing-key",
+    "preflight": ("air_router.cli.preflight", "check whether a vehicle is ready to fly a mission"),
+    "signing-key": (
         "air_router.cli.signing_key_command",
         "make a key that signs MAVLink, and give it to a PX4",
     ),
-    Command("fly", "air_router.cli.fly", "fly a mission with a vehicle that is already there"),
-    Command("sim", "air_router.sim.sim", "fly a mission in a simulated world"),
-    Command("watch", "air_router.cli.watch", "several flights on one map page"),
-    Command(
-        "ask",
+    "fly": ("air_router.cli.fly", "fly a mission with a real vehicle"),
+    "sim": ("air_router.sim.sim", "fly a mission in a simulated world"),
+    "watch": ("air_router.cli.watch", "show several flights on one map page"),
+    "ask": (
         "air_router.cli.ask",
-        "have a flight hold, resume, seek a robot, explore, come home or fly to points",
+        "send a request to a flight: hold, resume, seek, explore, home, goto ...",
     ),
-    Command("ros2", "air_router.ros2.command", "show a flight to ROS 2, and take its requests"),
-    Command(
-        "replay",
-        "air_router.cli.replay",
-        "run a recorded flight's decisions again, and compare",
-    ),
-    Command("report", "air_router.cli.report", "a recorded flight as one HTML page"),
-)
+    "ros2": ("air_router.ros2.command", "show a flight to ROS 2, and take its requests"),
+    "replay": ("air_router.cli.replay", "replay a recorded flight's decisions and compare them"),
+    "report": ("air_router.cli.report", "write a recorded flight as one HTML page"),
+}
 
 
-def program_of(name: str, description: str, epilog: str, commands: tuple[Command, ...]) -> Program:
+def program_of(
+    name: str, description: str, epilog: str, commands: Mapping[str, tuple[str, str]]
+) -> Program:
     """A program whose commands end with our exit codes."""
-    return Program(name, description, epilog, commands, EXPECTED, _ended, _with_places)
+    return Program(name, description, epilog, commands, expected=EXPECTED, ended=_ended)
 
 
 def _ended(error: Exception) -> tuple[int, str]:
     return exit_code(error), told(error)
-
-
-def _with_places(argv: Sequence[str]) -> list[str]:
-    """The arguments with places in the southern hemisphere joined to their options.
-
-    `--home -33.9,151.2` is taken for two options by argparse, `--home=-33.9,151.2` is not; and a
-    place by itself for one, but for a blank before it.
-    """
-    joined: list[str] = []
-    for word in argv:
-        option = joined[-1] if joined else ""
-        if option.startswith("--") and "=" not in option and _SOUTHERN.match(word):
-            joined[-1] += f"={word}"
-        elif _SOUTHERN.match(word):
-            joined.append(f" {word}")
-        else:
-            joined.append(word)
-    return joined
 
 
 PROGRAM = program_of(

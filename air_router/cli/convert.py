@@ -1,11 +1,12 @@
 """`air-router convert`: a mission or zones in another format, and what got lost on the way."""
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
+
+import click
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, note_options, number, print_json
 from air_router.errors import ExitCode, UsageError
@@ -31,12 +32,13 @@ from air_router.files.missions import (
 from air_router.mission import foreign_draft, is_mission, read_draft, validate
 from air_router.record import Log
 from air_router.words import counted
+from mocha_link.cli import PATH, Options, Parsed, command, option
 from mocha_link.errors import needs_extra
 from mocha_link.team import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KMZ = "KMZ"
-_FOXGLOVE, _RERUN = "Foxglove", "Rerun"
+_FOXGLOVE = "Foxglove"
 _KINDS: Final = {
     ".plan": _PLAN,
     ".yaml": _YAML,
@@ -46,7 +48,6 @@ _KINDS: Final = {
     ".kml": _KML,
     ".kmz": _KMZ,
     ".mcap": _FOXGLOVE,
-    ".rrd": _RERUN,
 }
 _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
     _GEOJSON: geojson_text,
@@ -57,8 +58,8 @@ _RECORD: Final = ".mcap"
 _LOSING: Final = frozenset({_RECORD, ".yaml", ".yml"})  # written anew they lack something
 
 _EPILOG = """\
-FROM is a flight's record (.mcap), which becomes .mcap with Foxglove's schemas or .rrd for Rerun;
-or a mission (.yaml, .plan, waypoints and fences of ArduPilot's programs, .gpx with --altitude); or
+FROM is a flight's record (.mcap), which becomes .mcap with all that Foxglove and Rerun draw; or a
+mission (.yaml, .plan, waypoints and fences of ArduPilot's programs, .gpx with --altitude); or
 a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air, .json with ED-269 or ED-318
 geozones). TO is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last three.
 
@@ -67,49 +68,47 @@ examples:
   air-router convert mission.yaml map.kml
   air-router convert mission.yaml with_zones.plan --zones geozones.json --zones site.kml
   air-router convert geozones.json geozones.geojson --allow CONDITIONAL
-  air-router convert flight.mcap flight.rrd
+  air-router convert flight.mcap shown.mcap
 
 exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no --force),
 3 a file is invalid
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Convert a mission, zones or a flight's record; says what could not be carried over."
-    )
-    parser.epilog = _EPILOG
-    parser.add_argument("source", type=Path, metavar="FROM", help="a mission, zones or a record")
-    parser.add_argument("target", type=Path, metavar="TO", help="the file to write")
-    parser.add_argument(
-        "--zones", type=Path, action="append", default=[], metavar="F", help="add the zones of F"
-    )
-    parser.add_argument(
-        "--allow",
-        action="append",
-        default=[],
-        metavar="WORD",
-        help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
-    )
-    parser.add_argument(
-        "--skip",
-        action="append",
-        default=[],
-        metavar="WORD",
-        help="leave out zones of this name or kind: they are none for this mission",
-    )
-    parser.add_argument(
-        "--altitude",
-        type=number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE),
-        metavar="M",
-        help="fly the route of a FROM in GPX this high above home, in metres",
-    )
-    parser.add_argument("--force", action="store_true", help="replace TO if it is there")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Convert a mission, zones or a flight's record; says what could not be carried over.", _EPILOG
+)
+@click.argument("source", type=PATH, metavar="FROM", help="mission, zones or flight record to read")
+@click.argument("target", type=PATH, metavar="TO", help="file to write; its ending is the format")
+@option(
+    "--zones",
+    multiple=True,
+    type=PATH,
+    metavar="F",
+    help="add the no-fly zones of file F; may be repeated",
+)
+@option(
+    "--allow",
+    multiple=True,
+    metavar="WORD",
+    help="leave out zones with this restriction (CONDITIONAL, ...), class or identifier; may be "
+    "repeated",
+)
+@option(
+    "--skip",
+    multiple=True,
+    metavar="WORD",
+    help="leave out zones of this name or kind, which do not concern this mission; may be repeated",
+)
+@option(
+    "--altitude",
+    type=Parsed(number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE)),
+    metavar="M",
+    help="altitude above home at which a GPX route is flown, in metres",
+)
+@option("--force", is_flag=True, help="replace TO if it exists")
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(arguments: Options) -> int:
     """Convert, and say what got lost."""
     source, target = arguments.source, arguments.target
     kind = _KINDS.get(target.suffix.lower())
@@ -125,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
     read = _zones
     if is_mission(source) or arguments.altitude is not None:
         read = _mission
-    if source.suffix.lower() == _RECORD or kind in (_FOXGLOVE, _RERUN):
+    if source.suffix.lower() == _RECORD or kind == _FOXGLOVE:
         read = _record
     try:
         written = read(arguments, kind, report)
@@ -179,26 +178,22 @@ class _Report:
         }
 
 
-def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
-    if arguments.source.suffix.lower() != _RECORD or kind not in (_FOXGLOVE, _RERUN):
+def _record(arguments: Options, kind: str, report: _Report) -> bytes:
+    if arguments.source.suffix.lower() != _RECORD or kind != _FOXGLOVE:
         raise UsageError(
-            "a flight's record (.mcap) becomes .mcap with Foxglove's schemas or .rrd for Rerun; "
-            "nothing else does"
+            "a flight's record (.mcap) becomes .mcap with Foxglove's schemas; nothing else does"
         )
     log = Log(arguments.source)
-    with needs_extra(f"a file for {kind}", kind.lower(), "air-router"):
-        if kind == _FOXGLOVE:
-            from air_router.record import foxglove_mcap as made  # noqa: PLC0415
-        else:
-            from air_router.record import rerun_recording as made  # noqa: PLC0415
-    written = made(log)
+    with needs_extra("a file for Foxglove", "foxglove", "air-router"):
+        from air_router.record import foxglove_mcap  # noqa: PLC0415 - an extra
+    written = foxglove_mcap(log)
     if log.ending is not None:
         report.warnings.add("the rest", f"the record is not whole: {log.ending}", "record-cut")
     report.counts = {"bytes": len(written)}
     return written
 
 
-def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
+def _mission(arguments: Options, kind: str, report: _Report) -> str | bytes:
     source, altitude_m = arguments.source, arguments.altitude
     draft = foreign_draft(source, altitude_m=altitude_m) or read_draft(source)
     own_zones = len(draft.zones)
@@ -225,7 +220,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
 def _written(
     draft: MissionDocument,
     own_zones: int,
-    arguments: argparse.Namespace,
+    arguments: Options,
     kind: str,
     report: _Report,
 ) -> str | bytes:
@@ -258,7 +253,7 @@ def _refuse_without_waypoints(draft: MissionDocument) -> None:
         raise DocumentError([*draft.problems, problem])
 
 
-def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
+def _zones(arguments: Options, kind: str, report: _Report) -> str | bytes:
     if kind not in _MAP_WRITERS and arguments.source.suffix.lower() == ".gpx":
         raise UsageError("GPX does not say how high to fly: add --altitude M, above home")
     if kind not in _MAP_WRITERS:

@@ -1,9 +1,9 @@
 """`air-router cover`: lawnmower waypoints over an area, its no-fly zones cut out."""
 
-import argparse
 import sys
-from pathlib import Path
 from typing import Final
+
+import click
 
 from air_router.cli.arguments import (
     ANY_FINITE,
@@ -29,6 +29,7 @@ from air_router.coverage import (
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.files import write_whole
 from geo.coverage import CoverageError, Swath, cover
+from mocha_link.cli import PATH, Options, Parsed, command, option
 
 _OVERLAP, _SIDELAP = 70.0, 60.0
 _ACCELERATION_M_S2: Final = 2.0
@@ -67,59 +68,88 @@ class CoverError(AirRouterError):
     """The area cannot be covered."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Plan rows from which a camera sees an area, clear of no-fly zones."
-    parser.epilog = _EPILOG
-    parser.add_argument("area", type=Path, metavar="AREA", help="what to cover")
-    parser.add_argument("--camera", required=True, metavar="CAMERA", help="what sees it; see below")
-    parser.add_argument("--portrait", action="store_true", help="longer side along the rows")
-    parser.add_argument(
-        "--overlap",
-        type=_percent,
-        default=_OVERLAP,
-        metavar="PERCENT",
-        help=f"of pictures on a row (default {_OVERLAP:g})",
-    )
-    parser.add_argument(
-        "--sidelap",
-        type=_percent,
-        default=_SIDELAP,
-        metavar="PERCENT",
-        help=f"of pictures of two rows (default {_SIDELAP:g})",
-    )
-    parser.add_argument(
-        "--altitude", type=_positive, metavar="M", help="above home (default: the mission's)"
-    )
-    parser.add_argument(
-        "--angle",
-        type=_angle,
-        metavar="DEG",
-        help="where rows lead, clockwise from north, or 'auto' (default): the quickest",
-    )
-    parser.add_argument("--mission", type=Path, metavar="F", help="whose airspace and home to use")
-    parser.add_argument("--home", type=place, metavar="LAT,LON", help="without a mission: home")
-    parser.add_argument(
-        "--zones", type=Path, action="append", default=[], metavar="F", help="without a mission"
-    )
-    parser.add_argument(
-        "--clearance",
-        type=number("within 0 to 1000 m", 0.0, 1000.0),
-        metavar="M",
-        help="without a mission",
-    )
-    parser.add_argument("--inside", action="store_true", help="never fly beyond the area")
-    parser.add_argument("--speed", type=_positive, metavar="M_S", help="cruise speed")
-    parser.add_argument(
-        "--every", type=_positive, metavar="M", help="waypoints on rows at most so far apart"
-    )
-    parser.add_argument("--out", type=Path, metavar="F", help="write a whole mission (YAML)")
-    parser.add_argument("--force", action="store_true", help="let --out replace a file")
-    parser.add_argument("--png", type=Path, metavar="F", help="draw it into F")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+def _percent(text: str) -> float:
+    value = number("within 0 to 95 percent", 0.0, 95.0)(text)
+    if 0 < value < 1:
+        raise ValueError(f"{text}: write percent, {100 * value:g}")
+    return value
 
 
-def run(arguments: argparse.Namespace) -> int:
+def _angle(text: str) -> float | None:
+    return None if text == "auto" else number("an angle", -ANY_FINITE, ANY_FINITE)(text) % 180.0
+
+
+@command("Plan rows from which a camera sees an area, clear of no-fly zones.", _EPILOG)
+@click.argument("area", type=PATH, help="file with the area to cover; see below")
+@option(
+    "--camera", metavar="CAMERA", required=True, help="camera that takes the pictures; see below"
+)
+@option("--portrait", is_flag=True, help="mount the camera with its longer side along the rows")
+@option(
+    "--overlap",
+    type=Parsed(_percent),
+    metavar="PERCENT",
+    default=_OVERLAP,
+    help=f"overlap of consecutive pictures on a row, in percent (default {_OVERLAP:g})",
+)
+@option(
+    "--sidelap",
+    type=Parsed(_percent),
+    metavar="PERCENT",
+    default=_SIDELAP,
+    help=f"overlap of pictures on neighbouring rows, in percent (default {_SIDELAP:g})",
+)
+@option(
+    "--altitude",
+    type=Parsed(_positive),
+    metavar="M",
+    help="flight altitude above home, in metres (default: the mission's)",
+)
+@option(
+    "--angle",
+    type=Parsed(_angle),
+    metavar="DEG",
+    help="direction of the rows, in degrees clockwise from north, or 'auto' (default): the "
+    "direction that takes the least time",
+)
+@option("--mission", type=PATH, metavar="F", help="mission whose airspace and home are used")
+@option(
+    "--home",
+    type=Parsed(place),
+    metavar="LAT,LON",
+    help="home, in degrees, where no mission gives it",
+)
+@option(
+    "--zones",
+    multiple=True,
+    type=PATH,
+    metavar="F",
+    help="file with no-fly zones, where no mission gives them; may be repeated",
+)
+@option(
+    "--clearance",
+    type=Parsed(number("within 0 to 1000 m", 0.0, 1000.0)),
+    metavar="M",
+    help="distance kept from zones and fence, in metres, where no mission gives it",
+)
+@option("--inside", is_flag=True, help="never leave the area, not even in turns")
+@option(
+    "--speed",
+    type=Parsed(_positive),
+    metavar="M_S",
+    help="cruise speed, in m/s (default: the mission's)",
+)
+@option(
+    "--every",
+    type=Parsed(_positive),
+    metavar="M",
+    help="largest distance between waypoints on a row, in metres",
+)
+@option("--out", type=PATH, metavar="F", help="write a whole mission (YAML) into file F")
+@option("--force", is_flag=True, help="replace the file of --out if it exists")
+@option("--png", type=PATH, metavar="F", help="draw area and rows into file F")
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(arguments: Options) -> int:
     """Plan rows, and write what was asked for."""
     if arguments.out is not None and arguments.out.suffix.lower() not in {".yaml", ".yml"}:
         raise UsageError(
@@ -165,7 +195,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _terms(arguments: argparse.Namespace) -> CoverOptions:
+def _terms(arguments: Options) -> CoverOptions:
     return CoverOptions(
         home=arguments.home,
         altitude_m=arguments.altitude,
@@ -179,14 +209,3 @@ def _terms(arguments: argparse.Namespace) -> CoverOptions:
 def _swath(camera: SurveyCamera, height_m: float, sidelap_percent: float) -> Swath:
     across_m, along_m = camera.footprint_m(height_m)
     return Swath(across_m, along_m, across_m * (1 - sidelap_percent / 100))
-
-
-def _percent(text: str) -> float:
-    value = number("within 0 to 95 percent", 0.0, 95.0)(text)
-    if 0 < value < 1:
-        raise argparse.ArgumentTypeError(f"{text}: write percent, {100 * value:g}")
-    return value
-
-
-def _angle(text: str) -> float | None:
-    return None if text == "auto" else number("an angle", -ANY_FINITE, ANY_FINITE)(text) % 180.0

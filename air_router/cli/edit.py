@@ -1,49 +1,46 @@
 """`air-router edit`: a mission on a map page, to drag, check and save."""
 
-import argparse
 import gc
 import os
 import sys
 import webbrowser
-from pathlib import Path
+
+import click
 
 from air_router.cli.arguments import home, say
 from air_router.editor import EditSession, MissionFile, write_starter
 from air_router.errors import ExitCode
-from air_router.web import add_page_options, page_port, show, web_of
+from air_router.web import page_options, page_port, show, web_of
+from mocha_link.cli import PATH, Options, Parsed, command, option
 from mocha_link.errors import needs_extra
 
 _DEFAULT_PORT = 8424
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Open a map page to drag waypoints and zone corners, see the route graph and "
-        "all problems change at once, and save the same file with its comments intact. "
-        "Ctrl-C ends."
-    )
-    parser.epilog = "example: air-router edit missions/pennovation/mission.yaml"
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
-    parser.add_argument(
-        "--port",
-        dest="web",
-        type=page_port,
-        default=_DEFAULT_PORT,
-        metavar="P",
-        help=f"where the page is served (default {_DEFAULT_PORT}, 0: any free port)",
-    )
-    add_page_options(parser, "")
-    parser.add_argument(
-        "--new",
-        type=home,
-        metavar="LAT,LON",
-        help="begin a new mission there; MISSION must not exist yet",
-    )
-    parser.add_argument("--no-open", action="store_true", help="do not open a browser")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Open a map page to drag waypoints and zone corners, see the route graph and "
+    "all problems change at once, and save the same file with its comments intact. "
+    "Ctrl-C ends.",
+    "example: air-router edit missions/pennovation/mission.yaml",
+)
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
+@option(
+    "--port",
+    "web",
+    type=Parsed(page_port),
+    metavar="P",
+    default=_DEFAULT_PORT,
+    help=f"port that the page is served on (default {_DEFAULT_PORT}; 0: any free port)",
+)
+@page_options()
+@option(
+    "--new",
+    type=Parsed(home),
+    metavar="LAT,LON",
+    help="create MISSION with its home at this place, in degrees; the file must not exist yet",
+)
+@option("--no-open", is_flag=True, help="do not open a browser")
+def run(arguments: Options) -> int:
     """Serve the page until Ctrl-C; its address goes to stdout."""
     web = web_of(arguments)
     assert web is not None  # noqa: S101 - there always is a port

@@ -1,6 +1,5 @@
 """`air-router fly`: flies a mission with a vehicle that is already there."""
 
-import argparse
 import asyncio
 import contextlib
 import dataclasses
@@ -12,14 +11,16 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+import click
+
 from air_router.cli.arguments import (
     MORE_THAN_0,
-    add_uav,
     moment,
     note_options,
     number,
     print_json,
     say,
+    uav_option,
 )
 from air_router.control import CONTROL_NAME, endpoint_of
 from air_router.errors import PictureError, RefusedError
@@ -30,16 +31,17 @@ from air_router.mission import ALONE, Mission, load_flown, sought, team_of
 from air_router.preflight import PreflightSurvey
 from air_router.record import (
     Recorder,
-    add_recording,
-    add_viewer,
     folder_of,
+    recording_options,
+    viewer_option,
     viewing,
 )
 from air_router.report import table
 from air_router.vehicle import PaceClient, PaceSource, VehicleClock
 from air_router.vehicle.px4 import Px4Connection, Px4Vehicle
-from air_router.web import ServeError, add_web, web_of
+from air_router.web import ServeError, web_of, web_options
 from mocha_link import ListenError, PortInUseError, RadioError
+from mocha_link.cli import PATH, Decorator, Options, Parsed, command, option, optional, together
 from mocha_link.errors import MissingExtraError, needs_extra
 from mocha_link.team import KeyFileError, KeyMismatchError
 
@@ -65,7 +67,7 @@ def refusing() -> Iterator[None]:
 
 
 @refusing()
-def fly_mission(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightResult:
+def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult:
     """Fly a mission to its end; the exceptions say why one did not start.
 
     Args:
@@ -152,44 +154,8 @@ def fly_mission(mission: Mission, arguments: argparse.Namespace, stem: str) -> F
     return result
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
-        "and to choose Mission mode, unless --arm is confirmed."
-    )
-    parser.epilog = (
-        "example: air-router fly missions/pennovation/mission.yaml "
-        "--connect udpin://127.0.0.1:14540"
-    )
-    add_vehicle_arguments(parser)
-    add_uav(parser)
-    parser.add_argument(
-        "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
-    )
-    begin = parser.add_mutually_exclusive_group()
-    begin.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
-    begin.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on with a flight of this mission that is in the air",
-    )
-    parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
-    parser.add_argument(
-        "--keys",
-        type=Path,
-        metavar="DIR",
-        help="the folder with the UAV's secret key, NAME.key, if the team has a key for it",
-    )
-    add_flight_arguments(parser)
-    # For `sim` with several UAVs: one of them, at a time that is pretended.
-    parser.add_argument(PART, action="store_true", help=argparse.SUPPRESS)
-    parser.add_argument("--at", type=moment, help=argparse.SUPPRESS)
-    parser.add_argument("--pace-from", type=PaceSource.of, help=argparse.SUPPRESS)
-
-
-def vehicle_of(mission: Mission, clock: VehicleClock, arguments: argparse.Namespace) -> Px4Vehicle:
-    """The vehicle that the arguments of `add_vehicle_arguments` name.
+def vehicle_of(mission: Mission, clock: VehicleClock, arguments: Options) -> Px4Vehicle:
+    """The vehicle that the arguments of `vehicle_options` name.
 
     Raises:
         SigningKeyError: the file of the signing key has none, or others can read it.
@@ -200,70 +166,121 @@ def vehicle_of(mission: Mission, clock: VehicleClock, arguments: argparse.Namesp
     )
 
 
-def add_vehicle_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `fly` and `preflight` have in common."""
-    add_link_arguments(parser)
-    parser.add_argument(
-        "--signing-key",
-        type=Path,
-        metavar="FILE",
-        help="sign MAVLink with this key, and take only what is signed with it (`air-router "
-        "signing-key`, docs/security.md)",
-    )
-    parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
+def _system_id(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 250:
+        raise ValueError(f"{text} is not a system id of a vehicle, 1 to 250")
+    return int(text)
 
 
-def add_link_arguments(parser: argparse.ArgumentParser) -> None:
+def link_options(connect: str | None = DEFAULT_URL) -> Decorator:
     """Which vehicle is meant, and where it is."""
-    parser.add_argument(
-        "--connect",
-        metavar="URL",
-        default=DEFAULT_URL,
-        help="the vehicle's link (default %(default)s); also serial:///dev/ttyACM0:57600",
-    )
-    parser.add_argument(
-        "--sysid", type=_system_id, default=1, metavar="N", help="its MAVLink system id (default 1)"
+    return together(
+        option(
+            "--connect",
+            metavar="URL",
+            default=connect,
+            help="MAVLink connection to the vehicle"
+            + (f" (default {connect})" if connect else "")
+            + "; for a serial port e.g. serial:///dev/ttyACM0:57600",
+        ),
+        option(
+            "--sysid",
+            type=Parsed(_system_id),
+            metavar="N",
+            default=1,
+            help="MAVLink system id of the vehicle, 1 to 250 (default 1)",
+        ),
     )
 
 
-def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `fly` and `sim` have in common."""
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
-    parser.add_argument(
+vehicle_options = together(
+    link_options(),
+    option(
+        "--signing-key",
+        type=PATH,
+        metavar="FILE",
+        help="sign MAVLink with the key in FILE, and accept only messages signed with it "
+        "(`air-router signing-key`, docs/security.md)",
+    ),
+    option("--team", type=PATH, metavar="FILE", help="team file (default: the mission's)"),
+)
+"""What `fly` and `preflight` have in common."""
+
+
+flight_options = together(
+    click.argument("mission", type=PATH, help="mission file (.yaml or .plan)"),
+    option(
         "--duration",
-        type=number("a positive number of seconds, at most 1e9", MORE_THAN_0, 1e9),
+        type=Parsed(number("a positive number of seconds, at most 1e9", MORE_THAN_0, 1e9)),
         metavar="S",
-        help="come home after so many seconds in the air, on the vehicle's clock",
-    )
-    add_recording(parser)
-    add_viewer(parser)
-    parser.add_argument(
-        "--png", type=Path, metavar="F", help="draw the flown track into F (track.png)"
-    )
-    parser.add_argument(
+        help="return home after this time in the air, in seconds of the vehicle's clock "
+        "(default: the mission's)",
+    ),
+    recording_options,
+    viewer_option,
+    option(
+        "--png",
+        type=PATH,
+        metavar="F",
+        help="draw the flown track into file F (default: track.png)",
+    ),
+    option(
         "--metrics",
         metavar="ENDPOINT",
-        help="let your other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
+        help="serve link metrics to other programs at this endpoint, e.g. tcp://127.0.0.1:24500 "
         "(`mocha-link metrics ENDPOINT --follow`)",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--control",
-        type=endpoint_of,
-        nargs="?",
-        const=CONTROL_NAME,
-        metavar="ENDPOINT",
-        help="let your other programs on this machine ask for something (`air-router ask`, "
-        "docs/control.md); at another place than the usual: a name, ipc://PATH, a port or "
+        type=Parsed(endpoint_of),
+        **optional(CONTROL_NAME),
+        metavar="[ENDPOINT]",
+        help="accept requests of other programs on this machine (`air-router ask`, "
+        "docs/control.md), at the usual endpoint or at a name, ipc://PATH, a port or "
         "tcp://127.0.0.1:PORT",
-    )
-    add_web(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument(
-        "--seek", choices=SEEK_POLICIES, help="how the next robot is chosen (as the mission says)"
-    )
+    ),
+    web_options(),
+    option("--json", is_flag=True, help="one JSON object on stdout"),
+    option(
+        "--seek",
+        type=click.Choice(SEEK_POLICIES),
+        help="policy that chooses the next robot (default: the mission's)",
+    ),
+)
+"""What `fly` and `sim` have in common."""
 
 
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
+    "and to choose Mission mode, unless --arm is confirmed.",
+    "example: air-router fly missions/pennovation/mission.yaml --connect udpin://127.0.0.1:14540",
+)
+@vehicle_options
+@uav_option
+@option(
+    "--camera",
+    metavar="URL",
+    help="ZeroMQ endpoint that publishes map patches, e.g. tcp://127.0.0.1:24600",
+)
+@option("--arm", is_flag=True, help="arm and take off after the operator has confirmed it")
+@option(
+    "--resume",
+    is_flag=True,
+    help="take over a flight of this mission that is already in the air",
+    not_with=["arm"],
+)
+@option("--yes", is_flag=True, help="do not ask before --arm")
+@option(
+    "--keys",
+    type=PATH,
+    metavar="DIR",
+    help="folder with the UAV's secret key, NAME.key, where the team file has a key for it",
+)
+@flight_options
+@option(PART, is_flag=True, hidden=True)
+@option("--at", type=Parsed(moment), hidden=True)
+@option("--pace-from", type=Parsed(PaceSource.of), hidden=True)
+def run(arguments: Options) -> int:
     """Fly, and report on stdout."""
     note_options(arguments, {"duration": "duration_s"})
     mission = load_flown(
@@ -284,7 +301,7 @@ def run(arguments: argparse.Namespace) -> int:
     return finish(mission, result, arguments)
 
 
-def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace) -> int:
+def finish(mission: Mission, result: FlightResult, arguments: Options) -> int:
     """Print a flight's result as asked, draw its track, and give its exit code."""
     part = getattr(arguments, "part", False)
     picture = arguments.png or (arguments.log_dir or Path()) / "track.png"
@@ -319,9 +336,3 @@ def _confirmed(mission: Mission) -> bool:
         return input().strip().lower() == "fly"
     except EOFError:
         return False
-
-
-def _system_id(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 250:
-        raise argparse.ArgumentTypeError(f"{text} is not a system id of a vehicle, 1 to 250")
-    return int(text)

@@ -1,21 +1,22 @@
 """`air-router plan`: the route between two waypoints, or any places, as it would be flown."""
 
-import argparse
 import contextlib
 import math
 import sys
 from collections.abc import Iterator
 from itertools import pairwise, product
-from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_start, add_uav, place, print_json
+import click
+
+from air_router.cli.arguments import place, print_json, start_option, uav_option
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import FAR_M, Mission, load_mission
 from air_router.preflight import closest_approach, route_time_s
 from air_router.routing import Leg, NoRoute, Route, Router, WaypointGraph
 from geo.airspace import FENCE
 from geo.frame import FrameError, Geodetic, Point
+from mocha_link.cli import PATH, Options, Parsed, command, option
 
 _EPILOG = """\
 examples:
@@ -27,22 +28,43 @@ _STEPS = (0, -1, 1)
 """Around a place, in the last digit that is printed of a degree: a centimetre."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Plan the route between two waypoints (0 is home) or places in degrees."
-    parser.epilog = _EPILOG
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
-    add_start(parser)
-    add_uav(parser)
-    for option, name, text in (("--from", "start", "start"), ("--to", "end", "goal")):
-        parser.add_argument(
-            option, type=_stop, required=True, metavar="N|LAT,LON", dest=name, help=text
-        )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--png", type=Path, metavar="F", help="draw mission and route into F")
+Stop = int | Geodetic
+"""Where a route begins or ends: a waypoint (0: home), or any place."""
 
 
-def run(arguments: argparse.Namespace) -> int:
+def _stop(text: str) -> Stop:
+    try:
+        return place(text) if "," in text else int(text)
+    except ValueError as error:
+        advice = str(error).partition(";")[2] if "," in text else " 0 is home"
+        message = f"{text} is neither a waypoint's number nor LATITUDE,LONGITUDE"
+        message += f";{advice}" * bool(advice)
+        raise ValueError(message) from None
+
+
+@command("Plan the route between two waypoints (0 is home) or places in degrees.", _EPILOG)
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
+@start_option
+@uav_option
+@option(
+    "--from",
+    "start",
+    type=Parsed(_stop),
+    required=True,
+    metavar="N|LAT,LON",
+    help="start of the route: number of a waypoint (0: home), or a place in degrees",
+)
+@option(
+    "--to",
+    "end",
+    type=Parsed(_stop),
+    required=True,
+    metavar="N|LAT,LON",
+    help="end of the route: number of a waypoint (0: home), or a place in degrees",
+)
+@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--png", type=PATH, metavar="F", help="draw mission and route into file F")
+def run(arguments: Options) -> int:
     """Plan, and print the route's legs."""
     mission = load_mission(arguments.mission, uav=arguments.uav, start=arguments.at)
     graph = WaypointGraph(mission)
@@ -67,20 +89,6 @@ def run(arguments: argparse.Namespace) -> int:
         draw_mission(mission, arguments.png, graph=graph, route=(start, route))
         sys.stderr.write(f"drawn: {arguments.png}\n")
     return ExitCode.DONE
-
-
-Stop = int | Geodetic
-"""Where a route begins or ends: a waypoint (0: home), or any place."""
-
-
-def _stop(text: str) -> Stop:
-    try:
-        return place(text) if "," in text else int(text)
-    except (ValueError, argparse.ArgumentTypeError) as error:
-        advice = str(error).partition(";")[2] if "," in text else " 0 is home"
-        message = f"{text} is neither a waypoint's number nor LATITUDE,LONGITUDE"
-        message += f";{advice}" * bool(advice)
-        raise argparse.ArgumentTypeError(message) from None
 
 
 def _leg(stop: Stop, graph: WaypointGraph, option: str) -> Leg:

@@ -1,47 +1,41 @@
 """`air-router preflight`: is this vehicle ready to fly this mission, and if not, what to do."""
 
-import argparse
 import asyncio
 import sys
-from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import add_uav, print_json
-from air_router.cli.fly import add_vehicle_arguments, vehicle_of
+import click
+
+from air_router.cli.arguments import print_json, uav_option
+from air_router.cli.fly import vehicle_of, vehicle_options
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission import FlightPlan, Mission, load_flown, team_of
 from air_router.preflight import BAD, GOOD, LOOK, Card, Check, PreflightSurvey
-from air_router.record import add_recording, folder_of
+from air_router.record import folder_of, recording_options
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import Telemetry, Vehicle, VehicleClock, VehicleEvent
-from mocha_link.cli import coloured
+from mocha_link.cli import PATH, Options, coloured, command, option
 
 TELEMETRY_S: Final = 4.0
 """Wall-clock limit for the first position after the vehicle was found; they come at 10 Hz."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Look at everything that a flight rests on and print one card. Puts mission "
-        "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
-        "Nothing is armed, and no parameter is changed."
-    )
-    parser.epilog = (
-        "example: air-router preflight missions/pennovation/mission.yaml "
-        "--connect udpin://127.0.0.1:14540"
-    )
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
-    add_vehicle_arguments(parser)
-    add_uav(parser)
-    parser.add_argument(
-        "--look", action="store_true", help="change nothing: only compare the plan on board"
-    )
-    add_recording(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Look at everything that a flight rests on and print one card. Puts mission "
+    "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
+    "Nothing is armed, and no parameter is changed.",
+    "example: air-router preflight missions/pennovation/mission.yaml "
+    "--connect udpin://127.0.0.1:14540",
+)
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
+@vehicle_options
+@uav_option
+@option(
+    "--look", is_flag=True, help="change nothing on the vehicle: only compare the plan on board"
+)
+@recording_options
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(arguments: Options) -> int:
     """Look, and print the card on stdout."""
     mission = load_flown(arguments.mission, arguments.uav)
     card = asyncio.run(_preflight(mission, arguments))
@@ -53,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE if card.ready else ExitCode.REFUSED
 
 
-async def _preflight(mission: Mission, arguments: argparse.Namespace) -> Card:
+async def _preflight(mission: Mission, arguments: Options) -> Card:
     """Connect, look, and let go. Raises NoVehicleError, with a diagnosis."""
     alone = arguments.team is None and mission.team is None
     team, uav = (None, "") if alone else team_of(mission, arguments.team)

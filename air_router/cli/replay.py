@@ -1,35 +1,32 @@
 """`air-router replay`: does the program decide today as it did in a recorded flight?"""
 
-import argparse
-
 from air_router.cli.arguments import print_json, say, speed_factor
 from air_router.errors import ExitCode
-from air_router.record import Log, add_record, record_of, replay_record
-from air_router.web import add_web, show, web_of
+from air_router.record import Log, record_argument, record_of, replay_record
+from air_router.web import show, web_of, web_options
+from mocha_link.cli import Options, Parsed, command, option
 from mocha_link.errors import needs_extra
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Give the events of a recorded flight to a new controller and compare what it "
-        "decides. Exit code 0: the same; 1: otherwise, the first difference is told; 3: the "
-        "record is damaged or holds no decision, so the comparison is not complete."
-    )
-    parser.epilog = (
-        "examples:\n"
-        "  air-router replay flight-20261120T234403Z-titan.mcap\n"
-        "  air-router replay LOG --web --speed 10    (on a map page)"
-    )
-    add_record(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    add_web(parser)
-    parser.add_argument(
-        "--speed", type=speed_factor, default=1.0, metavar="X", help="of --web: times real time"
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Give the events of a recorded flight to a new controller and compare what it "
+    "decides. Exit code 0: same decisions; 1: others, the first difference is printed; 3: the "
+    "record is damaged or holds no decision, so the comparison is not complete.",
+    "examples:\n"
+    "  air-router replay flight-20261120T234403Z-titan.mcap\n"
+    "  air-router replay LOG --web --speed 10    (on a map page)",
+)
+@record_argument
+@option("--json", is_flag=True, help="one JSON object on stdout")
+@web_options()
+@option(
+    "--speed",
+    type=Parsed(speed_factor),
+    metavar="X",
+    default=1.0,
+    help="playback speed with --web, times real time, 0.1 to 100 (default 1)",
+)
+def run(arguments: Options) -> int:
     """Replay, and print what came of it."""
     web, path = web_of(arguments), record_of(arguments)
     if web is not None:

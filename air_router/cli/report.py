@@ -1,32 +1,27 @@
 """`air-router report`: a recorded flight as one HTML page, or as JSON."""
 
-import argparse
 import sys
-from pathlib import Path
 
 from air_router.errors import ExitCode, UsageError
 from air_router.files import write_whole
-from air_router.record import Log, add_record, json_of, record_of
+from air_router.record import Log, json_of, record_argument, record_of
 from air_router.report import history_of
+from mocha_link.cli import PATH, Options, command, option
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Draw a recorded flight: track, states, contacts and syncs, bandwidth, age of "
-        "information, map coverage, requests. One HTML file that needs nothing else."
-    )
-    parser.epilog = "example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html"
-    add_record(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="F", help="the page (default: LOG with .html)"
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="the same as JSON on stdout, and no page without -o"
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Draw a recorded flight: track, states, contacts and syncs, bandwidth, age of "
+    "information, map coverage, requests. One HTML file that needs nothing else.",
+    "example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html",
+)
+@record_argument
+@option("-o", "--output", type=PATH, metavar="F", help="file of the page (default: LOG with .html)")
+@option(
+    "--json",
+    is_flag=True,
+    help="print the report as JSON on stdout; the page is written only with -o",
+)
+def run(arguments: Options) -> int:
     """Draw it."""
     log = Log(record_of(arguments))
     output = arguments.output or (None if arguments.json else log.path.with_suffix(".html"))

@@ -1,44 +1,36 @@
 """`air-router signing-key`: makes a key that signs MAVLink, and gives it to a PX4."""
 
-import argparse
 import asyncio
 from ipaddress import ip_address
-from pathlib import Path
+
+import click
 
 from air_router.cli.arguments import say
-from air_router.cli.fly import add_link_arguments
+from air_router.cli.fly import link_options
 from air_router.errors import ExitCode, RefusedError, UsageError
 from air_router.vehicle.px4 import SigningKey, provide, remove
+from mocha_link.cli import PATH, Options, command, option
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Make a signing key, or, with --connect, give it to a PX4 (1.18 or newer), which from then "
-        "on obeys only what is signed with it. PX4 gets the key in the clear: connect it by USB, "
-        "with all its radios off."
-    )
-    parser.epilog = (
-        "example: air-router signing-key uav.key; "
-        "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600"
-    )
-    parser.add_argument("file", type=Path, metavar="FILE", help="of the key; made, if no --connect")
-    add_link_arguments(parser)
-    parser.set_defaults(connect=None)
-    parser.add_argument(
-        "--old", type=Path, metavar="FILE", help="the key that PX4 has already, to replace it"
-    )
-    parser.add_argument(
-        "--remove", action="store_true", help="PX4 has this key, and is to forget it"
-    )
-    parser.add_argument(
-        "--in-the-clear",
-        action="store_true",
-        help="send the key over a network where others may receive it",
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Make a signing key, or, with --connect, give it to a PX4 (1.18 or newer), which from then "
+    "on obeys only what is signed with it. PX4 gets the key in the clear: connect it by USB, "
+    "with all its radios off.",
+    "example: air-router signing-key uav.key; "
+    "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600",
+)
+@click.argument(
+    "file", type=PATH, help="file of the key; without --connect a new key is written to it"
+)
+@link_options(None)
+@option("--old", type=PATH, metavar="FILE", help="key that PX4 has now and that FILE replaces")
+@option("--remove", is_flag=True, help="have PX4 forget its key, which is the one in FILE")
+@option(
+    "--in-the-clear",
+    is_flag=True,
+    help="send the key over a network even though others may be able to read it",
+)
+def run(arguments: Options) -> int:
     """Make the key, or give it to the vehicle."""
     url = arguments.connect
     if url is None:

@@ -1,35 +1,31 @@
 """`air-router watch`: several flights on one map page."""
 
-import argparse
+import click
 
 from air_router.cli.arguments import say
 from air_router.errors import ExitCode, UsageError
-from air_router.web import PageAddress, add_web, show, web_of
+from air_router.web import PageAddress, show, web_of, web_options
+from mocha_link.cli import Options, command
 from mocha_link.errors import needs_extra
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Serve one map page for several flights, each flown with --web on a machine "
-        "of its own. They need not be there yet: the page finds each when it begins, and again "
-        "when it was lost. Ctrl-C ends the page, not the flights."
-    )
-    parser.epilog = (
-        "examples:\n"
-        "  air-router watch 'http://192.168.1.11:8425/?token=aTbZ' 192.168.1.12:8425\n"
-        "  air-router watch titan.local atlas.local --web 0    (any free port)"
-    )
-    parser.add_argument(
-        "addresses",
-        nargs="+",
-        metavar="ADDRESS",
-        help="what `fly --web` prints there; HOST or HOST:PORT for a page without a token",
-    )
-    add_web(parser, always=True)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Serve one map page for several flights, each flown with --web on a machine "
+    "of its own. Flights may start later: the page finds each when it starts, and again "
+    "after its link was lost. Ctrl-C ends the page, not the flights.",
+    "examples:\n"
+    "  air-router watch 'http://192.168.1.11:8425/?token=aTbZ' 192.168.1.12:8425\n"
+    "  air-router watch titan.local atlas.local --web 0    (any free port)",
+)
+@click.argument(
+    "addresses",
+    nargs=-1,
+    required=True,
+    metavar="ADDRESS ...",
+    help="address that `fly --web` prints; HOST or HOST:PORT for a page without a token",
+)
+@web_options(always=True)
+def run(arguments: Options) -> int:
     """Serve the page until Ctrl-C."""
     web = web_of(arguments)
     assert web is not None  # noqa: S101 - there always is a port

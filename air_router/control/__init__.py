@@ -1,4 +1,4 @@
-"""Requests of the operator and of other programs: read, limited, served."""
+"""Requests from the operator and from programs: parsed, limited, served."""
 
 from mocha_link.lazy import door
 

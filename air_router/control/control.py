@@ -9,7 +9,6 @@ with ControlClient() as uav:
         uav.seek("io")
 """
 
-import argparse
 import dataclasses
 import re
 import time
@@ -180,7 +179,7 @@ def endpoint_of(text: str) -> str:
     A program that can talk to it flies the vehicle: only the same user's programs can.
 
     Raises:
-        argparse.ArgumentTypeError: it is none, or others could reach it.
+        ValueError: it is none, or others could reach it.
     """
     if text.isdecimal() or text == "*":
         text = f"tcp://127.0.0.1:{text}"
@@ -188,19 +187,19 @@ def endpoint_of(text: str) -> str:
         try:
             return named(text)
         except EndpointKeyError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
+            raise ValueError(str(error)) from None
     try:
         parts = urlsplit(text)
     except ValueError:
         parts = urlsplit("")
     if parts.scheme not in _WAYS:
-        raise argparse.ArgumentTypeError(
+        raise ValueError(
             f"{text} is no endpoint; write a name, ipc://PATH, a port or tcp://127.0.0.1:PORT"
         )
     if parts.scheme == "tcp":
         host, _, port = text.removeprefix("tcp://").rpartition(":")
         if not is_loopback(host.strip("[]")):
-            raise argparse.ArgumentTypeError(
+            raise ValueError(
                 f"{text}: other machines could reach it and fly the vehicle; write "
                 f"tcp://127.0.0.1:{port}, and reach it from elsewhere through SSH (ssh -L)"
             )

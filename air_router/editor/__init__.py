@@ -1,4 +1,4 @@
-"""Edits mission files on a map: the text stays as it is, but for the values that were changed."""
+"""The edit page: missions edited on a map, in place in the text of their file."""
 
 from mocha_link.lazy import door
 

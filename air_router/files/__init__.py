@@ -1,4 +1,4 @@
-"""Files of a mission, read and written so that every value keeps its place in the file."""
+"""Parts of all file formats: documents whose values know their place, text edited in place."""
 
 from air_router.files.digits import Digits, degrees, degrees_text, metres
 from air_router.files.json_document import (
@@ -35,6 +35,8 @@ from air_router.files.settings import (
     SLOWEST_M_S,
     Accepted,
     AreaForm,
+    CircleForm,
+    HomeForm,
     MissionForm,
     PlannerSettings,
     SeekPolicy,
@@ -43,6 +45,7 @@ from air_router.files.settings import (
     UavForm,
     WaypointForm,
     WhenExplored,
+    ZoneForm,
 )
 from air_router.files.text_edit import rewritten, with_section
 from air_router.files.usual_values import (
@@ -94,10 +97,12 @@ __all__ = [
     "Altitudes",
     "Area",
     "AreaForm",
+    "CircleForm",
     "Digits",
     "DocumentSource",
     "Element",
     "HomeAltitudeError",
+    "HomeForm",
     "JsonDocument",
     "JsonValues",
     "Keys",
@@ -116,6 +121,7 @@ __all__ = [
     "UavForm",
     "WaypointForm",
     "WhenExplored",
+    "ZoneForm",
     "ZoneTerms",
     "bytes_within",
     "degrees",

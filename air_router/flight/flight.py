@@ -29,7 +29,7 @@ from air_router.flight.terminal import StatusLine, listening
 from air_router.gossip import Gossip, Mapper, receive_patches
 from air_router.mission import FlightPlan, Mission
 from air_router.preflight import Card, PreflightRefusedError, PreflightSurvey
-from air_router.record import PREFLIGHT, Recorder
+from air_router.record import Recorder
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import (
     SEPARATE_TWINS,
@@ -260,7 +260,7 @@ class Flight:
 
     def _take_card(self, card: Card, *, in_air: bool = False) -> None:
         """Say what was looked at; refuse what cannot become a safe flight, unless it is one."""
-        self._recorder.note(PREFLIGHT, self._clock.boot_s(), card.as_json())
+        self._recorder.note(Recorder.PREFLIGHT, self._clock.boot_s(), card.as_json())
         if not (card.ready or in_air):
             raise PreflightRefusedError(card)
         self._status.say(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")

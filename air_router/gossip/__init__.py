@@ -1,4 +1,4 @@
-"""The UAV's gossip node: what it tells the team, and what the team tells the mission."""
+"""The UAV's gossip node: messages to and from the team."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""The map page of a flight that is under way."""
+"""The map page of a flight."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""The mission: loaded, validated, divided among UAVs, and as a plan for the autopilot."""
+"""Missions: loaded, validated, divided among UAVs, made into a plan for the autopilot."""
 
 from air_router.mission.fleet import STANDING_SHARE, Layer
 from air_router.mission.flight_plan import (

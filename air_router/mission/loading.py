@@ -6,7 +6,7 @@ Missions of other programs that say too little are converted before they are flo
 import math
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -20,8 +20,14 @@ from air_router.files import (
     bytes_within,
     load_json,
 )
-from air_router.files.maps import gpx_draft, is_fence_file, is_waypoint_file, read_gpx
-from air_router.files.missions import plan_draft, read_mission, read_old_fence_draft, read_waypoints
+from air_router.files.maps import is_fence_file, is_waypoint_file, read_gpx
+from air_router.files.missions import (
+    gpx_draft,
+    plan_draft,
+    read_mission,
+    read_old_fence_draft,
+    read_waypoints,
+)
 from air_router.messages import FARTHEST_M
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
@@ -36,6 +42,17 @@ DRAWN_OVER: Final = frozenset(
     | {"rally-point-in-zone", "rally-point-outside-fence", "rally-point-too-near"}
 )
 """Problems of a file that are none in flight: such a place is left out."""
+
+
+_MADE: Final = frozenset({"name", "home", "waypoints", "rally_points", "notes"})
+"""What a mission has under the name of a draft's, but not as it stands there."""
+
+_UNCHANGED: Final = (
+    ({field.name for field in fields(Mission)} & {field.name for field in fields(MissionDocument)})
+    - {field.name for field in fields(MissionAreas)}
+    - _MADE
+)
+"""What a mission takes from its draft as it is. A field that neither has is a TypeError at once."""
 
 
 def load_mission(
@@ -175,37 +192,22 @@ def mission_of(draft: MissionDocument, areas: MissionAreas, window: FlightWindow
     """The mission of a draft, whether it has problems or not; None without frame or home."""
     if draft.frame is None or draft.home is None:
         return None
+    unchanged = {name: getattr(draft, name) for name in _UNCHANGED}
     return Mission(
         name=sanitize(draft.name),
         path=draft.source.path,
-        frame=draft.frame,
         home=draft.home.position,
-        home_altitude_amsl_m=draft.home_altitude_amsl_m,
         waypoints=tuple(
             Waypoint(number, spot.position, spot.altitude_m or draft.altitude_m)
             for number, spot in enumerate(draft.waypoints, start=1)
         ),
         rally_points=tuple(spot.position for spot in draft.rally_points),
         altitude_above_home_m=draft.altitude_m,
-        speed_m_s=draft.speed_m_s,
-        timers=draft.timers,
-        planner=draft.planner,
-        seek=draft.seek,
-        seek_policy=draft.seek_policy,
-        when_explored=draft.when_explored,
-        goals_from=draft.goals_from,
-        uav=draft.uav,
-        explore=draft.explore,
         layers=layers_of(draft),
-        team=draft.team,
-        world=draft.world,
-        duration_s=draft.duration_s,
-        battery_reserve=draft.battery_reserve,
-        accepts=draft.accepts,
-        endurance_s=draft.endurance_s,
         window=window,
-        **areas.parts(),
         notes=tuple(draft.notes),
+        **areas.parts(),
+        **unchanged,
     )
 
 

@@ -1,4 +1,4 @@
-"""Whether mission, vehicle and battery are fit for the flight, before it begins."""
+"""Pre-flight checks: whether mission, vehicle and battery are fit for the flight."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""The record of a flight: written, read, and run again."""
+"""The record of a flight: written, read, replayed."""
 
 from mocha_link.lazy import door
 
@@ -8,19 +8,17 @@ __getattr__, __dir__, __all__ = door(
         "foxglove_sdk": ("foxglove_mcap",),
         "log": ("Log", "Note", "RecordEntry"),
         "record_file": ("no_folder",),
-        "recorder": ("PREFLIGHT", "Recorder"),
+        "recorder": ("Recorder",),
         "recording": (
             "ViewerAddress",
-            "add_record",
-            "add_recording",
-            "add_viewer",
+            "record_argument",
+            "recording_options",
+            "viewer_option",
             "folder_of",
             "record_of",
             "viewing",
         ),
         "replay": ("RecordedStep", "Replayer", "replay_record", "steps_of"),
-        "rerun_file": ("rerun_recording",),
-        "serialization": ("json_of",),
+        "serialization": ("json_of", "plain_of"),
     },
-    modules=("serialization",),
 )

@@ -1,17 +1,17 @@
-"""A flight in the messages that Foxglove's panels draw by themselves, and Rerun's file is made of.
+"""A flight in the messages that Foxglove's panels draw by themselves, of its SDK's typed schemas.
 
-The names and fields are those of Foxglove's published schemas, in JSON. Nothing here is needed to
-replay a flight: it is what is recorded anyway, said once more for the eye. In three dimensions
-places are metres east, north and above home.
+Nothing here is needed to replay a flight: it is what is recorded anyway, said once more for the
+eye. In three dimensions places are metres east, north and above home. Needs the extra `foxglove`.
 """
 
-import base64
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache, singledispatchmethod
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
+from foxglove import messages as fg
 from shapely import Polygon
 
 from air_router.controller.model import (
@@ -23,6 +23,7 @@ from air_router.controller.model import (
     StateChanged,
 )
 from air_router.mission import Mission
+from air_router.record.channels import RecordChannel
 from air_router.routing import WaypointGraph
 from air_router.vehicle import Severity, Telemetry
 from geo.airspace import Band
@@ -30,23 +31,24 @@ from geo.frame import FrameError, Point
 from geo.grid import SemanticGrid
 from mocha_link.links import LinkMetrics, Reading, Unit
 
-EVERY_S: Final = 0.2
-"""The vehicle's place is drawn so often; its telemetry is recorded at the full rate anyway."""
+VEHICLE_S, LINKS_S, GRID_S = 0.2, 1.0, 30.0
+"""So often the vehicle's place, the links, and the whole map while it grows are drawn; telemetry is
+recorded at the full rate anyway."""
 
 VEHICLE: Final = "vehicle"
 FRAME: Final = "mission"
 """Metres east, north and up of the mission's origin; who has a place on the map is a frame too."""
 
-LOCATION, POSE, LOG = "foxglove.LocationFix", "foxglove.PoseInFrame", "foxglove.Log"
-GEOJSON, GRID, SCENE = "foxglove.GeoJSON", "foxglove.Grid", "foxglove.SceneUpdate"
-
 Place = tuple[float, float, float]
 Colour = tuple[float, float, float]
 Plain = dict[str, Any]
 
-_TYPES: Final = {str: "string", int: "integer"}
-_INFO, _UINT8, _LOOP, _LIST = 2, 1, 1, 2  # of Foxglove's enumerations
-_LEVELS: Final = {Severity.INFO: _INFO, Severity.WARNING: 3, Severity.ALARM: 4}  # WARNING, ERROR
+_LEVELS: Final = {
+    Severity.INFO: fg.LogLevel.Info,
+    Severity.WARNING: fg.LogLevel.Warning,
+    Severity.ALARM: fg.LogLevel.Error,
+}
+_LIST, _LOOP = fg.LinePrimitiveLineType.LineList, fg.LinePrimitiveLineType.LineLoop
 _COLOURS: Final = {"fence": "#2e7d32", "zone": "#c62828", "waypoint": "#1565c0", "leg": "#f9a825"}
 _FENCE, _ZONE, _IDLE = (0.18, 0.49, 0.2), (0.78, 0.16, 0.16), (0.5, 0.5, 0.5)
 _GRAPH, _ROBOT, _TEXT = (0.4, 0.4, 0.4), (0.08, 0.4, 0.75), (0.9, 0.9, 0.9)
@@ -55,39 +57,112 @@ _ABOVE_M: Final = 20.0
 """A zone without end is drawn this much higher than the flight."""
 
 
-class Drawn(NamedTuple):
-    """One message: its topic, the name of its schema and what it says."""
-
-    topic: str
-    schema: str
-    message: Plain
+Drawn = tuple[RecordChannel, bytes]
+"""A message that is drawn, and its channel."""
 
 
 class FlightDrawing:
-    """Draws one mission's flight. Times are Unix seconds on the vehicle's clock."""
+    """Draws one mission's flight, as it happens or from its record."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
         self._frame = mission.frame  # of what is drawn in metres
-        self._drawn_s = -math.inf  # vehicle, drawn last
+        self._done_s: dict[float, float] = {}  # Unix times, by how often what is drawn
         self._vehicle: Place | None = None  # newest; east, north, up in m
         self._robots: dict[str, Point] = {}  # newest positions
+        self._links: dict[str, LinkMetrics] = {}  # newest, by peer
 
-    def mission(self) -> Drawn:
-        """Fence, zones, waypoints and home, on a map."""
+    def begin(self, unix_s: float) -> Iterator[Drawn]:
+        """Fence, zones, waypoints and home: on a map, and with the graph in three dimensions."""
         mission = self._mission
         features = [self._area("fence", "fence", fence.corners) for fence in mission.fences]
         features += [self._area("zone", z.name, z.shape.corners) for z in mission.airspace.zones]
         features += [self._spot(f"waypoint {w.number}", w.position) for w in mission.waypoints]
-        return _geojson("/mission", [*features, self._spot("home", mission.home)])
+        yield _geojson("/mission", [*features, self._spot("home", mission.home)])
+        yield self._scene(unix_s)
 
-    def scene(self, unix_s: float) -> Drawn:
+    @singledispatchmethod
+    def draw(self, value: object, unix_s: float) -> Iterator[Drawn]:
+        """What is drawn of an event, a decision, a link or the map, at a time on the vehicle."""
+        del value, unix_s
+        return iter(())
+
+    @draw.register
+    def _(self, value: Telemetry, unix_s: float) -> Iterator[Drawn]:
+        self._vehicle = (*value.position, value.altitude_m)
+        if self._due(VEHICLE_S, unix_s):
+            above_m = (self._mission.home_altitude_amsl_m or 0.0) + value.altitude_m
+            yield self._location(VEHICLE, "/vehicle", value.position, above_m, unix_s)
+            yield _vehicle_pose(value, unix_s)
+        if self._robots and self._due(LINKS_S, unix_s):
+            yield self._team(unix_s)
+
+    @draw.register
+    def _(self, value: RobotPose, unix_s: float) -> Iterator[Drawn]:
+        self._robots[value.robot] = value.position
+        yield self._location(value.robot, f"/robots/{value.robot}", value.position, 0.0, unix_s)
+
+    @draw.register
+    def _(self, value: LinkMetrics, unix_s: float) -> Iterator[Drawn]:
+        self._links[value.peer] = value
+        if self._robots:
+            yield self._team(unix_s)
+
+    @draw.register
+    def _(self, value: SemanticGrid, unix_s: float) -> Iterator[Drawn]:
+        if self._due(GRID_S, unix_s):
+            yield _grid(value, unix_s)
+
+    @draw.register(FlyToNode)
+    @draw.register(FlyToPoint)
+    def _(self, value: FlyToNode | FlyToPoint, _unix_s: float) -> Iterator[Drawn]:
+        if self._vehicle is not None:
+            ends = Point(*self._vehicle[:2]), value.position
+            leg = {"type": "LineString", "coordinates": self._coordinates(ends)}
+            yield _geojson("/leg", [_feature("leg", "leg", leg)])
+
+    @draw.register
+    def _(self, value: Announce, unix_s: float) -> Iterator[Drawn]:
+        yield _log(value.words, unix_s, _LEVELS[value.severity])
+
+    @draw.register
+    def _(self, value: StateChanged, unix_s: float) -> Iterator[Drawn]:
+        whom = "" if value.robot is None else f" ({value.robot})"
+        yield _log(f"{value.source.name} -> {value.target.name}{whom}", unix_s)
+
+    @draw.register
+    def _(self, value: MissionWaits, unix_s: float) -> Iterator[Drawn]:
+        yield _log(f"waiting: {value.why}" if value.why else "going on", unix_s)
+
+    def _due(self, every_s: float, unix_s: float) -> bool:
+        """Whether something is to be drawn again; then it counts as drawn."""
+        due = abs(unix_s - self._done_s.get(every_s, -math.inf)) >= every_s
+        if due:
+            self._done_s[every_s] = unix_s
+        return due
+
+    def _team(self, unix_s: float) -> Drawn:
+        """Where robots were heard of, and the links to those that are heard, by strength."""
+        entities = []
+        for name, position in self._robots.items():
+            link = self._links.get(name)
+            signal = None if link is None else link.signal
+            words = name if signal is None else f"{name} {signal.words}"
+            lines = []
+            if self._vehicle is not None and signal is not None:
+                ends = [self._vehicle, (*position, 0.0)]
+                lines = [_line(_LIST, ends, _by_strength(signal), 3.0)]
+            texts, spheres = [_text(words, (*position, 3.0))], [_ball((*position, 0.0))]
+            entities.append(_entity(name, unix_s, spheres=spheres, lines=lines, texts=texts))
+        return _drawn("/scene/robots", fg.SceneUpdate(entities=entities))
+
+    def _scene(self, unix_s: float) -> Drawn:
         """Fence, zones (those that do not apply in grey) and graph in three dimensions."""
-        mission, time = self._mission, _time(unix_s)
+        mission = self._mission
         heights_m = [w.altitude_above_home_m for w in mission.waypoints]
         top_m = max([mission.altitude_above_home_m, *heights_m])
         entities = [
-            _walls(f"fence {number}", "fence", fence.polygon, Band(0.0, top_m), _FENCE)
+            _walls(f"fence {number}", "fence", fence.polygon, Band(0.0, top_m), _FENCE, unix_s)
             for number, fence in enumerate(mission.fences, start=1)
         ]
         applying = {zone.name for zone in mission.airspace.zones}
@@ -96,73 +171,23 @@ class FlightDrawing:
             upper_m = min(band.upper_m, top_m + _ABOVE_M)
             drawn = Band(min(max(band.lower_m, 0.0), upper_m), upper_m)
             colour = _ZONE if zone.name in applying else _IDLE
-            entities.append(
-                _walls(f"zone {zone.name}", zone.name, zone.shape.polygon, drawn, colour)
-            )
-        entities.append(_graph(mission))
-        return Drawn("/scene", SCENE, {"entities": [{"timestamp": time, **e} for e in entities]})
-
-    def links(self, links: Mapping[str, LinkMetrics], unix_s: float) -> Iterator[Drawn]:
-        """Where robots were heard of, and the links to those that are heard, by strength."""
-        entities = []
-        for name, position in self._robots.items():
-            link = links.get(name)
-            signal = None if link is None else link.signal
-            words = name if signal is None else f"{name} {signal.words}"
-            lines = []
-            if self._vehicle is not None and signal is not None:
-                ends = [self._vehicle, (*position, 0.0)]
-                lines = [_line(_LIST, ends, _by_strength(signal), 3.0)]
-            texts, spheres = [_text(words, (*position, 3.0))], [_ball((*position, 0.0))]
-            drawn = _entity(name, spheres=spheres, lines=lines, texts=texts)
-            entities.append({"timestamp": _time(unix_s), **drawn})
-        if entities:
-            yield Drawn("/scene/robots", SCENE, {"entities": entities})
-
-    def event(self, event: object, unix_s: float) -> Iterator[Drawn]:
-        """What is drawn of an event."""
-        if isinstance(event, Telemetry):
-            self._vehicle = (*event.position, event.altitude_m)
-            if abs(unix_s - self._drawn_s) >= EVERY_S:
-                self._drawn_s = unix_s
-                above_m = (self._mission.home_altitude_amsl_m or 0.0) + event.altitude_m
-                yield self._location(VEHICLE, "/vehicle", event.position, above_m, unix_s)
-                yield _vehicle_pose(event, unix_s)
-        elif isinstance(event, RobotPose):
-            self._robots[event.robot] = event.position
-            topic = f"/robots/{event.robot}"
-            yield self._location(event.robot, topic, event.position, 0.0, unix_s)
-
-    def action(self, action: object, unix_s: float) -> Iterator[Drawn]:
-        """What is drawn of a decision."""
-        match action:
-            case FlyToNode(position=target) | FlyToPoint(position=target):
-                if self._vehicle is not None:
-                    here = Point(*self._vehicle[:2])
-                    leg = {"type": "LineString", "coordinates": self._coordinates((here, target))}
-                    yield _geojson("/leg", [_feature("leg", "leg", leg)])
-            case Announce():
-                yield _log(action.words, unix_s, _LEVELS[action.severity])
-            case StateChanged(source=source, target=target, robot=robot):
-                whom = "" if robot is None else f" ({robot})"
-                yield _log(f"{source.name} -> {target.name}{whom}", unix_s)
-            case MissionWaits(why=why):
-                yield _log(f"waiting: {why}" if why else "going on", unix_s)
+            name, polygon = zone.name, zone.shape.polygon
+            entities.append(_walls(f"zone {name}", name, polygon, drawn, colour, unix_s))
+        entities.append(_graph(mission, unix_s))
+        return _drawn("/scene", fg.SceneUpdate(entities=entities))
 
     def _location(
         self, frame: str, topic: str, place: Point, altitude_m: float, unix_s: float
     ) -> Drawn:
         ((longitude_deg, latitude_deg),) = self._coordinates((place,))
-        message = {
-            "timestamp": _time(unix_s),
-            "frame_id": frame,
-            "latitude": latitude_deg,
-            "longitude": longitude_deg,
-            "altitude": altitude_m,
-            "position_covariance": [0.0] * 9,
-            "position_covariance_type": 0,
-        }
-        return Drawn(f"{topic}/location", LOCATION, message)
+        message = fg.LocationFix(
+            timestamp=_time(unix_s),
+            frame_id=frame,
+            latitude=latitude_deg,
+            longitude=longitude_deg,
+            altitude=altitude_m,
+        )
+        return _drawn(f"{topic}/location", message)
 
     def _coordinates(self, points: Iterable[Point]) -> list[list[float]]:
         """Longitudes and latitudes, as GeoJSON has them."""
@@ -180,60 +205,23 @@ class FlightDrawing:
         return _feature("waypoint", name, {"type": "Point", "coordinates": coordinates})
 
 
-def grid(semantic_map: SemanticGrid, unix_s: float) -> Drawn:
-    """The semantic map; a cell is a byte, its class."""
-    columns = semantic_map.cells.shape[1]
-    message = {
-        "timestamp": _time(unix_s),
-        "frame_id": FRAME,
-        "pose": _pose((semantic_map.west_m, semantic_map.south_m, 0.0)),
-        "column_count": columns,
-        "cell_size": {"x": semantic_map.resolution_m, "y": semantic_map.resolution_m},
-        "row_stride": columns,
-        "cell_stride": 1,
-        "fields": [{"name": "class", "offset": 0, "type": _UINT8}],
-        "data": base64.b64encode(semantic_map.cells.tobytes()).decode("ascii"),
-    }
-    return Drawn("/map", GRID, message)
+# Messages, and their parts
 
 
-# JSON schemas
+@cache
+def _channel(topic: str, kind: Any) -> RecordChannel:
+    schema = kind.get_schema()
+    return RecordChannel(topic, schema.name, schema.data, "protobuf")
 
 
-def schema_text(drawn: Drawn) -> str:
-    """The JSON schema of a message, made from it; Foxglove knows it by its name."""
-    schema = {"title": drawn.schema, **_schema_like(drawn.message)}
-    if drawn.schema == GRID:
-        schema["properties"]["data"]["contentEncoding"] = "base64"
-    return json.dumps(schema)
-
-
-def _schema_like(value: Any) -> Plain:
-    if isinstance(value, dict):
-        parts = {name: _schema_like(part) for name, part in value.items()}
-        return {"type": "object", "properties": parts}
-    if isinstance(value, list):
-        return {"type": "array", "items": _schema_like(_merged(value))}
-    return {"type": _TYPES.get(type(value), "number")}
-
-
-def _merged(values: list[Any]) -> Any:
-    """One value like all of them: of objects with every field, of their lists with every entry."""
-    if not all(isinstance(value, dict) for value in values):
-        return values[0]
-    merged: Plain = {}
-    for value in values:
-        for name, part in value.items():
-            merged[name] = [*merged.get(name, []), *part] if isinstance(part, list) else part
-    return merged
-
-
-# Parts of messages
+def _drawn(topic: str, message: Any) -> Drawn:
+    kind: Any = type(message)
+    return _channel(topic, kind), message.encode()
 
 
 def _geojson(topic: str, features: list[Plain]) -> Drawn:
     collection = {"type": "FeatureCollection", "features": features}
-    return Drawn(topic, GEOJSON, {"geojson": json.dumps(collection)})
+    return _drawn(topic, fg.GeoJson(geojson=json.dumps(collection)))
 
 
 def _feature(kind: str, name: str, geometry: Plain) -> Plain:
@@ -242,25 +230,37 @@ def _feature(kind: str, name: str, geometry: Plain) -> Plain:
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
-def _log(text: str, unix_s: float, level: int = _INFO) -> Drawn:
-    where = {"name": "air_router", "file": "", "line": 0}
-    message = {"timestamp": _time(unix_s), "level": level, "message": text, **where}
-    return Drawn("/log", LOG, message)
+def _grid(semantic_map: SemanticGrid, unix_s: float) -> Drawn:
+    """The semantic map; a cell is a byte, its class."""
+    columns, side_m = semantic_map.cells.shape[1], semantic_map.resolution_m
+    byte = fg.PackedElementFieldNumericType.Uint8
+    message = fg.Grid(
+        timestamp=_time(unix_s),
+        frame_id=FRAME,
+        pose=_pose((semantic_map.west_m, semantic_map.south_m, 0.0)),
+        column_count=columns,
+        cell_size=fg.Vector2(x=side_m, y=side_m),
+        row_stride=columns,
+        cell_stride=1,
+        fields=[fg.PackedElementField(name="class", offset=0, type=byte)],
+        data=semantic_map.cells.tobytes(),
+    )
+    return _drawn("/map", message)
+
+
+def _log(text: str, unix_s: float, level: fg.LogLevel = fg.LogLevel.Info) -> Drawn:
+    message = fg.Log(timestamp=_time(unix_s), level=level, message=text, name="air_router")
+    return _drawn("/log", message)
 
 
 def _vehicle_pose(telemetry: Telemetry, unix_s: float) -> Drawn:
     yaw_rad = math.radians(90.0 - (telemetry.heading_deg or 0.0))  # from east, to the left
-    east_m, north_m = telemetry.position
-    pose = {
-        "position": {"x": east_m, "y": north_m, "z": telemetry.altitude_m},
-        "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(yaw_rad / 2), "w": math.cos(yaw_rad / 2)},
-    }
-    return Drawn(
-        "/vehicle/pose", POSE, {"timestamp": _time(unix_s), "frame_id": FRAME, "pose": pose}
-    )
+    pose = _pose((*telemetry.position, telemetry.altitude_m), yaw_rad)
+    message = fg.PoseInFrame(timestamp=_time(unix_s), frame_id=FRAME, pose=pose)
+    return _drawn("/vehicle/pose", message)
 
 
-def _graph(mission: Mission) -> Plain:
+def _graph(mission: Mission, unix_s: float) -> fg.SceneEntity:
     """The waypoint graph and home."""
     graph = WaypointGraph(mission)
     legs = [
@@ -275,60 +275,65 @@ def _graph(mission: Mission) -> Plain:
         for spot in mission.waypoints
     ]
     lines = [_line(_LIST, legs, _GRAPH, 1.0)]
-    return _entity("graph", lines=lines, texts=texts, spheres=[_ball(home)])
+    return _entity("graph", unix_s, lines=lines, texts=texts, spheres=[_ball(home)])
 
 
-def _walls(name: str, words: str, polygon: Polygon, band: Band, colour: Colour) -> Plain:
+def _walls(  # noqa: PLR0913, PLR0917 - all that is seen of an area
+    name: str, words: str, polygon: Polygon, band: Band, colour: Colour, unix_s: float
+) -> fg.SceneEntity:
     """An area as its border at the top, and what hangs down from it."""
     lines, corners = [], []
     for ring in (polygon.exterior, *polygon.interiors):
         places = list(ring.coords)
-        lines.append(_line(_LOOP, [(x, y, band.upper_m) for x, y in places[:-1]], colour, 2.0))
+        border = [(x, y, band.upper_m) for x, y in places[:-1]]
+        lines.append(_line(_LOOP, border, colour, 2.0))
         for (x, y), (to_x, to_y) in pairwise(places):
             low, high = (x, y, band.lower_m), (x, y, band.upper_m)
             to_low, to_high = (to_x, to_y, band.lower_m), (to_x, to_y, band.upper_m)
             corners += [low, to_low, high, high, to_low, to_high]
     middle = polygon.representative_point()
-    points = [_xyz(corner) for corner in corners]
-    wall = {"pose": _pose(), "points": points, "color": _colour(colour, 0.25)}
+    points = [fg.Point3(**_xyz(corner)) for corner in corners]
+    wall = fg.TriangleListPrimitive(pose=_pose(), points=points, color=_colour(colour, 0.25))
     text = _text(words, (middle.x, middle.y, band.upper_m))
-    return _entity(name, lines=lines, triangles=[wall], texts=[text])
+    return _entity(name, unix_s, lines=lines, triangles=[wall], texts=[text])
 
 
-def _entity(name: str, **parts: list[Plain]) -> Plain:
-    kinds = ("spheres", "lines", "triangles", "texts")
-    return {"frame_id": FRAME, "id": name, **{kind: parts.get(kind, []) for kind in kinds}}
+def _entity(name: str, unix_s: float, **parts: list[Any]) -> fg.SceneEntity:
+    return fg.SceneEntity(timestamp=_time(unix_s), frame_id=FRAME, id=name, **parts)
 
 
-def _line(kind: int, places: Sequence[Place], colour: Colour, pixels: float) -> Plain:
-    return {
-        "type": kind,
-        "pose": _pose(),
-        "thickness": pixels,
-        "scale_invariant": True,
-        "points": [_xyz(place) for place in places],
-        "color": _colour(colour),
-    }
+def _line(
+    kind: fg.LinePrimitiveLineType, places: Sequence[Place], colour: Colour, pixels: float
+) -> fg.LinePrimitive:
+    return fg.LinePrimitive(
+        type=kind,
+        pose=_pose(),
+        thickness=pixels,
+        scale_invariant=True,
+        points=[fg.Point3(**_xyz(place)) for place in places],
+        color=_colour(colour),
+    )
 
 
-def _ball(place: Place) -> Plain:
-    size = dict.fromkeys(("x", "y", "z"), 2.0)
-    return {"pose": _pose(place), "size": size, "color": _colour(_ROBOT)}
+def _ball(place: Place) -> fg.SpherePrimitive:
+    size = fg.Vector3(x=2.0, y=2.0, z=2.0)
+    return fg.SpherePrimitive(pose=_pose(place), size=size, color=_colour(_ROBOT))
 
 
-def _text(words: str, place: Place) -> Plain:
-    return {
-        "pose": _pose(place),
-        "billboard": True,
-        "font_size": 12.0,
-        "scale_invariant": True,
-        "color": _colour(_TEXT),
-        "text": words,
-    }
+def _text(words: str, place: Place) -> fg.TextPrimitive:
+    return fg.TextPrimitive(
+        pose=_pose(place),
+        billboard=True,
+        font_size=12.0,
+        scale_invariant=True,
+        color=_colour(_TEXT),
+        text=words,
+    )
 
 
-def _pose(place: Place = (0.0, 0.0, 0.0)) -> Plain:
-    return {"position": _xyz(place), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+def _pose(place: Place = (0.0, 0.0, 0.0), yaw_rad: float = 0.0) -> fg.Pose:
+    turned = fg.Quaternion(x=0.0, y=0.0, z=math.sin(yaw_rad / 2), w=math.cos(yaw_rad / 2))
+    return fg.Pose(position=fg.Vector3(**_xyz(place)), orientation=turned)
 
 
 def _xyz(place: Place) -> dict[str, float]:
@@ -336,8 +341,8 @@ def _xyz(place: Place) -> dict[str, float]:
     return dict(zip("xyz", finite, strict=True))
 
 
-def _colour(colour: Colour, alpha: float = 1.0) -> dict[str, float]:
-    return dict(zip("rgba", (*colour, alpha), strict=True))
+def _colour(colour: Colour, alpha: float = 1.0) -> fg.Color:
+    return fg.Color(**dict(zip("rgb", colour, strict=True)), a=alpha)
 
 
 def _by_strength(signal: Reading) -> Colour:
@@ -349,6 +354,7 @@ def _by_strength(signal: Reading) -> Colour:
     return (1.0 - strength, strength, 0.1)
 
 
-def _time(unix_s: float) -> dict[str, int]:
-    seconds = max(0, math.floor(unix_s))
-    return {"sec": seconds, "nsec": min(max(0, int((unix_s - seconds) * 1e9)), 999_999_999)}
+def _time(unix_s: float) -> fg.Timestamp:
+    """A time as the SDK can hold it, its seconds in 32 bits: a vehicle may say any date."""
+    seconds = min(max(0, math.floor(unix_s)), 2**32 - 1)
+    return fg.Timestamp(sec=seconds, nsec=min(max(0, int((unix_s - seconds) * 1e9)), 999_999_999))

@@ -4,28 +4,18 @@ What Foxglove has a schema for goes out in its protobuf form, everything else as
 in the record. Needs the extra `foxglove`.
 """
 
-import base64
 import io
-from collections.abc import Callable
-from functools import cache
-from typing import Any, Final
+from collections.abc import Iterable
+from typing import Any
 
 import foxglove
-from foxglove import messages
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from google.protobuf.descriptor import FieldDescriptor
 
 from air_router.errors import RefusedError
-from air_router.record.log import Log
-from air_router.record.serialization import RecordChannel, json_of
+from air_router.gossip import Mapper
+from air_router.record.channels import RecordChannel
+from air_router.record.drawing import Drawn, FlightDrawing
+from air_router.record.log import Log, RecordEntry
 from mocha_link.errors import Guard
-
-_PREFIX: Final = "foxglove."
-_RENAMED: Final = {"GeoJSON": "GeoJson"}
-_TIMES: Final = frozenset({"google.protobuf.Timestamp", "google.protobuf.Duration"})
-
-Encoder = Callable[[dict[str, Any]], bytes]
-"""Writes a message as a channel has it."""
 
 
 class FoxgloveChannels:
@@ -33,42 +23,58 @@ class FoxgloveChannels:
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context
-        self._channels: dict[str, tuple[foxglove.Channel, Encoder]] = {}  # open, by topic
+        self._channels: dict[str, foxglove.Channel] = {}  # open, by topic
 
-    def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
+    def send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
         """Send a message, if it is listened to."""
         if channel.topic not in self._channels:
-            self._channels[channel.topic] = self._opened(channel)
-        opened, encode = self._channels[channel.topic]
+            self._channels[channel.topic] = foxglove.Channel(
+                channel.topic,
+                schema=foxglove.Schema(
+                    name=channel.schema_name,
+                    encoding=channel.schema_encoding,
+                    data=channel.schema,
+                ),
+                message_encoding=channel.encoding,
+                context=self._context,
+            )
+        opened = self._channels[channel.topic]
         if opened.has_sinks():
-            opened.log(encode(message), log_time=time_ns)
-
-    def _opened(self, channel: RecordChannel) -> tuple[foxglove.Channel, Encoder]:
-        name = channel.schema_name
-        encode: Encoder
-        if name.startswith(_PREFIX):
-            schema, encode, encoding = _schema(name), _protobuf(name), "protobuf"
-        else:
-            schema = foxglove.Schema(name=name, encoding="jsonschema", data=channel.schema.encode())
-            encode, encoding = lambda message: json_of(message).encode(), "json"
-        opened = foxglove.Channel(
-            channel.topic, schema=schema, message_encoding=encoding, context=self._context
-        )
-        return opened, encode
+            opened.log(data, log_time=time_ns)
 
 
 def foxglove_mcap(log: Log) -> bytes:
-    """A record as an MCAP file with Foxglove's protobuf schemas.
+    """A record as an MCAP file with Foxglove's protobuf schemas, drawn anew.
 
     Raises:
         LogError: it is no record of a flight.
     """
     context, file = foxglove.Context(), io.BytesIO()
-    channels = FoxgloveChannels(context)
+    channels, drawing = FoxgloveChannels(context), _RecordDrawing()
     with foxglove.open_mcap(file, context=context):
-        for channel, time_ns, message in log.messages():
-            channels.send(channel, time_ns, message)
+        for message in log.messages():
+            channels.send(message.channel, message.time_ns, message.data)
+            for channel, data in drawing.drawn(message.entry, message.time_ns / 1e9):
+                channels.send(channel, message.time_ns, data)
     return file.getvalue()
+
+
+class _RecordDrawing:
+    """Draws what a record says, whatever was drawn in flight."""
+
+    def __init__(self) -> None:
+        self._made: tuple[FlightDrawing, Mapper] | None = None  # None until the setup
+
+    def drawn(self, entry: RecordEntry, unix_s: float) -> Iterable[Drawn]:
+        """What is drawn of an entry."""
+        if entry.kind == "setup":
+            self._made = FlightDrawing(entry.value.mission), Mapper(entry.value.mission)
+            return self._made[0].begin(unix_s)
+        if self._made is None:
+            return ()
+        drawing, mapper = self._made
+        painted = entry.kind == "patch" and mapper.paint(entry.value)
+        return drawing.draw(mapper.grid if painted else entry.value, unix_s)
 
 
 class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
@@ -89,7 +95,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
     def __init__(self, host: str, port: int, name: str) -> None:
         context = foxglove.Context()
         self._channels = FoxgloveChannels(context)
-        self._newest: dict[str, tuple[RecordChannel, int, dict[str, Any]]] = {}  # by topic
+        self._newest: dict[str, tuple[RecordChannel, int, bytes]] = {}  # by topic
         self._harmless = Guard("something is not shown in Foxglove")
         self._late_harmless = Guard("a viewer who has just come is not shown something in Foxglove")
         try:
@@ -100,11 +106,11 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
             raise RefusedError(f"--foxglove {host}:{port}: {error}; choose another port") from None
         self.address = f"ws://{host}:{self._server.port}"
 
-    def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
+    def send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
         """Send a message; what fails is told now and then, and the flight goes on."""
-        self._newest[channel.topic] = (channel, time_ns, message)
+        self._newest[channel.topic] = (channel, time_ns, data)
         with self._harmless:
-            self._channels.send(channel, time_ns, message)
+            self._channels.send(channel, time_ns, data)
 
     def close(self) -> None:
         """End the server."""
@@ -117,39 +123,3 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
         if newest is not None:
             with self._late_harmless:  # a guard is for one thread
                 self._channels.send(*newest)
-
-
-@cache
-def _protobuf(schema_name: str) -> Encoder:
-    """What writes a message of one of Foxglove's schemas in protobuf."""
-    files = descriptor_pb2.FileDescriptorSet.FromString(_schema(schema_name).data)
-    pool = descriptor_pool.DescriptorPool()
-    for file in files.file:
-        pool.Add(file)
-    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema_name))
-    return lambda message: _filled(kind(), message).SerializeToString()
-
-
-def _schema(schema_name: str) -> foxglove.Schema:
-    name = schema_name.removeprefix(_PREFIX)
-    return getattr(messages, _RENAMED.get(name, name)).get_schema()
-
-
-def _filled(target: Any, plain: dict[str, Any]) -> Any:
-    """A protobuf message with these fields. JSON has bytes as base64, times as `sec` and `nsec`."""
-    if target.DESCRIPTOR.full_name in _TIMES:
-        target.seconds, target.nanos = plain["sec"], plain["nsec"]
-        return target
-    for name, value in plain.items():
-        field = target.DESCRIPTOR.fields_by_name[name]
-        if isinstance(value, dict):
-            _filled(getattr(target, name), value).SetInParent()
-        elif not isinstance(value, list):
-            is_bytes = field.type == FieldDescriptor.TYPE_BYTES
-            setattr(target, name, base64.b64decode(value) if is_bytes else value)
-        elif field.message_type is None:
-            getattr(target, name).extend(value)
-        else:
-            for part in value:
-                _filled(getattr(target, name).add(), part)
-    return target

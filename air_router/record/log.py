@@ -6,11 +6,10 @@ for entry in Log(Path("flight.mcap")):
 
 import base64
 import dataclasses
-import json
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, TypeVar
+from typing import IO, Any, Final, NamedTuple
 
 from mcap.exceptions import EndOfFile, InvalidMagic
 from mcap.records import (
@@ -24,13 +23,20 @@ from mcap.records import (
     Statistics,
 )
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+from pydantic_core import from_json
 
 from air_router.controller.model import FlightSetup, Motion
 from air_router.errors import AirRouterError, ExitCode
-from air_router.record import serialization
+from air_router.record.channels import (
+    ABOUT_MOTIONS,
+    NOTES,
+    ORDER_KEY,
+    RECENT,
+    TIME_KEY,
+    RecordChannel,
+)
 from air_router.record.record_file import FORMAT, LIBRARY
-from air_router.record.serialization import ABOUT_MOTIONS, NOTES, ORDER_KEY, RECENT, RecordChannel
-from air_router.record.values import TYPE_KEY, CodecError, decoder, shown
+from air_router.record.serialization import TYPE_KEY, CodecError, decode, read, shown
 from mocha_link.links import LinkMetrics
 
 RECORD_BYTES: Final = 256 << 20
@@ -38,9 +44,6 @@ RECORD_BYTES: Final = 256 << 20
 
 LATEST_S: Final = 1e9
 """No vehicle is up for thirty years: a later time is none."""
-
-
-Part = TypeVar("Part")
 
 
 class LogError(AirRouterError):
@@ -72,6 +75,15 @@ class RecordEntry(NamedTuple):
     value: Any
 
 
+class RecordMessage(NamedTuple):
+    """A message as it stands in a record."""
+
+    channel: RecordChannel
+    time_ns: int  # Unix time on the vehicle's clock
+    data: bytes  # in the channel's encoding
+    entry: RecordEntry  # what it says
+
+
 class Log:
     """One record. After it was gone through, `ending` says how it ends.
 
@@ -94,21 +106,24 @@ class Log:
         Raises:
             LogError: it is no record of a flight, one of another version, or cannot be read.
         """
-        return self._readable(self._entries())
+        for part in self._readable():
+            yield part.entry if isinstance(part, RecordMessage) else part
 
-    def messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
-        """Every message as it stands: its channel, Unix nanoseconds, and plain data.
+    def messages(self) -> Iterator[RecordMessage]:
+        """Every message as it stands, and what it says; what was drawn for viewers is left out.
 
         Raises:
             LogError: as when it is gone through.
         """
-        return self._readable(self._messages())
+        for part in self._readable():
+            if isinstance(part, RecordMessage):
+                yield part
 
-    def _readable(self, parts: Iterator[Part]) -> Iterator[Part]:
-        """The same, with every fault of the file told as one."""
+    def _readable(self) -> Iterator[RecordEntry | RecordMessage]:
+        """All parts, with every fault of the file told as one."""
         try:
-            yield from parts
-        except (TypeError, ValueError, RecursionError) as error:
+            yield from self._parts()
+        except (TypeError, ValueError) as error:
             why = str(error)
         except KeyError as error:
             why = f"a message without {error}"
@@ -116,21 +131,9 @@ class Log:
             return
         raise LogError(f"{self.path}: not written by this version of air_router: {why}")
 
-    def _messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
-        next(iter(self))  # it is a record, and of this format
-        schemas: dict[int, tuple[str, str]] = {}
+    def _parts(self) -> Iterator[RecordEntry | RecordMessage]:
+        schemas: dict[int, Schema] = {}  # by their numbers, as channels are
         channels: dict[int, RecordChannel] = {}
-        for record in self._records():
-            match record:
-                case Schema(id=number, name=name, data=data):
-                    schemas[number] = (name, data.decode())
-                case Channel(id=number, topic=topic, schema_id=schema):
-                    channels[number] = RecordChannel(topic, *schemas[schema])
-                case Message():
-                    yield channels[record.channel_id], record.log_time, _object(record.data)
-
-    def _entries(self) -> Iterator[RecordEntry]:
-        topics: dict[int, str] = {}
         ours, count = False, [0, 0]
         for record in self._records():
             match record:
@@ -140,26 +143,42 @@ class Log:
                     yield RecordEntry(0.0, "about", record.metadata)
                 case Message() | Attachment() if not ours:
                     break
+                case Schema():
+                    schemas[record.id] = record
                 case Channel():
-                    topics[record.id] = record.topic
+                    channels[record.id] = _channel(record, schemas)
                 case Message():
                     count[0] += 1
-                    _, root, *_ = *topics.get(record.channel_id, "").split("/"), ""
-                    if root in _READERS or root in _DECISIONS:
-                        yield self._entry(root, _object(record.data))
+                    yield from self._message(record, channels)
                 case Attachment():
                     count[1] += 1
                     yield RecordEntry(0.0, "file", (record.name, record.data))
-                case Statistics() if count != [record.message_count, record.attachment_count]:
-                    self.damaged = True
-                    self.ending = "it is damaged: something of it cannot be found"
+                case Statistics():
+                    self._check_count(record, count)
         if not ours:
             raise LogError(f"{self.path}: {self.ending or _FOREIGN}")
+
+    def _message(
+        self, record: Message, channels: dict[int, RecordChannel]
+    ) -> Iterator[RecordMessage]:
+        channel = channels.get(record.channel_id, _NO_CHANNEL)
+        if channel.root in _READERS:
+            entry = self._entry(channel.root, _object(record.data))
+            yield RecordMessage(channel, record.log_time, record.data, entry)
+
+    def _check_count(self, told: Statistics, count: list[int]) -> None:
+        if count != [told.message_count, told.attachment_count]:
+            self.damaged = True
+            self.ending = "it is damaged: something of it cannot be found"
 
     def _check_format(self, facts: dict[str, str]) -> None:
         found = facts.get("format")
         if found != FORMAT:
-            raise LogError(f"{self.path}: a record of format {found}; this program reads {FORMAT}")
+            writer = facts.get("air-router", "another")
+            raise LogError(
+                f"{self.path}: a record of version {found}, and this program reads version "
+                f"{FORMAT}; open it with the air-router that wrote it, {writer}"
+            )
 
     def _records(self) -> Iterator[McapRecord]:
         """The file's records up to its end, or up to where it is damaged."""
@@ -192,15 +211,14 @@ class Log:
         return f"it is damaged at byte {file.tell()}: {str(error) or type(error).__name__}"
 
     def _entry(self, kind: str, data: dict[str, Any]) -> RecordEntry:
-        t, order = _time_s(data.pop("t")), data.pop(ORDER_KEY, None)
-        if kind not in _DECISIONS:
-            return _READERS[kind](t, data)
-        value = serialization.decode(data)
-        if isinstance(value, Motion):
-            self._motions.append((order, value))
-        elif isinstance(value, ABOUT_MOTIONS):
-            value = dataclasses.replace(value, action=self._motion(order, value.action))
-        return RecordEntry(t, kind, value)
+        t, order = _time_s(data.pop(TIME_KEY)), data.pop(ORDER_KEY, None)
+        entry = _READERS[kind](t, data)
+        if isinstance(entry.value, Motion):
+            self._motions.append((order, entry.value))
+        elif isinstance(entry.value, ABOUT_MOTIONS):
+            motion = self._motion(order, entry.value.action)
+            return entry._replace(value=dataclasses.replace(entry.value, action=motion))
+        return entry
 
     def _motion(self, order: int | None, like: Motion) -> Motion:
         """The motion that is meant: the very object, for there may be several alike."""
@@ -216,8 +234,13 @@ def _unpacked(chunk: Chunk) -> list[McapRecord]:
     return breakup_chunk(chunk, validate_crc=True)
 
 
+def _channel(record: Channel, schemas: dict[int, Schema]) -> RecordChannel:
+    schema = schemas.get(record.schema_id, _NO_SCHEMA)
+    return RecordChannel(record.topic, schema.name, schema.data, record.message_encoding)
+
+
 def _object(data: bytes) -> dict[str, Any]:
-    plain = json.loads(data)
+    plain = from_json(data, allow_inf_nan=False)
     if not isinstance(plain, dict):
         raise CodecError(f"{shown(plain)} is not an object")
     return plain
@@ -232,17 +255,28 @@ def _time_s(plain: Any) -> float:
 def _note(t: float, data: dict[str, Any]) -> RecordEntry:
     name = str(data.pop(TYPE_KEY))
     if name == "Setup":
-        return RecordEntry(t, "setup", decoder(FlightSetup)(data["setup"]))
+        return RecordEntry(t, "setup", _only(FlightSetup, data["setup"]))
     for field, of in NOTES.get(name, {}).items():
-        data[field] = decoder(of)(data[field])
+        data[field] = read(of, data[field])
     return RecordEntry(t, "note", Note(name, data))
 
 
+def _only(kind: type, plain: Any) -> Any:
+    """What is recorded in its own place. Raises CodecError: it is none of this class."""
+    value = decode(plain)
+    if not isinstance(value, kind):
+        raise CodecError(f"{shown(plain)} is no {kind.__name__}")
+    return value
+
+
+_NO_SCHEMA: Final = Schema(id=0, name="", encoding="", data=b"")
+_NO_CHANNEL: Final = RecordChannel("", "", b"")
 _FOREIGN: Final = "an MCAP file, but not a flight's record"
-_DECISIONS: Final = frozenset({"event", "action"})
 _READERS: Final[dict[str, Callable[[float, dict[str, Any]], RecordEntry]]] = {
+    "event": lambda t, data: RecordEntry(t, "event", decode(data)),
+    "action": lambda t, data: RecordEntry(t, "action", decode(data)),
     "flight": _note,
-    "links": lambda t, data: RecordEntry(t, "link", decoder(LinkMetrics)(data)),
+    "links": lambda t, data: RecordEntry(t, "link", _only(LinkMetrics, data)),
     "patches": lambda t, data: RecordEntry(t, "patch", base64.b64decode(data["patch"])),
 }
-"""By the first part of a topic; what is drawn for Foxglove is in the record twice."""
+"""By the first part of a topic; what is drawn for viewers is in the record twice."""

@@ -23,7 +23,8 @@ from mcap.writer import Writer
 
 from air_router.errors import RefusedError
 from air_router.files import sync_folder
-from air_router.record.serialization import RecordChannel
+from air_router.record.channels import RecordChannel
+from air_router.record.serialization import SCHEMA_VERSION
 from mocha_link.errors import told
 from mocha_link.path_safety import made_folder
 
@@ -42,8 +43,7 @@ CLOSE_S: Final = 10.0
 
 LIBRARY: Final = "air_router"
 
-FORMAT: Final = "1"
-"""Of the record; it changes when older programs cannot read it any more."""
+FORMAT: Final = str(SCHEMA_VERSION)
 
 _VERSIONS_OF: Final = ("air-router", "mavsdk", "networkx", "numpy", "pyproj", "pyzmq", "shapely")
 
@@ -295,14 +295,14 @@ class RecordFile:
         self._writer.add_message(self._channel(channel), time_ns, data, time_ns)
 
     def _channel(self, channel: RecordChannel) -> int:
-        topic, name, schema = channel
+        topic, name = channel.topic, channel.schema_name
         if topic not in self._channels:
             if name not in self._schemas:
                 self._schemas[name] = self._writer.register_schema(
-                    name, "jsonschema", schema.encode()
+                    name, channel.schema_encoding, channel.schema
                 )
             self._channels[topic] = self._writer.register_channel(
-                topic, "json", self._schemas[name]
+                topic, channel.encoding, self._schemas[name]
             )
         return self._channels[topic]
 

@@ -11,27 +11,27 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 from air_router.controller.model import FlightSetup, Motion
 from air_router.gossip import Mapper
-from air_router.record import serialization
-from air_router.record.drawing import Drawn, FlightDrawing, grid, schema_text
-from air_router.record.record_file import RecordFile, no_folder, open_record
-from air_router.record.serialization import (
+from air_router.record.channels import (
     ABOUT_MOTIONS,
-    ORDER_KEY,
     PATCHES,
     RECENT,
+    TIME_KEY,
     RecordChannel,
     channel_of,
-    json_of,
     link_channel,
+    message_of,
     note_channel,
 )
-from air_router.record.values import TYPE_KEY, encode
+from air_router.record.record_file import RecordFile, no_folder, open_record
+from air_router.record.serialization import TYPE_KEY, json_of, plain_of
 from air_router.vehicle import REBOOT_S
+from mocha_link.errors import Guard
 from mocha_link.lifetime import Closeable
 from mocha_link.links import LinkMetrics
 
@@ -47,9 +47,6 @@ of the map is noted, and the whole map is drawn while it grows."""
 PATCH_BYTES: Final = 200_000_000
 """What the map's patches may take before compression; what comes later is in the whole map only."""
 
-PREFLIGHT: Final = "Preflight"
-"""The note with which a flight begins; one that does not get so far leaves no record."""
-
 FILE_BYTES: Final = 20_000_000
 """A file of the mission that is larger is not kept in the record."""
 
@@ -63,7 +60,7 @@ class RecordViewer(Protocol):
 
     address: str
 
-    def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
+    def send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
         """Show a message; times are Unix nanoseconds."""
 
 
@@ -90,6 +87,9 @@ class Recorder(Closeable):
         OSError: `must` is set and the file cannot be made.
     """
 
+    PREFLIGHT: ClassVar = "Preflight"
+    """The note with which a flight begins; one that does not get so far leaves no record."""
+
     def __init__(  # noqa: PLR0913 - each has its default
         self,
         folder: Path | None,
@@ -115,8 +115,8 @@ class Recorder(Closeable):
         self._patch_bytes = 0  # received; recorded up to a limit
         self._unwritable: set[str] = set()  # types that cannot be recorded, warned of
         self._flown = False  # else the file is removed
-        self._drawing: FlightDrawing | None = None  # None until `begin`
-        self._drawn: dict[str, RecordChannel] = {}  # by topic
+        self._drawing: Any = None  # a `FlightDrawing` since `begin`, where the SDK is installed
+        self._harmless = Guard("something of the flight is not drawn")
         self._file: RecordFile | None = None  # None: nothing is kept
         if folder is not None:
             try:
@@ -137,11 +137,14 @@ class Recorder(Closeable):
         """Record what the controller is made of, and how it is flown."""
         if self._idle:
             return
-        self._drawing = FlightDrawing(setup.mission)
-        encoded = self._encoded(encode, setup)
-        self.note("Setup", 0.0, {"setup": encoded})
+        link_channel()  # makes all schemas: on the ground, and not at the first event of a kind
+        self.note("Setup", 0.0, {"setup": self._encoded(plain_of, setup)})
         self.note("Options", 0.0, facts)
-        self._draw([self._drawing.mission(), self._drawing.scene(self._unix_s())])
+        unix_s = self._unix_s()
+        with self._harmless:
+            self._drawing = _drawing_of(setup)
+        if self._drawing is not None:
+            self._draw(self._drawing.begin, unix_s)
 
     def event(self, event: object, now_s: float) -> None:
         """Record what happened."""
@@ -155,8 +158,7 @@ class Recorder(Closeable):
         self._write("event", event, now_s)
         if self._due(CLOCK, now_s):
             self.note("Clock", now_s, {"unix_s": self._unix_s()})
-        if self._drawing is not None:
-            self._draw(self._drawing.event(event, self._time_s(now_s)))
+        self._show(event, now_s)
 
     def actions(self, actions: Iterable[object], now_s: float) -> None:
         """Record what was decided."""
@@ -164,13 +166,13 @@ class Recorder(Closeable):
             return
         for action in actions:
             self._write("action", action, now_s)
-            if self._drawing is not None:
-                self._draw(self._drawing.action(action, self._time_s(now_s)))
+            self._show(action, now_s)
 
     def note(self, name: str, now_s: float, fields: Mapping[str, Any]) -> None:
         """Record something else about the flight, in plain data."""
-        self._flown = self._flown or name == PREFLIGHT
-        self._add(note_channel(name), now_s, {"t": now_s, TYPE_KEY: name, **fields})
+        self._flown = self._flown or name == self.PREFLIGHT
+        message = json_of({TIME_KEY: now_s, TYPE_KEY: name, **fields})
+        self._add(note_channel(name), now_s, message.encode())
 
     def links(
         self,
@@ -192,10 +194,9 @@ class Recorder(Closeable):
             steady = dataclasses.replace(link, newest_age_s=None, topic_ages_s={}, contacts=())
             if self._links.get(peer) != steady:
                 self._links[peer] = steady
-                plain = encode(dataclasses.replace(link, contacts=()))
-                self._add(link_channel(), now_s, {"t": now_s, **plain})
-        if self._drawing is not None:
-            self._draw(self._drawing.links(self._links, self._time_s(now_s)))
+                message = message_of(dataclasses.replace(link, contacts=()), now_s)
+                self._add(link_channel(), now_s, message)
+                self._show(link, now_s)
         for peer, holdings in held().items():
             known = self._held.setdefault(peer, {})
             news = [[*key, s] for key, s in sorted(holdings.items()) if known.get(key) != s]
@@ -208,7 +209,7 @@ class Recorder(Closeable):
         self._patch_bytes += len(patch)
         if self._patch_bytes <= PATCH_BYTES:
             data = base64.b64encode(patch).decode("ascii")
-            self._add(PATCHES, now_s, {"t": now_s, "patch": data})
+            self._add(PATCHES, now_s, json_of({TIME_KEY: now_s, "patch": data}).encode())
 
     def map(self, mapper: Mapper, now_s: float) -> None:
         """Record how the map grows, and now and then the whole of it."""
@@ -221,7 +222,7 @@ class Recorder(Closeable):
             self.note("Map", now_s, {"known_cells": mapper.known_cells})
         if mapper.known_cells != self._grid_cells and self._due(GRID, now_s):
             self._grid_cells = mapper.known_cells
-            self._draw([grid(mapper.grid, self._time_s(now_s))])
+            self._show(mapper.grid, now_s)
 
     def file(self, path: Path) -> None:
         """Put a file of the mission into the record."""
@@ -264,23 +265,23 @@ class Recorder(Closeable):
             _log.error(text)
 
     def _write(self, kind: str, value: object, now_s: float) -> None:
-        plain = self._encoded(serialization.encode, value)
-        if plain is None:
+        order = self._order(value)
+        message = self._encoded(lambda value: message_of(value, now_s, order), value)
+        if message is None:
             self.note("Unwritable", now_s, {"kind": kind, "value": repr(value)[:1000]})
         else:
             of: Any = type(value)
-            self._add(channel_of(kind, of), now_s, {"t": now_s, **self._order(value), **plain})
+            self._add(channel_of(kind, of), now_s, message)
 
-    def _order(self, value: object) -> dict[str, int]:
+    def _order(self, value: object) -> int | None:
         """Which of the motions, which may be alike, one is: counted from 1."""
         if isinstance(value, Motion):
             self._motions += 1
             self._recent.append((value, self._motions))
-            return {ORDER_KEY: self._motions}
+            return self._motions
         if isinstance(value, ABOUT_MOTIONS):
-            orders = [order for motion, order in self._recent if motion is value.action]
-            return {ORDER_KEY: orders[0]} if orders else {}
-        return {}
+            return next((n for motion, n in self._recent if motion is value.action), None)
+        return None
 
     def _encoded(self, encode: Callable[[Any], Any], value: object) -> Any:
         try:
@@ -292,25 +293,27 @@ class Recorder(Closeable):
                 _log.exception("%s cannot be recorded: the record cannot be replayed", name)
             return None
 
-    def _draw(self, drawn: Iterable[Drawn]) -> None:
-        for each in drawn:
-            if each.topic not in self._drawn:
-                self._drawn[each.topic] = RecordChannel(each.topic, each.schema, schema_text(each))
-            stamp = each.message.get("timestamp")
-            time_ns = None if stamp is None else _ns(stamp["sec"]) + stamp["nsec"]
-            self._send(self._drawn[each.topic], time_ns, each.message)
+    def _show(self, value: object, now_s: float) -> None:
+        """Record what is drawn of it."""
+        if self._drawing is not None:
+            self._draw(partial(self._drawing.draw, value), self._time_s(now_s))
 
-    def _add(self, channel: RecordChannel, now_s: float, message: dict[str, Any]) -> None:
-        self._send(channel, _ns(self._time_s(now_s)), message)
+    def _draw(self, draw: Callable[[float], Iterable[Any]], unix_s: float) -> None:
+        with self._harmless:
+            for channel, data in draw(unix_s):
+                self._send(channel, _ns(unix_s), data)
 
-    def _send(self, channel: RecordChannel, time_ns: int | None, message: dict[str, Any]) -> None:
+    def _add(self, channel: RecordChannel, now_s: float, data: bytes) -> None:
+        self._send(channel, _ns(self._time_s(now_s)), data)
+
+    def _send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
         if self._idle:
             return
-        self._last_ns = max(self._last_ns, time_ns or 0)
+        self._last_ns = max(self._last_ns, time_ns)
         if self._file is not None:
-            self._file.add(channel, self._last_ns, json_of(message).encode("ascii"))
+            self._file.add(channel, self._last_ns, data)
         if self._viewer is not None:
-            self._viewer.send(channel, self._last_ns, message)
+            self._viewer.send(channel, self._last_ns, data)
 
     def _time_s(self, now_s: float) -> float:
         """Unix seconds for displays: they run with the vehicle's clock, whatever GPS says later.
@@ -322,6 +325,17 @@ class Recorder(Closeable):
                 return self._unix_s()
             self._epoch_s = max(self._unix_s(), self._last_ns / 1e9) - now_s
         return self._epoch_s + now_s
+
+
+def _drawing_of(setup: FlightSetup) -> Any:
+    """What draws the flight for Foxglove; None: its SDK, an extra, is not installed."""
+    try:
+        from air_router.record.drawing import FlightDrawing  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "foxglove":
+            raise
+        return None
+    return FlightDrawing(setup.mission)
 
 
 def _ns(unix_s: float) -> int:

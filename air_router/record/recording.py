@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+import click
+
 from air_router.errors import UsageError
 from air_router.record.recorder import RecordViewer
+from mocha_link.cli import PATH, Options, Parsed, option, optional, together
 from mocha_link.errors import needs_extra
 
 
@@ -32,20 +34,18 @@ LOCAL_FOLDER = Path("logs")
 """Where `make sim` records, below the folder that a command is used in."""
 
 
-def add_record(parser: argparse.ArgumentParser) -> None:
-    """Add `LOG`, the record of a flight."""
-    parser.add_argument(
-        "log",
-        type=Path,
-        nargs="?",
-        metavar="LOG",
-        help="the record, an MCAP file (default: the newest in logs/ and in "
-        "~/.local/state/air-router/flights)",
-    )
+record_argument = click.argument(
+    "log",
+    type=PATH,
+    required=False,
+    help="flight record, an MCAP file (default: the newest in logs/ and in "
+    "~/.local/state/air-router/flights)",
+)
+"""`LOG`, the record of a flight."""
 
 
-def record_of(arguments: argparse.Namespace) -> Path:
-    """What `add_record`'s argument says.
+def record_of(arguments: Options) -> Path:
+    """What `record_argument`'s argument says.
 
     Raises:
         UsageError: it says nothing, and no flight was recorded where they usually are.
@@ -60,16 +60,16 @@ def record_of(arguments: argparse.Namespace) -> Path:
     return max(records, key=lambda path: path.stat().st_mtime)
 
 
-def add_recording(parser: argparse.ArgumentParser) -> None:
-    """Add `--log-dir` and `--no-record`."""
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
+recording_options = together(
+    option(
         "--log-dir",
-        type=Path,
+        type=PATH,
         metavar="D",
-        help="record the flight there (default: ~/.local/state/air-router/flights)",
-    )
-    where.add_argument("--no-record", action="store_true", help="do not record the flight")
+        help="folder that the flight is recorded in (default: ~/.local/state/air-router/flights)",
+    ),
+    option("--no-record", is_flag=True, help="do not record the flight", not_with=["log_dir"]),
+)
+"""`--log-dir` and `--no-record`."""
 
 
 class ViewerAddress(NamedTuple):
@@ -84,26 +84,26 @@ class ViewerAddress(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> ViewerAddress:
-        """PORT or HOST:PORT, for `argparse`."""
+        """PORT or HOST:PORT on the command line.
+
+        Raises:
+            ValueError: it is none.
+        """
         host, _, port = text.rpartition(":")
         if not port.isdecimal() or int(port) > 65535:
-            raise argparse.ArgumentTypeError(
-                f"{text} is not [HOST:]PORT; choose a port up to 65535"
-            )
+            raise ValueError(f"{text} is not [HOST:]PORT; choose a port up to 65535")
         return cls(host or cls().host, int(port))
 
 
-def add_viewer(parser: argparse.ArgumentParser) -> None:
-    """Add `--foxglove`."""
-    parser.add_argument(
-        "--foxglove",
-        type=ViewerAddress.of,
-        nargs="?",
-        const=ViewerAddress(),
-        metavar="[HOST:]PORT",
-        help="show the flight in Foxglove, which connects there (default: port 8765, this machine "
-        "only)",
-    )
+viewer_option = option(
+    "--foxglove",
+    type=Parsed(ViewerAddress.of),
+    **optional(ViewerAddress()),
+    metavar="[[HOST:]PORT]",
+    help="serve the flight to Foxglove, which connects to this port (default 8765, on this "
+    "machine only)",
+)
+"""Add `--foxglove`."""
 
 
 @contextmanager
@@ -123,8 +123,8 @@ def viewing(address: ViewerAddress | None, name: str) -> Iterator[RecordViewer |
         yield viewer
 
 
-def folder_of(arguments: argparse.Namespace) -> Path | None:
-    """Where a flight is recorded, as `add_recording`'s options say; None: nowhere."""
+def folder_of(arguments: Options) -> Path | None:
+    """Where a flight is recorded, as `recording_options`'s options say; None: nowhere."""
     if arguments.no_record:
         return None
     return default_folder() if arguments.log_dir is None else Path(arguments.log_dir)

@@ -14,9 +14,9 @@ from typing import Any, Final, NamedTuple
 
 from air_router.controller import Controller
 from air_router.errors import AirRouterError, ExitCode
-from air_router.record import serialization
+from air_router.record.channels import ABOUT_MOTIONS, RECENT
 from air_router.record.log import Log, RecordEntry
-from air_router.record.serialization import ABOUT_MOTIONS, RECENT
+from air_router.record.serialization import decode, plain_of
 from air_router.vehicle import Telemetry
 
 CONTEXT: Final = 10
@@ -75,11 +75,10 @@ class ReplayDifference:
         return {
             "t": self.t,
             "state": self.state,
-            "event": serialization.encode(self.event),
-            "recorded": [*map(serialization.encode, self.recorded)],
+            "event": plain_of(self.event),
+            "recorded": [*map(plain_of, self.recorded)],
             "replayed": [
-                action if isinstance(action, str) else serialization.encode(action)
-                for action in self.replayed
+                action if isinstance(action, str) else plain_of(action) for action in self.replayed
             ],
         }
 
@@ -201,8 +200,8 @@ def replay_record(entries: Iterable[RecordEntry], controller: Controller | None 
             raise
         except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
             decided = [f"{type(error).__name__}: {error}"]
-        # Numbers are the same when every bit is; NaN is NaN.
-        if [*map(repr, decided)] != [*map(repr, step.actions)]:
+        # Numbers are the same when every bit is; NaN is NaN, and 1 is 1.0 as in the record.
+        if [*map(_as_recorded, decided)] != [*map(repr, step.actions)]:
             assert replayer.controller is not None  # noqa: S101 - it has decided
             state = replayer.controller.state.name
             result.difference = ReplayDifference(
@@ -217,3 +216,11 @@ def replay_record(entries: Iterable[RecordEntry], controller: Controller | None 
         why = f": {cut}" if cut else ""
         raise ReplayError(f"no decision was recorded, so there is nothing to compare{why}")
     return result
+
+
+def _as_recorded(action: object) -> str:
+    """An action as it would be read from a record, in words."""
+    try:
+        return repr(decode(plain_of(action)))
+    except TypeError:  # an exception as its text
+        return repr(action)

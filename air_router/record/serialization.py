@@ -1,210 +1,283 @@
-"""What happens in a flight as messages of a record: their channels, JSON schemas, and contents.
+"""What happens in a flight as JSON and back: one type adapter for all that is recorded.
+
+A declared type becomes what pydantic reads and writes. Dataclasses, named tuples and airspaces are
+objects, made again by their own constructors, which check them. A member of an enum is its name:
+its value may be a sentence. Where there are several dataclasses to choose from, `type` names the
+one. Numbers that JSON cannot write are the texts "NaN", "Infinity" and "-Infinity".
 
 Whatever joins `Event` or `Action` is written and read without a line here; a test walks all.
 """
 
+import dataclasses
 import json
-import math
+import operator
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
-from functools import cache
-from types import NoneType
-from typing import Any, Final, NamedTuple, get_args, get_origin
+from functools import cache, reduce
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, NotRequired, Union, get_args, get_origin
 
-from air_router.controller.model import Action, CommandConfirmed, CommandFailed, Event, Motion
-from air_router.record import values
-from air_router.record.values import TYPE_KEY, CodecError, decoder, fields_of, recorded_name
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    SerializerFunctionWrapHandler,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+    WrapSerializer,
+    with_config,
+)
+from pydantic_core import PydanticSerializationError, to_json
+from typing_extensions import TypeAliasType, TypedDict
+
+from air_router.controller.model import Action, Event, FlightSetup
+from air_router.errors import AirRouterError, ExitCode
+from geo.airspace import Airspace, Shape, Zone
 from mocha_link.links import LinkMetrics
 
-ORDER_KEY: Final = "of"
-"""Which motion a motion is, or a confirmation of one: there may be several alike."""
+SCHEMA_VERSION: Final = 2
+"""Of what is in a record; it changes when older programs cannot read it any more, or this one
+theirs. The schemas of each are in docs/schemas."""
 
-RECENT: Final = 64
-"""A motion is confirmed, or fails, before so many others have been decided."""
+TYPE_KEY: Final = "type"
 
-ABOUT_MOTIONS: Final = (CommandConfirmed, CommandFailed)
+_SETTINGS: Final = ConfigDict(extra="forbid", ser_json_inf_nan="strings")
+_AIRSPACE: Final[dict[str, Any]] = {
+    "fences": tuple[Shape, ...],
+    "zones": tuple[Zone, ...],
+    "clearance_m": float,
+    "margin_m": float,
+    "relaxed_m": tuple[float, float],
+}
+"""What the constructor of an airspace, which is no dataclass, takes and its attributes hold."""
 
 
-class RecordChannel(NamedTuple):
-    """A channel of messages in JSON: its topic, and the name and text of their JSON schema."""
-
-    topic: str
-    schema_name: str
-    schema: str  # JSON schema
+def _truth(value: object) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{value!r} is no truth value")
+    return bool(value)
 
 
-# Events and actions
+def _text(value: object) -> str:
+    """A text that JSON can hold: of a file's name that is no UTF-8 the rest."""
+    if not isinstance(value, str | Path):
+        raise TypeError(f"{value!r} is no text")
+    text = str(value)
+    return text if text.isascii() else text.encode(errors="replace").decode()
+
+
+# A union is written strictly: a whole number where a float is declared, and those of NumPy's, have
+# to be made what is declared.
+_SINGLE: Final[dict[Any, Any]] = {
+    float: Annotated[
+        float,
+        PlainSerializer(float, return_type=float),
+        WithJsonSchema({"type": ["number", "string"], "pattern": "^(NaN|-?Infinity)$"}),
+    ],
+    int: Annotated[int, Field(strict=True), PlainSerializer(operator.index, return_type=int)],
+    bool: Annotated[bool, Field(strict=True), PlainSerializer(_truth, return_type=bool)],
+    str: Annotated[str, PlainSerializer(_text, return_type=str)],
+    Path: Annotated[Path, PlainSerializer(_text, return_type=str)],
+}
+
+
+class CodecError(AirRouterError, ValueError):
+    """JSON that is no value of the type that it should be."""
+
+    exit_code = ExitCode.INVALID_FILE
+
+
+# Declared types as pydantic's
 
 
 @cache
-def members() -> dict[str, type]:
-    """Every class of event and action, by the name that records call it.
+def written_as(hint: Any, *, tagged: bool = False) -> Any:
+    """What pydantic reads and writes for a declared type; `tagged`: with its name in `type`."""
+    origin = get_origin(hint)
+    if origin in _GENERIC:
+        return _GENERIC[origin](get_args(hint))
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        by_name = AfterValidator(lambda name: hint[name]), PlainSerializer(lambda m: m.name)
+        return Annotated[Literal[*hint.__members__], *by_name]
+    parts = _parts(hint)
+    return _SINGLE.get(hint, hint) if parts is None else _object(hint, parts, tagged=tagged)
+
+
+def _mapping(arguments: tuple[Any, ...]) -> Any:
+    copied = WrapSerializer(lambda value, write: write(dict(value)))
+    return Annotated[dict[arguments[0], written_as(arguments[1])], copied]  # type: ignore[misc, valid-type]
+
+
+def _set(arguments: tuple[Any, ...]) -> Any:
+    in_order = PlainSerializer(sorted)  # the same in every run
+    return Annotated[frozenset[written_as(arguments[0])], in_order]  # type: ignore[misc]
+
+
+def _tuple(arguments: tuple[Any, ...]) -> Any:
+    return tuple[*(part if part is ... else written_as(part) for part in arguments)]  # type: ignore[misc]
+
+
+def _union(members: tuple[Any, ...]) -> Any:
+    """One of these; objects are told apart by their `type`, which is needed where there are two."""
+    classes: list[Any] = [member for member in members if dataclasses.is_dataclass(member)]
+    others = [written_as(member) for member in members if member not in classes]
+    if len(classes) == 1:
+        return reduce(operator.or_, [written_as(classes[0]), *others])
+    if not classes:
+        return Union[*others]
+    choices = [Annotated[written_as(c, tagged=True), Tag(c.__name__)] for c in classes]
+    choice = Annotated[Union[*choices], _WHICH]  # type: ignore[valid-type]
+    return Union[choice, *others]
+
+
+_GENERIC: Final[dict[Any, Callable[[tuple[Any, ...]], Any]]] = {
+    Union: _union,
+    types.UnionType: _union,
+    Mapping: _mapping,
+    frozenset: _set,
+    tuple: _tuple,
+}
+
+
+def _name_of(value: Any) -> str:
+    """What tells an object, or its JSON, from those of other classes."""
+    return str(value.get(TYPE_KEY)) if isinstance(value, dict) else type(value).__name__
+
+
+_WHICH: Final = Discriminator(
+    _name_of,
+    custom_error_type="unknown_type",
+    custom_error_message="its type is none that may be here",
+)
+
+
+def _parts(kind: Any) -> dict[str, Any] | None:
+    """The declared types of what a class is made of, those with a default not required."""
+    if kind is Airspace:
+        return _AIRSPACE
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        defaults = {
+            part.name: part.default is not part.default_factory
+            for part in dataclasses.fields(kind)
+            if part.init
+        }
+    elif hasattr(kind, "_fields"):  # a named tuple
+        defaults = {name: name in kind._field_defaults for name in kind._fields}
+    else:
+        return None
+    hints = typing.get_type_hints(kind)
+    return {
+        name: NotRequired[hints[name]] if optional else hints[name]
+        for name, optional in defaults.items()
+    }
+
+
+def _object(kind: Any, parts: Mapping[str, Any], *, tagged: bool) -> Any:
+    """A class as an object of its parts."""
+    tag = {TYPE_KEY: kind.__name__} if tagged else {}
+    fields = {TYPE_KEY: Literal[kind.__name__]} if tagged else {}
+    for name, hint in parts.items():
+        optional = get_origin(hint) is NotRequired
+        field = written_as(get_args(hint)[0] if optional else hint)
+        fields[name] = NotRequired[field] if optional else field
+
+    def made(plain: dict[str, Any]) -> Any:
+        try:
+            return kind(**{name: part for name, part in plain.items() if name in parts})
+        except Exception as error:  # noqa: BLE001 - whatever the class refuses
+            raise ValueError(str(error)) from None
+
+    def written(value: Any, write: SerializerFunctionWrapHandler) -> Any:
+        if not isinstance(value, kind):
+            raise TypeError(f"{value!r} is no {kind.__name__}")
+        return write({**tag, **{name: getattr(value, name) for name in parts}})
+
+    plain = with_config(_SETTINGS)(TypedDict(kind.__name__, fields))  # type: ignore[operator]
+    return Annotated[plain, AfterValidator(made), WrapSerializer(written)]
+
+
+# Writing and reading
+
+
+@cache
+def adapter(hint: Any) -> TypeAdapter[Any]:
+    """What reads and writes a declared type, a union with the classes' names."""
+    named: Any = TypeAliasType("named", written_as(hint))  # so that settings are taken for any
+    return TypeAdapter(named, config=_SETTINGS)
+
+
+RECORDED: Final = Event | Action | FlightSetup | LinkMetrics
+
+
+def encode(value: object) -> bytes:
+    """An event, action, setup or link as a JSON object; `type` is its class.
 
     Raises:
-        TypeError: two of them have one name.
+        TypeError: it is none of these, or one within it is not what its class declares.
     """
-    found: dict[str, type] = {}
-    for kind in (*get_args(Event), *get_args(Action)):
-        if found.setdefault(recorded_name(kind), kind) is not kind:
-            raise TypeError(f"two events or actions are called {recorded_name(kind)}")
-    return found
+    try:
+        return adapter(RECORDED).dump_json(value, warnings="error")
+    except PydanticSerializationError as error:
+        raise TypeError(f"{value!r:.200} cannot be recorded: {error}") from None
 
 
-def encode(value: object) -> dict[str, Any]:
-    """An event or action as an object that `json.dumps` takes; `type` is its class.
-
-    Raises:
-        TypeError: it is neither.
-    """
-    kind: Any = type(value)
-    if members().get(recorded_name(kind)) is not kind:
-        raise TypeError(f"{value!r} cannot be recorded: neither an event nor an action")
-    plain: dict[str, Any] = values.encode(value)
+def plain_of(value: object) -> dict[str, Any]:
+    """The same as plain data."""
+    plain: dict[str, Any] = json.loads(encode(value))
     return plain
 
 
-def decode(data: object) -> Any:
-    """The event or action of an object that `encode` made: equal to it in every bit.
+def decode(plain: object) -> Any:
+    """The event, action, setup or link of plain data: equal to it in every bit.
 
-    A field that is missing has its default, or is nothing (None, an empty tuple) where it may be:
-    so older records can be read.
+    A field that is missing has its default.
 
     Raises:
-        CodecError: the object says of no event or action what that has.
+        CodecError: they say of nothing that is recorded what that has.
     """
-    if not isinstance(data, dict):
-        raise CodecError(f"{type(data).__name__} is no event or action: not an object")
-    name = data.get(TYPE_KEY)
-    kind = members().get(name) if isinstance(name, str) else None
-    if kind is None:
-        raise CodecError(f"type {str(name)[:60]!r} is no event or action")
-    return decoder(kind)(data)
+    return read(RECORDED, plain)
+
+
+def read(hint: Any, plain: object) -> Any:
+    """A value of a declared type from plain data. Raises CodecError: they are none."""
+    try:
+        return adapter(hint).validate_python(plain)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        text = f"{shown(first['input'])}: {first['msg']}"
+        raise CodecError(f"{place}: {text}" if place else text) from None
+
+
+def shown(plain: Any) -> str:
+    """Plain data in a message, however long they are."""
+    text = repr(plain)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def json_schema(title: str, hint: Any) -> dict[str, Any]:
+    """The JSON schema of a declared type, with the version of records."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"urn:air-router:record:{SCHEMA_VERSION}:{title.lower().replace(' ', '-')}",
+        "title": title,
+        "description": f"Version {SCHEMA_VERSION} of what records of air_router say.",
+        **adapter(hint).json_schema(),
+    }
 
 
 def json_of(message: Mapping[str, Any]) -> str:
     """JSON that any reader takes: a number that is none becomes null."""
     try:
-        return json.dumps(message, separators=(",", ":"), allow_nan=False)
-    except (TypeError, ValueError):
-        return json.dumps(_finite(message), separators=(",", ":"), default=str)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): _finite(inner) for key, inner in value.items()}
-    return [_finite(inner) for inner in value] if isinstance(value, list | tuple) else value
-
-
-# Channels
-
-NOTES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "Clock": {"unix_s": float},
-    "Reaction": {"reaction_s": float},
-    "HomeBy": {"home_by_s": float},
-    "Map": {"known_cells": int},
-    "MapPublished": {"known_cells": int},
-    "Held": {"peer": str, "held": list[tuple[str, str, float]]},
-}
-"""Notes that a replay or a report reads, with the types of their fields; others are for people."""
-
-_TEXT: Final = {"type": "string"}
-_NUMBER: Final = {"type": "number"}
-_SCHEMAS: Final[dict[Any, dict[str, Any]]] = {
-    float: _NUMBER,
-    int: {"type": "integer"},
-    bool: {"type": "boolean"},
-}
-
-
-def _channel(topic: str, title: str, properties: dict[str, Any], **more: Any) -> RecordChannel:
-    schema = {"title": title, "type": "object", "properties": {"t": _NUMBER, **properties}, **more}
-    return RecordChannel(topic, f"air_router.{title}", json.dumps(schema))
-
-
-PATCHES: Final = _channel("/patches", "Patch", {"patch": {**_TEXT, "contentEncoding": "base64"}})
-
-
-@cache
-def channel_of(kind: str, of: Any) -> RecordChannel:
-    """The channel of a class of events or actions."""
-    return _timed(f"/{kind}/{recorded_name(of)}", of)
-
-
-@cache
-def link_channel() -> RecordChannel:
-    """The channel of the metrics of links."""
-    return _timed("/links", LinkMetrics)
-
-
-@cache
-def note_channel(name: str) -> RecordChannel:
-    """The channel of a note of the shell's."""
-    parts = {part: schema_of(of) for part, of in NOTES.get(name, {}).items()}
-    made = _channel(f"/flight/{name}", name, {TYPE_KEY: {**_TEXT, "const": name}, **parts})
-    return made._replace(schema_name=f"air_router.flight.flight.{name}")
-
-
-def _timed(topic: str, of: Any) -> RecordChannel:
-    """The channel of a class, with the time in front."""
-    schema = schema_of(of)
-    order = {"type": "integer", "description": "which motion, counted from 1"}
-    more = {ORDER_KEY: order} if of in (*get_args(Motion), *ABOUT_MOTIONS) else {}
-    properties, required = {**more, **schema["properties"]}, ["t", *schema["required"]]
-    return _channel(topic, schema["title"], properties, required=required)
-
-
-@cache
-def schema_of(hint: Any) -> dict[str, Any]:
-    """The JSON schema of a declared type, as far as the viewers of records understand it.
-
-    One type each, no alternatives, nothing said of what may be null.
-    """
-    origin, arguments = get_origin(hint), get_args(hint)
-    parts = [of for of in arguments if of not in (NoneType, Ellipsis)]
-    fields = fields_of(hint)
-    if origin in (typing.Union, types.UnionType):
-        return _schema_of_any([schema_of(part) for part in parts])
-    if origin in (dict, Mapping):
-        return {
-            "type": "object",
-            "properties": {},
-            "additionalProperties": schema_of(arguments[1]),
-        }
-    if origin in (tuple, list, frozenset):
-        items = _schema_of_any([schema_of(part) for part in parts])
-        # Of lists in lists viewers know nothing, so that of those nothing is said.
-        known = items if items["type"] != "array" else {"type": "object", "properties": {}}
-        return {"type": "array", "items": known}
-    if fields is not None:
-        return _schema_of_fields(fields)
-    is_enum = isinstance(hint, type) and issubclass(hint, Enum)
-    if is_enum or origin is typing.Literal:
-        return {**_TEXT, "enum": list(hint.__members__ if is_enum else arguments)}
-    return _SCHEMAS.get(hint, _TEXT)
-
-
-def _schema_of_fields(fields: values.Fields) -> dict[str, Any]:
-    tags = {TYPE_KEY: {**_TEXT, "const": fields.name}} if fields.tagged else {}
-    parts = {key: schema_of(fields.hints[name]) for key, name in fields.recorded.items()}
-    needed = [key for key, name in fields.recorded.items() if name in fields.needed]
-    return {
-        "type": "object",
-        "title": fields.name,
-        "properties": tags | parts,
-        "required": [*tags, *needed],
-    }
-
-
-def _schema_of_any(schemas: list[dict[str, Any]]) -> dict[str, Any]:
-    """One form for all members: viewers know no alternatives. Of objects it has every field."""
-    if not schemas or any(schema["type"] != "object" for schema in schemas):
-        return schemas[0] if schemas else dict(_TEXT)
-    properties = {name: part for s in reversed(schemas) for name, part in s["properties"].items()}
-    kinds = [s["title"] for s in schemas if "title" in s]
-    if len(schemas) > 1 and TYPE_KEY in properties:
-        properties = {**properties, TYPE_KEY: {**_TEXT, "enum": kinds}}
-    return {"type": "object", "title": " or ".join(kinds), "properties": properties}
+        return to_json(message, inf_nan_mode="null", fallback=str).decode()
+    except PydanticSerializationError:  # a file's name that is no UTF-8, perhaps
+        text = json.dumps(message, default=str)
+        plain = json.loads(text, parse_constant=lambda _: None)
+        return json.dumps(plain, ensure_ascii=False).encode(errors="replace").decode()

@@ -1,4 +1,4 @@
-"""Pictures of missions, and what is reported of a flight that is over."""
+"""Pictures of missions, and the report of a completed flight."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""A simulated world around a flight, each part of it a process of its own."""
+"""Starts a simulated world around a flight, each part in its own process."""
 
 from air_router.sim.ports import PORTS, free_port, is_free
 from air_router.sim.sim_world import Child

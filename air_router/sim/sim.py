@@ -3,7 +3,6 @@
 One vehicle is flown by this process; of several each is flown by an `air-router fly` of its own.
 """
 
-import argparse
 import contextlib
 import dataclasses
 import importlib.util
@@ -15,17 +14,17 @@ from typing import Any
 
 from air_router.cli import (
     PART,
-    add_flight_arguments,
-    add_px4_version,
-    add_rover,
-    add_start,
     finish,
+    flight_options,
     fly_mission,
     note_options,
     print_json,
+    px4_version_option,
     refusing,
+    rover_option,
     say,
     speed_factor,
+    start_option,
 )
 from air_router.errors import UsageError
 from air_router.mission import Mission, load_mission
@@ -37,39 +36,36 @@ from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
 from air_router.vehicle.px4 import NEWEST
 from air_router.web import PageAddress, shown_beside, web_of
+from mocha_link.cli import Options, Parsed, command, option, optional
 from mocha_link.errors import MissingExtraError, needs_extra
 from mocha_link.path_safety import made_folder
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Start a simulated PX4, ground robots and radios, and fly a mission there."
-    parser.epilog = (
-        "examples:\n  air-router sim demo --speed 10    the mission that comes with the program\n"
-        "  air-router sim missions/pennovation/mission.yaml --speed 10"
-    )
-    add_flight_arguments(parser)
-    add_start(parser)
-    add_rover(parser)
-    parser.add_argument(
-        "--speed",
-        type=speed_factor,
-        default=1.0,
-        metavar="X",
-        help="at most, times real time (default 1); the world waits for what falls behind",
-    )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
-    parser.add_argument(
-        "--px4",
-        nargs="?",
-        const="",
-        metavar="PATH",
-        help="fly a real PX4 instead of our own: found as `sitl px4` finds it, or there",
-    )
-    add_px4_version(parser, "that our own behaves as")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Start a simulated PX4, ground robots and radios, and fly a mission there.",
+    "examples:\n  air-router sim demo --speed 10    the mission that comes with the program\n"
+    "  air-router sim missions/pennovation/mission.yaml --speed 10",
+)
+@flight_options
+@start_option
+@rover_option
+@option(
+    "--speed",
+    type=Parsed(speed_factor),
+    metavar="X",
+    default=1.0,
+    help="largest speed, times real time, 0.1 to 100 (default 1); the simulation waits for the "
+    "slowest process",
+)
+@option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
+@option(
+    "--px4",
+    **optional(""),
+    metavar="[PATH]",
+    help="fly a real PX4 instead of our simulated one, at PATH or where `sitl px4` finds it",
+)
+@px4_version_option("our simulated one behaves as")
+def run(arguments: Options) -> int:
     """Fly in a world of its own, and report on stdout."""
     if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
         raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
@@ -109,13 +105,13 @@ def run(arguments: argparse.Namespace) -> int:
             "arm": True,
             "resume": False,
         }
-        result = fly_mission(mission, argparse.Namespace(**{**vars(arguments), **flown}), "sim")
+        result = fly_mission(mission, Options(**{**vars(arguments), **flown}), "sim")
         result.report["world"] = world.stop()
     return finish(mission, result, arguments)
 
 
 @refusing()
-def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Namespace) -> int:
+def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> int:
     """Each UAV in a process of its own; one report, and the worst exit code."""
     web = web_of(arguments)
     page = None
@@ -153,9 +149,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
     return code
 
 
-def _command(
-    seat: SimVehicle, index: int, world: SimWorld, arguments: argparse.Namespace
-) -> Sequence[str]:
+def _command(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
     command += ["--connect", seat.url, "--sysid", str(seat.system_id)]
@@ -163,7 +157,7 @@ def _command(
     picture = arguments.png
     if picture is not None:
         picture = picture.with_stem(f"{picture.stem}-{seat.uav}")
-    for option, value in (
+    for name, value in (
         ("--pace-from", world.pace),
         ("--duration", arguments.duration),
         ("--seek", arguments.seek),
@@ -175,7 +169,7 @@ def _command(
         ("--foxglove", _viewer(arguments.foxglove, index)),
         ("--at", None if arguments.at is None else arguments.at.isoformat()),
     ):
-        command += [] if value is None else [option, str(value)]
+        command += [] if value is None else [name, str(value)]
     return [*command, "--no-record"] if arguments.no_record else command
 
 

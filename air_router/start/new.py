@@ -1,6 +1,5 @@
 """`air-router new`: a first mission with its team, world and rover, from options or answers."""
 
-import argparse
 import itertools
 import math
 import re
@@ -12,6 +11,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
+import click
 import yaml
 
 from air_router.cli import home, note_options, number, say
@@ -20,6 +20,7 @@ from air_router.files import degrees_text
 from air_router.files.missions import first_mission_text
 from air_router.mission import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
+from mocha_link.cli import PATH, Options, Parsed, command, option, together
 
 _EPILOG: Final = """\
 examples:
@@ -47,7 +48,7 @@ _altitude = number("an altitude between 2 and 500 m above home", 2.0, 500.0)
 def _name(text: str) -> str:
     """A robot's name."""
     if not _NAME.fullmatch(text) or yaml.safe_load(text) != text:  # YAML takes "on" for a switch
-        raise argparse.ArgumentTypeError(f"'{text}' is no name; use letters, digits, _ and -")
+        raise ValueError(f"'{text}' is no name; use letters, digits, _ and -")
     return text
 
 
@@ -59,16 +60,16 @@ def _robots(text: str) -> dict[str, str]:
         kind = kind or "json"
         if kind not in ROVERS:
             known = ", ".join(ROVERS)
-            raise argparse.ArgumentTypeError(f"{part}: a robot speaks one of {known}")
+            raise ValueError(f"{part}: a robot speaks one of {known}")
         if robot in ROVERS and found:
             *_, last = found
             message = f"'{robot}' is no robot; what {last} speaks is written {last}={robot}"
-            raise argparse.ArgumentTypeError(message)
+            raise ValueError(message)
         if robot.lower() in map(str.lower, found):
-            raise argparse.ArgumentTypeError(f"'{robot}' is named twice (whatever its case)")
+            raise ValueError(f"'{robot}' is named twice (whatever its case)")
         found[_name(robot)] = kind
     if not 1 <= len(found) <= MOST_ROBOTS:
-        raise argparse.ArgumentTypeError(f"name 1 to {MOST_ROBOTS} robots")
+        raise ValueError(f"name 1 to {MOST_ROBOTS} robots")
     return found
 
 
@@ -81,7 +82,7 @@ class _Question:
         metavar: Its name in the help.
         help: What it is, there.
         text: How it is asked for on a terminal.
-        read: What makes a value of an answer; raises ArgumentTypeError.
+        read: What makes a value of an answer; raises ValueError.
         default: The answer if there is none; None: there has to be one.
     """
 
@@ -103,23 +104,25 @@ class _Question:
             try:
                 if given is not None:
                     return self.read(given)
-            except argparse.ArgumentTypeError as error:
+            except ValueError as error:
                 sys.stderr.write(f"{error}\n")
 
 
 _QUESTIONS = (
-    _Question("folder", "FOLDER", "where (default mission)", "Folder to make", Path, "mission"),
+    _Question(
+        "folder", "FOLDER", "folder to make (default mission)", "Folder to make", Path, "mission"
+    ),
     _Question(
         "home",
         "LAT,LON",
-        "where the vehicle takes off",
+        "place of take-off, in degrees",
         "Where does the vehicle take off (latitude,longitude)?",
         home,
     ),
     _Question(
         "altitude",
         "M",
-        "cruise altitude above home (default 30)",
+        "cruise altitude above home, in metres (default 30)",
         "Cruise altitude in metres above that?",
         _altitude,
         "30",
@@ -127,7 +130,7 @@ _QUESTIONS = (
     _Question(
         "uav",
         "NAME",
-        "its name (default titan)",
+        "name of the vehicle (default titan)",
         "Name of the vehicle in the team?",
         _name,
         "titan",
@@ -135,7 +138,7 @@ _QUESTIONS = (
     _Question(
         "robots",
         "NAMES",
-        "whom it seeks, each with what it speaks, json, ros1 or ros2 (default rover=json)",
+        "robots to seek, each with its message format json, ros1 or ros2 (default rover=json)",
         "Robots that it seeks, and what they speak (json, ros1, ros2)?",
         _robots,
         "rover=json",
@@ -143,28 +146,34 @@ _QUESTIONS = (
 )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Make a folder with a mission, its team, a world to simulate and a rover's program. What "
-        "no option answers is asked for on a terminal. Nothing is overwritten."
-    )
-    parser.epilog = _EPILOG
-    place, *options = _QUESTIONS
-    parser.add_argument(
-        place.key, type=place.read, nargs="?", metavar=place.metavar, help=place.help
-    )
-    for each in options:
-        parser.add_argument(f"--{each.key}", type=each.read, metavar=each.metavar, help=each.help)
+_FOLDER, *_ASKED = _QUESTIONS
 
 
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Make a folder with a mission, its team, a world to simulate and a rover's program. The "
+    "command asks on the terminal for what no option gives. Nothing is overwritten.",
+    _EPILOG,
+)
+@click.argument(
+    _FOLDER.key,
+    type=PATH,
+    required=False,
+    metavar=f"[{_FOLDER.metavar}]",
+    help=_FOLDER.help,
+)
+@together(
+    *(
+        option(f"--{each.key}", type=Parsed(each.read), metavar=each.metavar, help=each.help)
+        for each in _ASKED
+    )
+)
+def run(arguments: Options) -> int:
     """Ask, write, and say how to go on."""
     answers = _answered(arguments, input if sys.stdin.isatty() else None)
     folder, uav, kinds = answers["folder"], answers["uav"], answers["robots"]
     if uav.lower() in map(str.lower, kinds):
         raise UsageError(f"'{uav}' is the vehicle's name; give the robot another one")
-    note_options(argparse.Namespace(**answers), {"altitude": "altitude_m"})
+    note_options(Options(**answers), {"altitude": "altitude_m"})
     texts = texts_of(answers["home"], answers["altitude"], uav, kinds)
     there = [str(folder / file) for file in texts if (folder / file).exists()]
     if there:
@@ -180,7 +189,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _answered(arguments: argparse.Namespace, ask: Callable[[str], str] | None) -> dict[str, Any]:
+def _answered(arguments: Options, ask: Callable[[str], str] | None) -> dict[str, Any]:
     """Every answer: as an option, else asked for on the terminal if there is one, else its default.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Map pages in the browser: the server, its guard against others' pages, and what pages share."""
+"""Map pages in the browser: the server, protection from other sites, shared parts."""
 
 from mocha_link.lazy import door
 
@@ -24,8 +24,8 @@ __getattr__, __dir__, __all__ = door(
             "ServeError",
             "Served",
             "Web",
-            "add_page_options",
-            "add_web",
+            "page_options",
+            "web_options",
             "page_port",
             "show",
             "shown_beside",

@@ -16,12 +16,12 @@ from air_router.web.serving import Say as Say
 from air_router.web.serving import Served as Served
 from air_router.web.serving import ServeError as ServeError
 from air_router.web.serving import Web as Web
-from air_router.web.serving import add_page_options as add_page_options
-from air_router.web.serving import add_web as add_web
+from air_router.web.serving import page_options as page_options
 from air_router.web.serving import page_port as page_port
 from air_router.web.serving import show as show
 from air_router.web.serving import shown_beside as shown_beside
 from air_router.web.serving import web_of as web_of
+from air_router.web.serving import web_options as web_options
 from air_router.web.site import Browsers as Browsers
 from air_router.web.site import PageOutbox as PageOutbox
 from air_router.web.site import Site as Site

@@ -3,7 +3,6 @@
 Fetches the tiles of a place from a map server that the user names, into an MBTiles file.
 """
 
-import argparse
 import hashlib
 import http.client
 import math
@@ -20,6 +19,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
+import click
+
 from air_router import __version__
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.mission import Mission, load_mission
@@ -32,6 +33,7 @@ from air_router.web.tile_file import (
     tiles_within,
 )
 from geo.frame import Point
+from mocha_link.cli import PATH, Options, command, option
 from mocha_link.path_safety import check_links
 from mocha_link.sanitize import sanitize
 
@@ -349,62 +351,73 @@ def _stopped(where: str, why: str) -> FetchError:
     )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Fetch the map tiles of a place from a server of your choice into an MBTiles file, for "
-        "--image and --web-image. Ask for what its terms allow. Ctrl-C ends; run again to go on."
-    )
-    parser.epilog = (
-        "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
-        "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'"
-    )
-    parser.add_argument("do", choices=("fetch",), help="what to do")
-    parser.add_argument("file", type=Path, metavar="FILE", help="MBTiles file; it is gone on with")
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--mission", type=Path, metavar="M", help="of the place of this mission")
-    where.add_argument("--bounds", metavar="S,W,N,E", help="of this place, in degrees")
-    parser.add_argument(
-        "--around",
-        type=float,
-        default=_AROUND_M,
-        metavar="METRES",
-        help=f"so far around the mission (default {_AROUND_M:g})",
-    )
-    parser.add_argument(
-        "--zooms",
-        metavar="Z-Z",
-        help=f"zoom levels (default: from a view of everything to {FINEST})",
-    )
-    parser.add_argument("--url", required=True, metavar="URL", help="with {z}, {x} and {y}")
-    parser.add_argument(
-        "--attribution", required=True, metavar="TEXT", help="whom the map has to name"
-    )
-    parser.add_argument("--contact", default="", metavar="TEXT", help="told to the server")
-    parser.add_argument(
-        "--per-second",
-        type=float,
-        default=2.0,
-        metavar="N",
-        help=f"tiles per second, at most (default 2, up to {_FASTEST:g})",
-    )
-    parser.add_argument(
-        "--most",
-        type=int,
-        default=MOST_TILES,
-        metavar="N",
-        help=f"refuse to fetch more tiles than these (default {MOST_TILES})",
-    )
-    parser.add_argument(
-        "--most-mb",
-        type=float,
-        default=MOST_MB,
-        metavar="N",
-        help=f"stop at so many megabytes (default {MOST_MB:g})",
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Fetch the map tiles of a place from a server of your choice into an MBTiles file, for "
+    "--image and --web-image. Ask for what its terms allow. Ctrl-C ends; run again to go on.",
+    "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
+    "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'",
+)
+@click.argument("do", type=click.Choice(("fetch",)), help="what to do with the tiles")
+@click.argument(
+    "file", type=PATH, help="MBTiles file; tiles that it already has are not fetched again"
+)
+@option("--mission", type=PATH, metavar="M", help="fetch the surroundings of this mission")
+@option(
+    "--bounds",
+    metavar="S,W,N,E",
+    help="fetch this box: south, west, north, east in degrees",
+    not_with=["mission"],
+)
+@option(
+    "--around",
+    type=float,
+    metavar="METRES",
+    default=_AROUND_M,
+    help=f"margin around the mission, in metres (default {_AROUND_M:g})",
+)
+@option(
+    "--zooms",
+    metavar="Z-Z",
+    help=f"zoom levels, coarsest to finest (default: from a view of everything to {FINEST})",
+)
+@option(
+    "--url", metavar="URL", required=True, help="address of a tile, with {z}, {x} and {y} in it"
+)
+@option(
+    "--attribution",
+    metavar="TEXT",
+    required=True,
+    help="copyright notice that the server's terms require on the map",
+)
+@option(
+    "--contact",
+    metavar="TEXT",
+    default="",
+    help="how the server's operator can reach you (an e-mail address, a URL); sent with every "
+    "request",
+)
+@option(
+    "--per-second",
+    type=float,
+    metavar="N",
+    default=2.0,
+    help=f"largest rate, in tiles per second (default 2, up to {_FASTEST:g})",
+)
+@option(
+    "--most",
+    type=int,
+    metavar="N",
+    default=MOST_TILES,
+    help=f"largest number of tiles; a larger area is refused (default {MOST_TILES})",
+)
+@option(
+    "--most-mb",
+    type=float,
+    metavar="N",
+    default=MOST_MB,
+    help=f"stop after this many megabytes (default {MOST_MB:g})",
+)
+def run(arguments: Options) -> int:
     """Fetch, and say how far it is."""
     if not 0 < arguments.per_second <= _FASTEST:
         raise UsageError(f"--per-second is more than 0 and at most {_FASTEST:g}")
@@ -414,6 +427,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("--most-mb is more than 0")
     if not arguments.attribution.strip():
         raise UsageError("--attribution says whom the map has to name; the server's terms say that")
+    if arguments.mission is None and arguments.bounds is None:
+        raise UsageError("give the place: --mission M or --bounds S,W,N,E")
     if arguments.mission is None:
         bounds = bounds_of(arguments.bounds)
     else:

@@ -5,20 +5,19 @@ Also the address of a flight's page, as a flight prints it.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import AbstractAsyncContextManager, contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Thread
 from typing import Any, Final, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from air_router.errors import AirRouterError, UsageError
 from air_router.web.tile_file import TileFile
+from mocha_link.cli import PATH, Decorator, Options, Parsed, option, optional, together
 
 _END_S: Final = 5.0
 """A page that has not ended by then ends with the program."""
@@ -72,39 +71,55 @@ class Served(Protocol):
         """
 
 
-def add_page_options(parser: argparse.ArgumentParser, prefix: str) -> None:
-    """Add `--host` and `--image`, with a prefix such as "web-" in each."""
-    parser.add_argument(
-        f"--{prefix}host",
-        dest="web_host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="address of the page (default: this machine only; others get a token)",
+def page_port(text: str) -> int:
+    """The port of a page on the command line.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not text.isdecimal() or int(text) > 65535:
+        raise ValueError(f"{text} is not a port; choose 1 to 65535, or 0")
+    return int(text)
+
+
+def page_options(prefix: str = "") -> Decorator:
+    """`--host` and `--image`, with a prefix such as "web-" in each."""
+    return together(
+        option(
+            f"--{prefix}host",
+            "web_host",
+            default="127.0.0.1",
+            metavar="ADDRESS",
+            help="address that the page is served on (default 127.0.0.1: this machine only; on "
+            "any other the page asks for a token)",
+        ),
+        option(
+            f"--{prefix}image",
+            "web_image",
+            type=PATH,
+            metavar="F",
+            help="MBTiles file with the pictures under the page's map",
+        ),
     )
-    parser.add_argument(
-        f"--{prefix}image",
-        dest="web_image",
-        type=Path,
-        metavar="F",
-        help="an MBTiles file with pictures that lie under its map",
+
+
+def web_options(*, always: bool = False) -> Decorator:
+    """`--web` and what belongs to it; `always`: a page is what the command is for."""
+    alone = {"default": DEFAULT_PORT} if always else optional(DEFAULT_PORT)
+    return together(
+        option(
+            "--web",
+            type=Parsed(page_port),
+            metavar="PORT" if always else "[PORT]",
+            help=f"{'serve the page' if always else 'show the flight on a map page'} at this "
+            f"port (default {DEFAULT_PORT}; 0: any free port)",
+            **alone,
+        ),
+        page_options("web-"),
     )
 
 
-def add_web(parser: argparse.ArgumentParser, *, always: bool = False) -> None:
-    """Add `--web` and what belongs to it; `always`: a page is what the command is for."""
-    asked: dict[str, Any] = {"nargs": "?", "const": DEFAULT_PORT}
-    parser.add_argument(
-        "--web",
-        type=page_port,
-        metavar="PORT",
-        help=f"{'serve the page' if always else 'show the flight on a map page'} there "
-        f"(default port {DEFAULT_PORT}, 0: any free one)",
-        **({"default": DEFAULT_PORT} if always else asked),
-    )
-    add_page_options(parser, "web-")
-
-
-def web_of(arguments: argparse.Namespace) -> Web | None:
+def web_of(arguments: Options) -> Web | None:
     """Where the page is served; None without a port, `arguments.web`.
 
     Raises:
@@ -117,13 +132,6 @@ def web_of(arguments: argparse.Namespace) -> Web | None:
         return None
     tiles = None if image is None else TileFile.read(image)
     return Web(arguments.web_host, arguments.web, tiles)
-
-
-def page_port(text: str) -> int:
-    """The port of a page, for `argparse`."""
-    if not text.isdecimal() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text} is not a port; choose 1 to 65535, or 0")
-    return int(text)
 
 
 def show(page: Served, say: Say) -> None:

@@ -1,6 +1,6 @@
 """Runs a bridge in a Python that has ROS and `pyzmq`, but nothing else of ours.
 
-Started as ``/usr/bin/python3 .../mocha_link/bridges ros1 --node ENDPOINT``. The package
+`mocha-link bridge` becomes ``/usr/bin/python3 .../mocha_link/bridges OPTIONS-AS-JSON``. The package
 `mocha_link` itself needs more than such a Python has, so its place is taken by an empty one.
 """
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
+import json
 import logging
 import os
 import re
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
-from mocha_link.bridges.bridge import Bridge, channel
+from mocha_link.bridges.bridge import Bridge
 from mocha_link.bridges.progress import Progress
 from mocha_link.bridges.ros_clients import Rcl, Ros1
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
@@ -29,46 +30,14 @@ class BridgeError(MochaLinkError):
     """A bridge cannot run here; the message says what it needs."""
 
 
-def add_options(
-    parser: argparse.ArgumentParser, kind: str, endpoint: Callable[[str], str] = str
-) -> None:
-    """The options of the bridge to ``ros1`` or ``ros2``; `endpoint` reads one, for `argparse`."""
-    parser.add_argument(
-        "--node",
-        required=True,
-        type=endpoint,
-        metavar="ENDPOINT",
-        help="what the node got as --serve",
-    )
-    parser.add_argument(
-        "--state",
-        type=Path,
-        metavar="FILE",
-        help="remember there what was handed on (~/.local/state/mocha-link/<robot>-<bridge>)",
-    )
-    if kind == "ros2":
-        parser.add_argument("--domain", type=int, metavar="N", help="DDS domain (ROS_DOMAIN_ID)")
-        parser.add_argument(
-            "--best-effort",
-            nargs="+",
-            type=channel,
-            default=[],
-            metavar="TOPIC",
-            help="topics of this robot whose publishers are not reliable",
-        )
-        parser.add_argument(
-            "--dds", action="store_true", help="use CycloneDDS also where rclpy is installed"
-        )
-
-
-def run(kind: str, options: argparse.Namespace) -> int:
+def run(kind: str, options: SimpleNamespace) -> int:
     """Run a bridge until a signal comes; returns the exit code. Raises MochaLinkError."""
     with until_terminated():
         _run(kind, options)
     return DONE
 
 
-def _run(kind: str, options: argparse.Namespace) -> None:
+def _run(kind: str, options: SimpleNamespace) -> None:
     need(kind, options)  # before a node is waited for
     with ServiceClient(options.node) as client:
         team = _team(client)
@@ -116,7 +85,7 @@ def _state_file(name: str) -> Path | None:
         return None
 
 
-def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) -> Any:
+def _middleware(kind: str, options: SimpleNamespace, team: dict[str, Any]) -> Any:
     name = "mocha_bridge_" + re.sub(r"[^A-Za-z0-9_]", "_", team["robot"])
     if kind == "ros1":
         return Ros1(name, team["types"])
@@ -129,7 +98,7 @@ def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) ->
     return Dds(team["definitions"], domain=options.domain, best_effort=options.best_effort)
 
 
-def need(kind: str, options: argparse.Namespace) -> None:
+def need(kind: str, options: SimpleNamespace) -> None:
     """Raises BridgeError or MissingExtraError if a bridge cannot run in this Python."""
     if kind == "ros1":
         if not has("rospy"):
@@ -154,13 +123,10 @@ ADVICE = {
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The command line of ``__main__``, in a foreign Python."""
-    parser = argparse.ArgumentParser(prog="mocha-link bridge", description=run.__doc__)
-    parser.add_argument("--log-level", default="INFO", help="log from this on, on stderr")
-    kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
-    for kind in ("ros1", "ros2"):
-        add_options(kinds.add_parser(kind), kind)
-    options = parser.parse_args(arguments)
+    """What ``__main__`` runs in a foreign Python: one argument, the options as JSON."""
+    said = json.loads(arguments[0])
+    said["state"] = said["state"] and Path(said["state"])
+    options = SimpleNamespace(**said)
     form = "%(levelname)s %(message)s"
     logging.basicConfig(stream=sys.stderr, level=options.log_level, format=form)
     try:

@@ -5,6 +5,19 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "program": ("Command", "Program", "coloured"),
+        "program": (
+            "Command",
+            "Decorator",
+            "Options",
+            "PATH",
+            "Parsed",
+            "Program",
+            "coloured",
+            "command",
+            "option",
+            "optional",
+            "options_of",
+            "together",
+        ),
     },
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+import json
 import logging
 import os
 import shutil
@@ -11,9 +11,25 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+import click
+
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
-from mocha_link.cli.program import add_command, endpoint, examples, log_level
+from mocha_link.cli.program import (
+    PATH,
+    Command,
+    Decorator,
+    Group,
+    Options,
+    Parsed,
+    command,
+    endpoint,
+    examples,
+    log_level,
+    option,
+    sentence,
+    together,
+)
 
 WHAT = {
     "ros1": "publish and subscribe ROS 1 topics",
@@ -30,33 +46,73 @@ NEEDS = {"ros1": ("rospy",), "ros2": ("rclpy", "cyclonedds")}
 DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages are installed for
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples(*(lines[0] for lines in EXAMPLES.values()))
-    kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
-    for kind, what in WHAT.items():
-        ros = add_command(kinds, kind, what, *EXAMPLES[kind])
-        ros_bridge.add_options(ros, kind, endpoint)
-        ros.add_argument(
+def _bridge(kind: str, *more: Decorator) -> Command:
+    """The command of the bridge to one ROS."""
+
+    def run(options: Options) -> int:
+        return _run(kind, options)
+
+    ros = together(
+        option(
+            "--node",
+            required=True,
+            type=Parsed(endpoint),
+            metavar="ENDPOINT",
+            help="endpoint of the node's --serve",
+        ),
+        option(
+            "--state",
+            type=PATH,
+            metavar="FILE",
+            help="file that remembers which messages were passed on (default: "
+            "~/.local/state/mocha-link/<robot>-<bridge>)",
+        ),
+        *more,
+        option(
             "--python",
             metavar="PATH",
-            help=f"the Python that has ROS, if this one has not ({DEFAULT_PYTHON})",
-        )
+            help=f"Python that has ROS, where this one has none (default {DEFAULT_PYTHON})",
+        ),
+    )
+    found = command(sentence(WHAT[kind]), examples(*EXAMPLES[kind]))(ros(run))
+    found.name = kind
+    return found
 
 
-def run(options: argparse.Namespace) -> int:
+run = Group(
+    "bridge",
+    commands=[
+        _bridge("ros1"),
+        _bridge(
+            "ros2",
+            option("--domain", type=int, metavar="N", help="DDS domain (default: ROS_DOMAIN_ID)"),
+            option(
+                "--best-effort",
+                many=True,
+                type=Parsed(bridges.channel),
+                metavar="TOPIC ...",
+                help="topics of this robot whose publishers are best effort, not reliable",
+            ),
+            option("--dds", is_flag=True, help="use CycloneDDS even where rclpy is installed"),
+        ),
+    ],
+    help="Connect a running node to ROS 1 or ROS 2.",
+    epilog=examples(*(lines[0] for lines in EXAMPLES.values())),
+)
+
+
+def _run(kind: str, options: Options) -> int:
     """Run here if this Python can, else become one that can; returns the exit code."""
-    here = any(map(ros_bridge.has, NEEDS[options.kind]))
+    here = any(map(ros_bridge.has, NEEDS[kind]))
     python = options.python or (None if here else DEFAULT_PYTHON)
     if python is not None:
         found = shutil.which(python)
-        if not options.python and not (found and _has_ros(found, options.kind)):
-            ros_bridge.need(options.kind, options)
+        if not options.python and not (found and _has_ros(found, kind)):
+            ros_bridge.need(kind, options)
         if found is None:
-            advice = ros_bridge.ADVICE[options.kind]
-            raise ros_bridge.BridgeError(f"no program {python}; {advice}")
-        _become(found, options)
-    return ros_bridge.run(options.kind, options)
+            raise ros_bridge.BridgeError(f"no program {python}; {ros_bridge.ADVICE[kind]}")
+        _become(found, kind, options)
+    return ros_bridge.run(kind, options)
 
 
 def _has_ros(python: str, kind: str) -> bool:
@@ -65,19 +121,12 @@ def _has_ros(python: str, kind: str) -> bool:
     return not subprocess.run([python, "-c", modules], capture_output=True, check=False).returncode  # noqa: S603
 
 
-def _become(python: str, options: argparse.Namespace) -> NoReturn:
+def _become(python: str, kind: str, options: Options) -> NoReturn:
     folder = str(Path(bridges.__file__).parent)
-    level = ["--log-level", logging.getLevelName(log_level(options, logging.INFO))]
+    said = {
+        "kind": kind,
+        "log_level": log_level(click.get_current_context(), logging.INFO),
+        **vars(options),
+    }
     sys.stderr.flush()
-    os.execv(python, [python, folder, *level, options.kind, *_arguments(options)])  # noqa: S606
-
-
-def _arguments(options: argparse.Namespace) -> list[str]:
-    given = ["--node", options.node]
-    if options.state:
-        given += ["--state", str(options.state)]
-    if options.kind == "ros2":
-        given += [] if options.domain is None else ["--domain", str(options.domain)]
-        given += ["--best-effort", *options.best_effort] if options.best_effort else []
-        given += ["--dds"] if options.dds else []
-    return given
+    os.execv(python, [python, folder, json.dumps(said, default=str)])  # noqa: S606

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
+
+import click
 
 from mocha_link.cli.keys_command import links, protection_lines
 from mocha_link.cli.links_view import aligned
-from mocha_link.cli.program import examples
+from mocha_link.cli.program import PATH, Options, command, examples, option
 from mocha_link.team import DocumentError, Team
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples("mocha-link check missions/pennovation/team.yaml")
-    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(options: argparse.Namespace) -> int:
+@command(
+    "Check a team file and show the ids and ports that follow from it.",
+    examples("mocha-link check missions/pennovation/team.yaml"),
+)
+@click.argument("team", type=PATH, help="team file (YAML)")
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(options: Options) -> int:
     """Do it; returns the exit code."""
     try:
         team = Team.load(options.team)

@@ -6,7 +6,7 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from mocha_link.cli.program import EXAMPLE, USAGE, Command, Program, drop_output, examples
+from mocha_link.cli.program import EXAMPLE, USAGE, Program, drop_output, examples
 from mocha_link.errors import (
     MISSING_EXTRA,
     MissingExtraError,
@@ -16,19 +16,19 @@ from mocha_link.errors import (
 )
 from mocha_link.team import DocumentError
 
-COMMANDS = tuple(
-    Command(name, f"mocha_link.cli.{name}_command", about)
-    for name, about in (
-        ("check", "check a team file and show its ids and ports"),
-        ("keys", "make keys for the robots, so that only they connect"),
-        ("import", "make a team file of an original MOCHA's YAML files"),
-        ("node", "run the node of a robot"),
-        ("metrics", "show the links of a running node"),
-        ("monitor", "watch the links of a running node live; q ends it"),
-        ("doctor", "say why robots do not talk, by trying it"),
-        ("bridge", "connect a running node to ROS 1 or ROS 2"),
-    )
-)
+COMMANDS = {
+    name: (f"mocha_link.cli.{name}_command", about)
+    for name, about in {
+        "check": "check a team file and show its ids and ports",
+        "keys": "make keys for the robots, so that only they connect",
+        "import": "make a team file of an original MOCHA's YAML files",
+        "node": "run the node of a robot",
+        "metrics": "show the links of a running node",
+        "monitor": "watch the links of a running node live; q ends it",
+        "doctor": "find out why robots do not talk, by trying it",
+        "bridge": "connect a running node to ROS 1 or ROS 2",
+    }.items()
+}
 DONE, FAILED, INVALID_FILE = 0, 1, 3
 
 
@@ -52,8 +52,8 @@ PROGRAM = Program(
         f"mocha-link monitor {EXAMPLE}",
     ),
     COMMANDS,
-    (DocumentError, MochaLinkError, OSError),
-    _ended,
+    expected=(DocumentError, MochaLinkError, OSError),
+    ended=_ended,
     log_level=logging.INFO,
     log_format="%(levelname)s %(message)s",
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import queue
 import threading
@@ -12,7 +11,9 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
-from mocha_link.cli.program import examples, seconds
+import click
+
+from mocha_link.cli.program import PATH, Options, Parsed, command, examples, option, seconds
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
 from mocha_link.links import (
@@ -41,27 +42,25 @@ class Finding(NamedTuple):
     text: str
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Say why robots do not talk, by trying it on the computer of robot NAME: it asks every "
-        "peer as NAME's node does, waits for them to ask, and listens to the radio. Nothing is "
-        "published. A node of NAME may go on meanwhile; its pulls are interrupted. Exit code 1: "
-        "something is in the way."
-    )
-    parser.epilog = examples("mocha-link doctor team.yaml --robot io")
-    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    parser.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
-    parser.add_argument(
-        "--keys", type=Path, metavar="DIR", help="the folder with NAME.key, if the team has keys"
-    )
-    parser.add_argument(
-        "--seconds", type=seconds, default=LISTEN_S, metavar="S", help="wait so long at most (8)"
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(options: argparse.Namespace) -> int:
+@command(
+    "Find out why robots do not talk by trying it on the computer of robot NAME: ask every "
+    "peer as NAME's node does, wait for their requests, and listen to the radio. Nothing is "
+    "published. A node of NAME may keep running; its pulls are interrupted. Exit code 1: "
+    "a problem was found.",
+    examples("mocha-link doctor team.yaml --robot io"),
+)
+@click.argument("team", type=PATH, help="team file (YAML)")
+@option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
+@option("--keys", type=PATH, metavar="DIR", help="folder with NAME.key, where the team has keys")
+@option(
+    "--seconds",
+    type=Parsed(seconds),
+    metavar="S",
+    default=LISTEN_S,
+    help="longest time to wait and listen, in seconds (default 8)",
+)
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(options: Options) -> int:
     """Do it; returns the exit code."""
     team = Team.load(options.team)
     findings = diagnose(team, options.robot, keys=options.keys, seconds=options.seconds)

@@ -2,51 +2,39 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
-from mocha_link.cli.program import examples
+import click
+
+from mocha_link.cli.program import PATH, Options, command, examples, option
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import upstream
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples(
+@command(
+    "Make a team file of an original MOCHA's YAML files.",
+    examples(
         "mocha-link import MOCHA/mocha_core -o team.yaml",
         "mocha-link import robot_configs.yaml topic_configs.yaml --ours titan io -o team.yaml",
-    )
-    # As argparse would write it, the names of --ours seem to belong before the files.
-    parser.usage = (
-        "mocha-link import [-h] [-v] PACKAGE | ROBOT_CONFIGS [TOPIC_CONFIGS [RADIO_CONFIGS]]\n"
-        "                         [-o TEAM] [--ours NAME [NAME ...]] [--ros {1,2}]"
-    )
-    parser.add_argument(
-        "robot_configs",
-        type=Path,
-        metavar="ROBOT_CONFIGS",
-        help="its robots (YAML), or its package mocha_core, of ROS 1 or ROS 2, with all files",
-    )
-    for name, what in (("topic_configs", "topics"), ("radio_configs", "radios")):
-        parser.add_argument(
-            name, type=Path, nargs="?", metavar=name.upper(), help=f"its {what} (YAML)"
-        )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="TEAM", help="write the team file there, not to stdout"
-    )
-    parser.add_argument(
-        "--ours", nargs="+", default=[], metavar="NAME", help="robots that run our node (none)"
-    )
-    parser.add_argument(
-        "--ros",
-        type=int,
-        choices=(1, 2),
-        help="the ROS of the robots (that of the package.xml above the files, else 1)",
-    )
-
-
-def run(options: argparse.Namespace) -> int:
+    ),
+    usage="[OPTIONS] PACKAGE | ROBOT_CONFIGS [TOPIC_CONFIGS [RADIO_CONFIGS]]",
+)
+@click.argument(
+    "robot_configs",
+    type=PATH,
+    help="robots of the original (YAML), or its package mocha_core for ROS 1 or ROS 2 with all "
+    "files",
+)
+@click.argument("topic_configs", type=PATH, required=False, help="topics of the original (YAML)")
+@click.argument("radio_configs", type=PATH, required=False, help="radios of the original (YAML)")
+@option("-o", "--output", type=PATH, metavar="TEAM", help="file of the team (default: stdout)")
+@option("--ours", many=True, metavar="NAME ...", help="robots that run our node (default: none)")
+@option(
+    "--ros",
+    type=click.Choice([1, 2]),
+    help="ROS version of the robots (default: that of the package.xml above the files, else 1)",
+)
+def run(options: Options) -> int:
     """Do it; returns the exit code."""
     robots, topics, radios, ros = upstream.configuration(options.robot_configs)
     if options.topic_configs:  # without radios beside it they are left out

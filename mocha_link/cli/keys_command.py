@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import click
 import yaml
 
-from mocha_link.cli.program import examples
+from mocha_link.cli.program import PATH, Options, command, examples, option
 from mocha_link.errors import MochaLinkError, told
 from mocha_link.path_safety import check_links, new_file
 from mocha_link.team import (
@@ -41,30 +41,23 @@ class _Plan(NamedTuple):
     public: str | None = None
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples(
+@command(
+    "Make keys for the robots of a team, so that no other node can connect to theirs.",
+    examples(
         "mocha-link keys team.yaml",
         "mocha-link keys team.yaml --robot io --force     # io's secret is lost",
-    )
-    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML), is changed")
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder of the secret keys (keys, beside TEAM)"
-    )
-    parser.add_argument(
-        "--robot", action="append", metavar="NAME", help="only for this robot; may be repeated"
-    )
-    parser.add_argument(
-        "--force",
-        action="store_true",
-        help="new keys also where there are some, which are void then",
-    )
-    parser.add_argument(
-        "--print", action="store_true", help="print the lines for TEAM instead of changing it"
-    )
-
-
-def run(options: argparse.Namespace) -> int:
+    ),
+)
+@click.argument("team", type=PATH, help="team file (YAML); the command changes it")
+@option(
+    "--out", type=PATH, metavar="DIR", help="folder of the secret keys (default: keys, beside TEAM)"
+)
+@option(
+    "--robot", multiple=True, metavar="NAME", help="make a key for this robot only; may be repeated"
+)
+@option("--force", is_flag=True, help="also replace existing keys, which then no longer work")
+@option("--print", is_flag=True, help="print the lines for TEAM instead of changing it")
+def run(options: Options) -> int:
     """Make what is missing. Raises MochaLinkError of several kinds; nothing is written then."""
     keys.require()
     text, start = _read(options.team)

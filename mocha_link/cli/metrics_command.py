@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 
+import click
+
 from mocha_link.cli.links_view import UNREADABLE, EventFilter, NodeView, Style, event_line
-from mocha_link.cli.program import EXAMPLE, endpoint, examples, seconds
+from mocha_link.cli.program import (
+    EXAMPLE,
+    Options,
+    Parsed,
+    command,
+    endpoint,
+    examples,
+    option,
+    seconds,
+)
 from mocha_link.service import MetricsError, watch
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples(
-        f"mocha-link metrics {EXAMPLE}", f"mocha-link metrics {EXAMPLE} --json --follow"
-    )
-    parser.add_argument(
-        "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON, one object per line")
-    parser.add_argument("--follow", action="store_true", help="go on with events as they happen")
-    parser.add_argument(
-        "--timeout", type=seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
-    )
-
-
-def run(options: argparse.Namespace) -> int:
+@command(
+    "Show the links of a running node.",
+    examples(f"mocha-link metrics {EXAMPLE}", f"mocha-link metrics {EXAMPLE} --json --follow"),
+)
+@click.argument("endpoint", type=Parsed(endpoint), help="endpoint of the node's --metrics")
+@option("--json", is_flag=True, help="print JSON, one object per line")
+@option("--follow", is_flag=True, help="keep printing events as they happen")
+@option(
+    "--timeout",
+    type=Parsed(seconds),
+    metavar="S",
+    default=5.0,
+    help="time to wait for the node, in seconds (default 5)",
+)
+def run(options: Options) -> int:
     """Do it; returns the exit code."""
     picture, news, shown = NodeView(options.endpoint), EventFilter(), False
     for kind, fields in watch(options.endpoint, timeout_s=options.timeout):

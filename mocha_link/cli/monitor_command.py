@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import select
@@ -14,8 +13,10 @@ import tty
 from collections.abc import Iterator
 from types import FrameType
 
+import click
+
 from mocha_link.cli.links_view import UNREADABLE, NodeView, Style
-from mocha_link.cli.program import EXAMPLE, coloured, endpoint, examples
+from mocha_link.cli.program import EXAMPLE, Options, Parsed, coloured, command, endpoint, examples
 from mocha_link.lifetime import until_terminated
 from mocha_link.service import Subscription
 
@@ -29,15 +30,11 @@ _LEAVE = "\x1b[?25h\x1b[?1049l"
 _HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples(f"mocha-link monitor {EXAMPLE}")
-    parser.add_argument(
-        "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
-    )
-
-
-def run(options: argparse.Namespace) -> int:
+@command(
+    "Watch the links of a running node live; q ends it.", examples(f"mocha-link monitor {EXAMPLE}")
+)
+@click.argument("endpoint", type=Parsed(endpoint), help="endpoint of the node's --metrics")
+def run(options: Options) -> int:
     """Show the links until q or Ctrl-C; once, if the output is no terminal.
 
     Raises MetricsError if no node answers within 5 s.

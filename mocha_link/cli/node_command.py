@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import logging
 import queue
 import sys
-from pathlib import Path
 from typing import NoReturn
 
+import click
+
 from mocha_link.cli.links_view import EventFilter, event_line
-from mocha_link.cli.program import EXAMPLE, drop_output, endpoint, examples, web_address
+from mocha_link.cli.program import (
+    EXAMPLE,
+    PATH,
+    Options,
+    Parsed,
+    command,
+    drop_output,
+    endpoint,
+    examples,
+    option,
+    web_address,
+)
 from mocha_link.lifetime import until_terminated
 from mocha_link.links import LinkEvent
 from mocha_link.node import Node
@@ -25,54 +36,53 @@ LOOK_S = 1.0  # Python overlooks a signal that comes just before a wait, until t
 LOG = logging.getLogger("mocha_link")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.epilog = examples(
+@command(
+    "Run the gossip node of a robot until Ctrl-C or SIGTERM.",
+    examples(
         "mocha-link node team.yaml --robot io",
         f"mocha-link node team.yaml --robot io --metrics {EXAMPLE} --prometheus :9464",
         "mocha-link node team.yaml --robot io --storage io.db --keys /etc/mocha-link",
         "mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node",
-    )
-    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    parser.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
-    parser.add_argument(
-        "--metrics",
-        type=endpoint,
-        metavar="ENDPOINT",
-        help=f"serve metrics there, e.g. {EXAMPLE}",
-    )
-    parser.add_argument(
-        "--prometheus",
-        type=web_address,
-        metavar="HOST:PORT",
-        help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
-    )
-    parser.add_argument(
-        "--storage",
-        type=Path,
-        metavar="FILE",
-        help="keep the messages in this file, so that they survive a restart; default: in memory",
-    )
-    parser.add_argument(
-        "--keys",
-        type=Path,
-        metavar="DIR",
-        help="the folder with the robot's secret, NAME.key, if the team has a key for it",
-    )
-    parser.add_argument(
-        "--serve",
-        type=endpoint,
-        metavar="ENDPOINT",
-        help="serve bridges and other programs there, e.g. ipc:///tmp/io.node",
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print every event as a JSON line; as text syncs that repeat are left out",
-    )
-
-
-def run(options: argparse.Namespace) -> int:
+    ),
+)
+@click.argument("team", type=PATH, help="team file (YAML)")
+@option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
+@option(
+    "--metrics",
+    type=Parsed(endpoint),
+    metavar="ENDPOINT",
+    help=f"serve metrics at this endpoint, e.g. {EXAMPLE}",
+)
+@option(
+    "--prometheus",
+    type=Parsed(web_address),
+    metavar="HOST:PORT",
+    help="serve metrics for Prometheus at this address, e.g. :9464 (this machine only)",
+)
+@option(
+    "--storage",
+    type=PATH,
+    metavar="FILE",
+    help="keep the messages in this file across restarts (default: in memory)",
+)
+@option(
+    "--keys",
+    type=PATH,
+    metavar="DIR",
+    help="folder with the robot's secret key, NAME.key, where the team file has a key for it",
+)
+@option(
+    "--serve",
+    type=Parsed(endpoint),
+    metavar="ENDPOINT",
+    help="serve bridges and other programs at this endpoint, e.g. ipc:///tmp/io.node",
+)
+@option(
+    "--json",
+    is_flag=True,
+    help="print every event as a JSON line (as text, repeated syncs are left out)",
+)
+def run(options: Options) -> int:
     """Do it; returns the exit code."""
     node = Node(Team.load(options.team), options.robot, storage=options.storage, keys=options.keys)
     events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()  # an interrupt leaves no lock

@@ -1,203 +1,407 @@
-"""A program of several commands, each a module: its parser, help, log, end, and completion.
+"""A program of several commands on click: its help, options, log, errors, end, and completion.
 
-A command's module is imported when the command is asked for: a program of many commands starts as
-quickly as the one that is run.
+A command's module is imported when the command runs or its own help is shown: a program of many
+commands starts as quickly as the one that is run.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import io
 import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from types import SimpleNamespace
+from typing import Any, Final, TextIO
+
+import click
+from click.core import ParameterSource
 
 from mocha_link import __version__
-from mocha_link.errors import MissingExtraError, needs_extra
+from mocha_link.errors import MissingExtraError
 from mocha_link.lifetime import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 
-USAGE = 2
-EXIT_CODES = (
-    "exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 7 a package is missing, "
-    "130 interrupted (Ctrl-C)"
+USAGE: Final = 2
+EXIT_CODES: Final = (
+    "exit codes: 0 done, 1 ended abnormally, 2 wrong usage, 3 invalid file, 7 a package is\n"
+    "missing, 130 interrupted (Ctrl-C)"
 )
-LEVELS = {
-    "debug": logging.DEBUG,
-    "info": logging.INFO,
-    "warning": logging.WARNING,
-    "error": logging.ERROR,
-}
-EXAMPLE = "tcp://127.0.0.1:24500"  # an endpoint
+LEVELS: Final = ("debug", "info", "warning", "error")
+EXAMPLE: Final = "tcp://127.0.0.1:24500"  # an endpoint
 _ENDPOINT = re.compile(r"(tcp://.+:([0-9]+|\*)|ipc://.+)", re.ASCII)
+_NEGATIVE = re.compile(r"-[\d.]+(,|$)")
+"""A number below zero, or a place in the southern hemisphere: a value, never an option."""
 
-SHELLS = {
-    "bash": "source <({prog} completion bash)    # a line for ~/.bashrc",
-    "zsh": "{prog} completion zsh > ~/.zfunc/_{prog}    # a folder of fpath",
-    "fish": "{prog} completion fish > ~/.config/fish/completions/{prog}.fish",
+SHELLS: Final = {
+    "bash": "source <({} completion bash)    # a line for ~/.bashrc",
+    "zsh": "{} completion zsh > ~/.zfunc/_{}    # a folder of fpath",
+    "fish": "{} completion fish > ~/.config/fish/completions/{}.fish",
 }
-"""How each is told, in words of its own."""
+"""How each shell is told of a program."""
+
+PATH: Final = click.Path(path_type=Path, readable=False)
+"""The type of a file or folder; the shell completes it. Who opens it says what is wrong with it."""
+
+Decorator = Callable[[Any], Any]
+"""Adds options to a function that `command` makes a command."""
 
 
-class Parser(argparse.ArgumentParser):
-    """A parser whose errors are two lines: what is wrong, and where to read on."""
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the command line, and end."""
-        self.exit(
-            USAGE, f"{self.prog}: error: {message}\n`{self.prog} --help` says what it takes\n"
-        )
+class Options(SimpleNamespace):
+    """What the command line says, each option by its name."""
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
-    """A command of a program.
+class _Alone(str):
+    """A text that is no word of the command line."""
 
-    Attributes:
-        module: Its `add_arguments(parser)` says what the command does and takes, its
-            `run(arguments)` does it and returns the exit code.
-        about: What it is for, in a line without a capital and a full stop.
+    __slots__ = ()
+
+
+class Parsed(click.ParamType[Any]):
+    """The type of a value that a function reads; its ValueError says what is wrong and what helps.
+
+    A default, and the value of an option that is given without one, are taken as they are.
     """
 
-    name: str
-    module: str
-    about: str
+    name = "text"
 
-    def parser(self, program: str) -> Parser:
-        """The parser of its arguments, as a command of `program`."""
-        module = importlib.import_module(self.module)
-        parser = Parser(
-            prog=f"{program} {self.name}",
-            description=sentence(self.about),
-            formatter_class=Help,
-        )
-        module.add_arguments(parser)
-        add_verbose(parser, default=argparse.SUPPRESS)  # what stands before the command counts, too
-        parser.set_defaults(run=module.run)
-        return parser
+    def __init__(self, read: Callable[[str], Any]) -> None:
+        self.read = read
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a text of the command line."""
+        if type(value) is not str:
+            return value
+        try:
+            return self.read(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
 
 
-@dataclass(frozen=True, slots=True)
-class Program:
+class Option(click.Option):
+    """An option that can exclude others, or take several values.
+
+    Args:
+        names: As the user writes it; the last may be its name in `Options`.
+        not_with: Names in `Options` that contradict it.
+        many: Whether it takes all values that follow it: ``--rows A B``.
+        more: Whatever click's option takes.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        *,
+        not_with: Sequence[str] = (),
+        many: bool = False,
+        **more: Any,
+    ) -> None:
+        super().__init__(names, multiple=many or more.pop("multiple", False), **more)
+        self.not_with, self.many = not_with, many
+        self.needs_value = not (self.is_flag or self.count or "flag_value" in more)
+
+
+def option(*names: str, **attributes: Any) -> Decorator:
+    """Add an `Option` to a command."""
+    return click.option(*names, cls=Option, **attributes)
+
+
+def optional(value: Any) -> dict[str, Any]:
+    """What makes an option's value optional: `value` is meant where it stands alone."""
+    alone = _Alone(value) if isinstance(value, str) else value
+    return {"is_flag": False, "flag_value": alone}
+
+
+def together(*options: Decorator) -> Decorator:
+    """Several options as one decorator, in the order of the help."""
+
+    def add(function: Any) -> Any:
+        for one in reversed(options):
+            function = one(function)
+        return function
+
+    return add
+
+
+class _WithEpilog(click.Command):
+    """Its help ends with a text as it stands: examples, tables, exit codes."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
+        """Write that text."""
+        if self.epilog:
+            formatter.write(f"\n{self.epilog.strip()}\n")
+
+
+class Command(_WithEpilog):
+    """A command: a function of `Options` that returns the exit code."""
+
+    def __init__(self, *arguments: Any, usage: str = "", **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self.usage = usage  # of its words, where click's would mislead
+        self.params += _log_options()
+
+    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
+        """The words after its name, in the help."""
+        return [self.usage] if self.usage else super().collect_usage_pieces(ctx)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read its words, and refuse options that contradict each other."""
+        rest = super().parse_args(ctx, self._spread(ctx, args))
+        if ctx.resilient_parsing:
+            return rest
+        for param in self.params:
+            for other in self.params:
+                if other.name in getattr(param, "not_with", ()) and _given(ctx, param, other):
+                    names = (each.get_error_hint(ctx).strip("'[]") for each in (param, other))
+                    raise click.UsageError(f"{' and '.join(names)} contradict each other", ctx)
+        return rest
+
+    def _spread(self, ctx: click.Context, args: Sequence[str]) -> list[str]:
+        """The words with `--rows A B` as `--rows A --rows B`, which is how click has it.
+
+        Raises:
+            click.BadOptionUsage: an option stands where another one's value should be.
+        """
+        options = [each for each in self.params if isinstance(each, Option)]
+        known = {name for each in options for name in each.opts}
+        many = {name for each in options if each.many for name in each.opts}
+        needy = {name for each in options if each.needs_value for name in each.opts}
+        spread: list[str] = []
+        current = ""
+        for word in args:
+            if word in known and spread and spread[-1] in needy and not ctx.resilient_parsing:
+                message = f"Option '{spread[-1]}' requires an argument, not '{word}'."
+                raise click.BadOptionUsage(spread[-1], message, ctx)
+            if word.startswith("-"):
+                current = word if word in many else ""
+            elif current and spread[-1] != current:
+                spread.append(current)
+            spread.append(word)
+        return spread
+
+    def invoke(self, ctx: click.Context) -> int:
+        """Run it, with the log that was asked for; from now on an interrupt can be handled."""
+        raise_when_interrupted()
+        program = ctx.find_root().command
+        if isinstance(program, Program):
+            level = log_level(ctx, program.log_level)
+            logging.basicConfig(level=level, format=program.log_format, stream=sys.stderr)
+        assert self.callback is not None  # noqa: S101 - `command` sees to that
+        return int(self.callback(options_of(ctx)))
+
+
+def command(about: str, epilog: str = "", *, usage: str = "") -> Callable[..., Command]:
+    """Make a function of `Options`, below its options, a command.
+
+    Args:
+        about: What it does, in whole sentences.
+        epilog: How its help ends, as it stands.
+        usage: Its words, where those that follow from its options would mislead.
+    """
+    return click.command(cls=Command, help=about, epilog=epilog, usage=usage)
+
+
+def options_of(ctx: click.Context) -> Options:
+    """What a command's words say, without those about its log."""
+    return Options(**{k: v for k, v in ctx.params.items() if k not in {"verbose", "log_level"}})
+
+
+class Group(_WithEpilog, click.Group):
+    """Several commands behind one word."""
+
+    def __init__(self, name: str, **more: Any) -> None:
+        names = {"help_option_names": ["-h", "--help"]}
+        super().__init__(name, no_args_is_help=False, context_settings=names, **more)
+        self.params += _log_options()
+
+
+class Program(Group):
     """A program of several commands.
 
-    Attributes:
+    Args:
+        name: What the user types.
+        about: What it is for.
+        epilog: How its help ends, as it stands.
+        table: Of each command, by its name, the module whose `run` it is, and what it is for: a
+            line without a capital and a full stop.
         expected: What ends a command with one message; anything else is a fault of ours.
         ended: The exit code and the message, "" for none, of one of those.
-        prepared: What is made of the words of the command line before they are parsed.
+        log_level: Without `--verbose`.
+        log_format: As `logging` has it.
     """
 
-    name: str
-    description: str
-    epilog: str  # below the options of `--help`
-    commands: tuple[Command, ...]
-    expected: tuple[type[Exception], ...]
-    ended: Callable[[Exception], tuple[int, str]]
-    prepared: Callable[[Sequence[str]], Sequence[str]] = list
-    log_level: int = logging.WARNING  # without `--verbose`
-    log_format: str = "%(levelname)s %(name)s: %(message)s"
+    def __init__(  # noqa: PLR0913 - all that differs among three programs
+        self,
+        name: str,
+        about: str,
+        epilog: str,
+        table: Mapping[str, tuple[str, str]],
+        *,
+        expected: tuple[type[Exception], ...],
+        ended: Callable[[Exception], tuple[int, str]],
+        log_level: int = logging.WARNING,
+        log_format: str = "%(levelname)s %(name)s: %(message)s",
+    ) -> None:
+        super().__init__(name, help=about, epilog=epilog)
+        self.table = {**table, "completion": ("", _COMPLETION)}
+        self.expected, self.ended = expected, ended
+        self.log_level, self.log_format = log_level, log_format
+        click.version_option(__version__, prog_name=name, message="%(prog)s %(version)s")(self)
 
-    def parser(
-        self, *, whole: bool = True, lacking: list[str] | None = None
-    ) -> argparse.ArgumentParser:
-        """What its command line can say.
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **x: Any
+    ) -> click.Context:
+        """Read the words before the command."""
+        return super().make_context(info_name, _with_values(args), parent, **x)
 
-        If `whole`, the modules of all commands are imported now: for code that looks into their
-        parsers, to write documentation or to complete words. Otherwise each when it is asked for.
-        Why a module cannot be imported, an extra being absent, is put into `lacking`, and the
-        command then has a name only; without that it is an error.
-        """
-        parser = Parser(
-            prog=self.name, description=self.description, epilog=self.epilog, formatter_class=Help
-        )
-        add_verbose(parser)
-        parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-        commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-        for command in self.commands:
-            commands.add_parser(command.name, help=command.about)
-            commands.choices[command.name] = _StandIn(command, self.name)
-            if whole:
-                try:
-                    commands.choices[command.name] = command.parser(self.name)
-                except MissingExtraError as error:
-                    if lacking is None:
-                        raise
-                    lacking.append(str(error))
-        completion = add_command(
-            commands,
-            "completion",
-            "print a script that has a shell complete commands and options",
-            *(line.format(prog=self.name) for line in SHELLS.values()),
-        )
-        completion.add_argument("shell", choices=tuple(SHELLS), help="for which shell")
-        completion.set_defaults(run=self._complete)
-        return parser
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's
+        """Their names, in the order of the help."""
+        return list(self.table)
 
-    def _complete(self, arguments: argparse.Namespace) -> int:
-        lacking: list[str] = []
-        sys.stdout.write(script(self.parser(lacking=lacking), arguments.shell) + "\n")
-        for why in dict.fromkeys(lacking):
-            sys.stderr.write(f"options of some commands are not completed: {why}\n")
-        return 0
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """A command, imported now."""
+        if cmd_name not in self.table:
+            if ctx.resilient_parsing:
+                return None
+            raise click.NoSuchCommand(cmd_name, possibilities=self.table, ctx=ctx)
+        module, _ = self.table[cmd_name]
+        if not module:
+            return _completion_of(self)
+        found: click.Command = importlib.import_module(module).run
+        found.name = cmd_name
+        return found
+
+    def shell_complete(
+        self, ctx: click.Context, incomplete: str
+    ) -> list[click.shell_completion.CompletionItem]:
+        """Complete the name of a command, importing none."""
+        from click.shell_completion import CompletionItem  # noqa: PLC0415 - slow to load
+
+        found = [
+            CompletionItem(name, help=about)
+            for name, (_, about) in self.table.items()
+            if name.startswith(incomplete)
+        ]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
+        """List the commands, importing none."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, about) for name, (_, about) in self.table.items()])
 
     def run(self, argv: Sequence[str] | None) -> int:
         """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
         leave_when_interrupted()  # a command is imported when it is asked for
         prepare_output()
-        words = self.prepared(sys.argv[1:] if argv is None else argv)
-        if not words:
-            self.parser(whole=False).print_help(sys.stderr)
-            return USAGE
+        words = list(sys.argv[1:] if argv is None else argv)
+        name = str(self.name)
         try:
-            arguments = self.parser(whole=False).parse_args(words)
-            raise_when_interrupted()
-            level = log_level(arguments, self.log_level)
-            logging.basicConfig(level=level, format=self.log_format, stream=sys.stderr)
-            return int(arguments.run(arguments))
-        except SystemExit as end:  # argparse has said why
-            raise_when_interrupted()
-            return end.code if isinstance(end.code, int) else USAGE
+            if instruction := os.environ.get(_variable(name)):
+                return _complete(self, instruction)
+            if not words:
+                with self.make_context(name, [], resilient_parsing=True) as ctx:
+                    click.echo(self.get_help(ctx), err=True)
+                return USAGE
+            with self.make_context(name, words) as ctx:
+                return int(self.invoke(ctx))
+        except click.exceptions.Exit as end:  # --help, --version
+            return end.exit_code
+        except click.UsageError as error:
+            path = error.ctx.command_path if error.ctx else name
+            code = USAGE
+            message = f"{path}: error: {error.format_message()}\n`{path} --help` says what it takes"
         except KeyboardInterrupt:
             code, message = INTERRUPTED, "interrupted"
         except self.expected as error:
             code, message = self.ended(error)
+        finally:
+            raise_when_interrupted()
         if message:
             print(message, file=sys.stderr)
         return code
 
 
-class _StandIn(Parser):
-    """Stands where a command's parser belongs, until there is something for it to parse."""
+def _with_values(words: Sequence[str]) -> list[str]:
+    """The words, each that is a negative number after no option with a blank before it.
 
-    def __init__(self, command: Command, program: str) -> None:
-        super().__init__(add_help=False)
-        self._command, self._program = command, program  # that makes the parser
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        return self._command.parser(self._program).parse_known_args(args, namespace)
-
-
-def script(program: argparse.ArgumentParser, shell: str) -> str:
-    """The script for one of `SHELLS`; arguments that are paths are completed as files.
-
-    Raises:
-        MissingExtraError: what writes it is not installed.
+    Else ``ask goto -33.9,151.2`` would be an option.
     """
-    with needs_extra("completion", "completion"):
-        import shtab  # noqa: PLC0415 - an extra
-    waiting = [program]
-    while waiting:
-        for action in waiting.pop()._actions:  # noqa: SLF001 - no public way to walk a parser
-            if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
-                waiting += action.choices.values()
-            elif action.type is Path:
-                action.complete = shtab.FILE  # type: ignore[attr-defined] # shtab looks there
-    return str(shtab.complete(program, shell=shell))
+    made: list[str] = []
+    for word in words:
+        value = _NEGATIVE.match(word) and not (made and made[-1].startswith("-"))
+        made.append(f" {word}" if value else word)
+    return made
+
+
+def _given(ctx: click.Context, *params: click.Parameter) -> bool:
+    """Whether the user gave all of them."""
+    sources = [ctx.get_parameter_source(each.name) for each in params if each.name]
+    return all(source is ParameterSource.COMMANDLINE for source in sources)
+
+
+def _log_options() -> list[click.Parameter]:
+    return [
+        Option(["-v", "--verbose"], count=True, help="log more, on stderr (-vv: still more)"),
+        Option(
+            ["--log-level"],
+            type=click.Choice(LEVELS),
+            help="the least severe level that is logged, whatever -v says",
+        ),
+    ]
+
+
+def log_level(ctx: click.Context, usual: int) -> int:
+    """The level of `logging` asked for before and after the command; each ``-v`` is one more."""
+    verbose = 0
+    while True:
+        if level := ctx.params.get("log_level"):
+            return logging.getLevelNamesMapping()[str(level).upper()]
+        verbose += int(ctx.params.get("verbose", 0))
+        if ctx.parent is None:
+            return max(logging.DEBUG, usual - 10 * verbose)
+        ctx = ctx.parent
+
+
+_COMPLETION: Final = "print a script with which a shell completes commands and options"
+
+
+def _completion_of(program: Program) -> Command:
+    def run(options: Options) -> int:
+        from click.shell_completion import get_completion_class  # noqa: PLC0415 - slow to load
+
+        kind = get_completion_class(options.shell)
+        assert kind is not None  # noqa: S101 - the shells are click's
+        name = str(program.name)
+        click.echo(kind(program, {}, name, _variable(name)).source())
+        return 0
+
+    lines = (line.format(program.name, program.name) for line in SHELLS.values())
+    shell = click.Argument(["shell"], type=click.Choice([*SHELLS]), help="the shell to complete in")
+    return Command(
+        "completion",
+        params=[shell],
+        callback=run,
+        help=sentence(_COMPLETION),
+        epilog=examples(*lines),
+    )
+
+
+def _variable(program: str) -> str:
+    """Where a shell says what it wants completed."""
+    return f"_{program.upper().replace('-', '_')}_COMPLETE"
+
+
+def _complete(program: Program, instruction: str) -> int:
+    from click.shell_completion import shell_complete  # noqa: PLC0415 - slow to load
+
+    name = str(program.name)
+    try:
+        code: int = shell_complete(program, {}, name, _variable(name), instruction)
+    except MissingExtraError:  # the command says so when it is run
+        return 0
+    return code
 
 
 def examples(*lines: str) -> str:
@@ -206,54 +410,9 @@ def examples(*lines: str) -> str:
     return "\n  ".join([head, *lines]) + f"\n\n{EXIT_CODES}"
 
 
-class Help(argparse.HelpFormatter):
-    """Fills paragraphs, but leaves alone those with indented lines: examples, tables."""
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        return "\n\n".join(
-            paragraph
-            if re.search(r"^( |examples?:)", paragraph, re.MULTILINE)
-            else super(Help, self)._fill_text(paragraph, width, indent)
-            for paragraph in text.split("\n\n")
-        )
-
-
-def add_command(commands: Any, name: str, about: str, *lines: str) -> argparse.ArgumentParser:
-    """Add a command; `about` says what it is for, without a capital and a full stop."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=about, description=sentence(about), epilog=examples(*lines), formatter_class=Help
-    )
-    add_verbose(parser, default=argparse.SUPPRESS)  # what stands before the command counts, too
-    return parser
-
-
 def sentence(about: str) -> str:
     """With a capital and a full stop."""
     return f"{about[0].upper()}{about[1:]}."
-
-
-def add_verbose(parser: argparse.ArgumentParser, *, default: Any = None) -> None:
-    """Add ``-v`` and ``--log-level``; `default` is `argparse.SUPPRESS` for a subcommand."""
-    parser.add_argument(
-        "-v",
-        "--verbose",
-        action="count",
-        default=0 if default is None else default,
-        help="log more, on stderr (-vv: still more)",
-    )
-    parser.add_argument(
-        "--log-level",
-        choices=tuple(LEVELS),
-        default=default,
-        help="log from this on, whatever -v says",
-    )
-
-
-def log_level(options: argparse.Namespace, usual: int) -> int:
-    """The level of `logging` that the arguments ask for; every ``-v`` is one more than usual."""
-    if options.log_level:
-        return LEVELS[options.log_level]
-    return max(logging.DEBUG, usual - 10 * int(options.verbose))
 
 
 def coloured(out: TextIO) -> bool:
@@ -281,28 +440,40 @@ def drop_output() -> None:
 
 
 def seconds(text: str) -> float:
-    """A time, for `argparse`."""
+    """A time on the command line, in seconds.
+
+    Raises:
+        ValueError: it is none.
+    """
     try:
         value = float(text)
     except ValueError:
         value = 0
     if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"'{text}' is no time; write seconds, more than 0")
+        raise ValueError(f"'{text}' is no time; write seconds, more than 0")
     return value
 
 
 def web_address(text: str) -> str:
-    """HOST:PORT, :PORT or PORT, for `argparse`."""
+    """HOST:PORT, :PORT or PORT on the command line.
+
+    Raises:
+        ValueError: it is none.
+    """
     port = text.rpartition(":")[2]
     if not (port.isdecimal() and int(port) < 1 << 16):
-        raise argparse.ArgumentTypeError(f"'{text}' is no address; write host:port, or :port")
+        raise ValueError(f"'{text}' is no address; write host:port, or :port")
     return text
 
 
 def endpoint(text: str) -> str:
-    """A ZeroMQ endpoint, for `argparse`."""
+    """A ZeroMQ endpoint on the command line.
+
+    Raises:
+        ValueError: it is none.
+    """
     if not _ENDPOINT.fullmatch(text):
-        raise argparse.ArgumentTypeError(
+        raise ValueError(
             f"'{text}' is no endpoint; write {EXAMPLE} (address and port) or "
             "ipc:///tmp/name (a path)"
         )

@@ -1,4 +1,4 @@
-"""The UDP path, pure: packets, pacing, what has arrived."""
+"""The UDP path, pure: packets, pacing, acknowledgements."""
 
 from mocha_link.datagram.datagram import Flow
 

@@ -1,4 +1,4 @@
-"""What happens on the links, and their state: what another planner embeds."""
+"""Link events and metrics, for other planners to embed."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""Where the node learns how well its radio hears the others: one adapter per radio."""
+"""Signal strength of peers: one adapter per radio."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Messages as they are kept: headers, bodies, the database, and its file."""
+"""Messages: headers, bodies, the database in memory, its SQLite file."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""The protocol between two nodes, pure: the original one, and the sync of new nodes."""
+"""The protocols between two nodes, pure: the original one, and the sync of our nodes."""
 
 from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN
 from mocha_link.sync.peer import Peer

@@ -1,4 +1,4 @@
-"""The configuration that all robots share: who they are, what they say, their keys."""
+"""The team file: robots, topics, keys."""
 
 from mocha_link.lazy import door
 

@@ -3,7 +3,6 @@
 Apart from the commands: `sitl team` needs no simulated autopilot.
 """
 
-import argparse
 from typing import Final
 
 from air_router.cli import MORE_THAN_0, number
@@ -20,15 +19,11 @@ def pace_source(text: str) -> PaceSource:
     try:
         return PaceSource.of(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not HOST:PORT; write 127.0.0.1:24900"
-        ) from None
+        raise ValueError(f"'{text}' is not HOST:PORT; write 127.0.0.1:24900") from None
 
 
 def instance(text: str) -> int:
     """A PX4 instance of a command line."""
     if not text.isdecimal() or int(text) > _MOST_INSTANCES:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
-        )
+        raise ValueError(f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}")
     return int(text)

@@ -4,41 +4,34 @@ import sys
 from collections.abc import Sequence
 
 from air_router.cli import program_of
-from mocha_link.cli import Command
 
-COMMANDS = (
-    Command(
-        "vehicle",
+COMMANDS = {
+    "vehicle": (
         "sitl.cli.vehicle_command",
         "simulate a vehicle that behaves as PX4 does, over MAVLink",
     ),
-    Command(
-        "team",
+    "team": (
         "sitl.cli.team_command",
         "simulate the ground robots, radios and the camera beside a vehicle",
     ),
-    Command("px4", "sitl.cli.px4_command", "start a real PX4 simulator"),
-    Command(
-        "conform",
+    "px4": ("sitl.cli.px4_command", "start a real PX4 simulator"),
+    "conform": (
         "sitl.cli.conform_command",
-        "compare a vehicle with how PX4 was recorded to behave",
+        "compare a vehicle with recorded conversations of PX4",
     ),
-    Command(
-        "rehearse",
+    "rehearse": (
         "sitl.cli.rehearse_command",
-        "fly a mission hundreds of times while something goes wrong",
+        "fly a mission hundreds of times, each with another fault",
     ),
-    Command(
-        "experiment", "sitl.cli.experiment_command", "run many simulated teams and compare them"
-    ),
-    Command("town", "sitl.cli.town_command", "check, draw or make a town for experiments"),
-)
+    "experiment": ("sitl.cli.experiment_command", "run many simulated teams and compare them"),
+    "town": ("sitl.cli.town_command", "check, draw or make a town for experiments"),
+}
 
 PROGRAM = program_of(
     "sitl",
     "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
-    "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 no answer, "
-    "5 refused, 7 a package is missing, 130 interrupted",
+    "exit codes: 0 done, 1 ended abnormally, 2 wrong usage, 3 invalid file, 4 no answer,\n"
+    "5 refused, 7 a package is missing, 130 interrupted (Ctrl-C)",
     COMMANDS,
 )
 

@@ -1,6 +1,5 @@
 """`sitl conform`: hold the recorded conversations with a vehicle, and say where it departs."""
 
-import argparse
 import contextlib
 import json
 import sys
@@ -8,9 +7,12 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import NamedTuple
 
-from air_router.cli import add_px4_version, speed_factor
+import click
+
+from air_router.cli import px4_version_option, speed_factor
 from air_router.errors import ExitCode, UsageError
 from air_router.vehicle.px4 import FLOWN, NEWEST, OLDEST, Version, name_of
+from mocha_link.cli import Options, Parsed, command, option, optional
 from sitl.cli.arguments import instance
 from sitl.cli.vehicle_command import PX4_HOME
 from sitl.conformance import (
@@ -44,41 +46,42 @@ of its is taken
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Hold recorded conversations with a vehicle and report where it departs."
-    parser.epilog = _EPILOG
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="only those whose name contains this"
-    )
-    parser.add_argument(
-        "--px4",
-        nargs="?",
-        const="",
-        metavar="PATH",
-        help="a real PX4, found as `sitl px4` finds it, or there",
-    )
-    parser.add_argument(
-        "--speed",
-        type=speed_factor,
-        default=5.0,
-        metavar="X",
-        help="of PX4, times real time (default 5)",
-    )
-    parser.add_argument(
-        "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"
-    )
-    add_px4_version(parser, "that our own vehicle behaves as")
-    parser.add_argument("--json", action="store_true", help="the outcomes as JSON")
-    parser.add_argument("--list", action="store_true", help="only list the conversations")
-    parser.add_argument(
-        "--differences",
-        action="store_true",
-        help="only list what differs among the versions of PX4, as tables in Markdown",
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command("Hold recorded conversations with a vehicle and report where it departs.", _EPILOG)
+@click.argument(
+    "names",
+    nargs=-1,
+    required=False,
+    metavar="[NAME ...]",
+    help="only conversations whose name contains one of these (default: all)",
+)
+@option(
+    "--px4",
+    **optional(""),
+    metavar="[PATH]",
+    help="test a real PX4, at PATH or where `sitl px4` finds it",
+)
+@option(
+    "--speed",
+    type=Parsed(speed_factor),
+    metavar="X",
+    default=5.0,
+    help="speed of PX4, times real time, 0.1 to 100 (default 5)",
+)
+@option(
+    "--instance",
+    type=Parsed(instance),
+    metavar="N",
+    help="number of PX4's instance, 0 to 250 (default: the first free one)",
+)
+@px4_version_option("our own vehicle behaves as")
+@option("--json", is_flag=True, help="print the outcomes as JSON")
+@option("--list", is_flag=True, help="list the conversations and hold none")
+@option(
+    "--differences",
+    is_flag=True,
+    help="list the differences between PX4 versions, as Markdown tables",
+)
+def run(arguments: Options) -> int:
     """Hold the conversations; returns 0 if the vehicle held to all of them."""
     if arguments.differences:
         print(f"{table_of_facts()}\n\n{table_of_steps()}")

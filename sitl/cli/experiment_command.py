@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import signal
@@ -11,10 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+import click
+
 from air_router.cli import print_json
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight import StatusLine
 from air_router.words import counted
+from mocha_link.cli import PATH, Options, Parsed, command, option
 from sitl.experiment import Experiment, Record, Task, experiment_names, load_experiment
 from sitl.experiment.campaign import (
     ARCHIVE_ENDING,
@@ -38,65 +40,83 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Run an experiment: every row of its file with several seeds, each run half an "
-        "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
-        "writes results.csv, figures and what the runs say about the paper's claims."
-    )
-    parser.epilog = _EPILOG
-    parser.add_argument(
-        "experiment",
-        nargs="?",
-        metavar="NAME|FILE",
-        help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
-        f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
-    )
-    parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
-    parser.add_argument(
-        "--first-seed",
-        type=partial(_count, least=0),
-        metavar="N",
-        help="number of each row's first run (default: file's); from the file's "
-        "confirmation_seed on, runs are for confirmation",
-    )
-    parser.add_argument(
-        "--rows", nargs="+", default=[], metavar="WHICH", help="key=value[,value], or label pattern"
-    )
-    parser.add_argument("--jobs", type=_count, metavar="N", help="processes (default: CPUs)")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="for runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
-    )
-    parser.add_argument("--fresh", action="store_true", help="forget the finished runs in DIR")
-    parser.add_argument(
-        "--docs",
-        type=Path,
-        metavar="FILE",
-        help="put table, claims and figures into a Markdown file, between its marks",
-    )
-    parser.add_argument(
-        "--archive",
-        type=_archive,
-        metavar="FILE",
-        help=f"keep what tables and claims are made of in a file *{ARCHIVE_ENDING}",
-    )
-    parser.add_argument(
-        "--verify",
-        type=Path,
-        metavar="FILE",
-        help="of an archive: say what differs in a Markdown file and its evidence, and change "
-        "nothing",
-    )
-    parser.add_argument("--no-figures", action="store_true", help="draw nothing")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--list", action="store_true", help="list the experiments and their rows")
+def _count(text: str, least: int = 1) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if number < least:
+        raise ValueError(f"{text} is not a whole number of at least {least}")
+    return number
 
 
-def run(arguments: argparse.Namespace) -> int:
+def _archive(text: str) -> Path:
+    if not text.endswith(ARCHIVE_ENDING):
+        raise ValueError(f"{text} does not end with {ARCHIVE_ENDING}")
+    return Path(text)
+
+
+@command(
+    "Run an experiment: every row of its file with several seeds, each run half an "
+    "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
+    "writes results.csv, figures and what the runs say about the paper's claims.",
+    _EPILOG,
+)
+@click.argument(
+    "experiment",
+    required=False,
+    metavar="[NAME|FILE]",
+    help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
+    f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
+)
+@option(
+    "--seeds", type=Parsed(_count), metavar="N", help="number of runs per row (default: the file's)"
+)
+@option(
+    "--first-seed",
+    type=Parsed(partial(_count, least=0)),
+    metavar="N",
+    help="number of the first run of each row (default: the file's); runs from the file's "
+    "confirmation_seed on are for confirmation",
+)
+@option(
+    "--rows",
+    many=True,
+    metavar="WHICH ...",
+    help="run only these rows: key=value[,value], or a pattern of labels",
+)
+@option(
+    "--jobs", type=Parsed(_count), metavar="N", help="number of processes (default: number of CPUs)"
+)
+@option(
+    "--out",
+    type=PATH,
+    metavar="DIR",
+    help="folder of runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
+)
+@option("--fresh", is_flag=True, help="delete the finished runs in DIR first")
+@option(
+    "--docs",
+    type=PATH,
+    metavar="FILE",
+    help="write table, claims and figures into a Markdown file, between its marks",
+)
+@option(
+    "--archive",
+    type=Parsed(_archive),
+    metavar="FILE",
+    help=f"write what tables and claims are made of into a file *{ARCHIVE_ENDING}",
+)
+@option(
+    "--verify",
+    type=PATH,
+    metavar="FILE",
+    help="with an archive: list what differs in a Markdown file and its evidence; change nothing",
+)
+@option("--no-figures", is_flag=True, help="draw no figures")
+@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--list", is_flag=True, help="list the experiments and their rows")
+def run(arguments: Options) -> int:
     """Run the experiment, and say what came out."""
     if arguments.list:
         _print_list(arguments.json)
@@ -107,7 +127,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def run_with(
-    arguments: argparse.Namespace, work: Work, try_out: Callable[[Task], object] | None = None
+    arguments: Options, work: Work, try_out: Callable[[Task], object] | None = None
 ) -> int:
     """The command, with what makes one run, and what looks whether that can be done."""
     if arguments.experiment is None:
@@ -145,7 +165,7 @@ def run_with(
     return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
 
 
-def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
+def _from_archive(archive: Path, arguments: Options) -> int:
     """Table and claims of archived runs; or whether a document still says what they say."""
     if not archive.name.endswith(ARCHIVE_ENDING):
         raise UsageError(f"--verify is about an archive of runs; give a file *{ARCHIVE_ENDING}")
@@ -173,7 +193,7 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
 
 def _run_campaign(
     campaign: Campaign,
-    arguments: argparse.Namespace,
+    arguments: Options,
     work: Work,
     log: RunLog,
     status: StatusLine,
@@ -225,7 +245,7 @@ def _evaluate(
     experiment: Experiment,
     records: Sequence[Record],
     folder: Path,
-    arguments: argparse.Namespace,
+    arguments: Options,
     archive: Path | None,
 ) -> None:
     """Write and print what runs amount to, and put it into a document where that is asked for."""
@@ -275,19 +295,3 @@ def _print_list(as_json: bool) -> None:
     for experiment, _ in found:
         count = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
         sys.stdout.write(f"{experiment.name:12} {experiment.title} ({count})\n")
-
-
-def _archive(text: str) -> Path:
-    if not text.endswith(ARCHIVE_ENDING):
-        raise argparse.ArgumentTypeError(f"{text} does not end with {ARCHIVE_ENDING}")
-    return Path(text)
-
-
-def _count(text: str, least: int = 1) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        number = -1
-    if number < least:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least {least}")
-    return number

@@ -1,17 +1,18 @@
 """`sitl px4`: a real PX4 SITL in one command."""
 
-import argparse
 import time
-from pathlib import Path
+
+import click
 
 from air_router.errors import ExitCode
+from mocha_link.cli import PATH, Options, Parsed, command, option
 from sitl.cli.arguments import instance
 from sitl.cli.vehicle_command import (
-    add_place,
-    add_speed_and_parameters,
     parameters_of,
     place_of,
+    place_options,
     ready_line,
+    speed_and_parameters,
 )
 from sitl.process import (
     AIRFRAMES,
@@ -35,32 +36,28 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Find a PX4 SITL on this machine and run it at a mission's home."
-    parser.epilog = _EPILOG
-    add_place(parser)
-    parser.add_argument(
-        "--px4",
-        metavar="PATH",
-        help="a build folder, source tree or px4 executable; or docker, podman, docker:v1.17.0",
-    )
-    parser.add_argument(
-        "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"
-    )
-    parser.add_argument(
-        "--airframe",
-        choices=AIRFRAMES,
-        default=AIRFRAMES[0],
-        help="what is simulated (default %(default)s; hex from PX4 1.17 on)",
-    )
-    add_speed_and_parameters(parser, "times real time (default 1)")
-    parser.add_argument(
-        "--log-dir", type=Path, metavar="DIR", help="keep PX4's files and what it says there"
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command("Find a PX4 SITL on this machine and run it at a mission's home.", _EPILOG)
+@place_options
+@option(
+    "--px4",
+    metavar="PATH",
+    help="build folder, source tree or executable of PX4; or docker, podman, docker:v1.17.0",
+)
+@option(
+    "--instance",
+    type=Parsed(instance),
+    metavar="N",
+    help="number of PX4's instance, 0 to 250 (default: the first free one)",
+)
+@option(
+    "--airframe",
+    type=click.Choice(AIRFRAMES),
+    default=AIRFRAMES[0],
+    help=f"airframe to simulate (default {AIRFRAMES[0]}; hex needs PX4 1.17 or newer)",
+)
+@speed_and_parameters("speed, times real time, 0.1 to 100 (default 1)")
+@option("--log-dir", type=PATH, metavar="DIR", help="keep PX4's files and output in this folder")
+def run(arguments: Options) -> int:
     """Run PX4 until a signal comes; returns the exit code."""
     install = find_px4(arguments.px4)
     settings = Px4Settings(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import functools
 import logging
 import os
@@ -16,9 +15,12 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
+import click
+
 from air_router.cli import print_json
 from air_router.errors import ExitCode
 from air_router.report import went_on_without
+from mocha_link.cli import PATH, Options, command, option
 from sitl.rehearsal import Fault, Scene, SimulatedFlight, scenes
 from sitl.rehearsal.judge import End, Verdict, Violation, judge
 from sitl.rehearsal.programs import OURS, SPEED, RealFlight, WireScene, wire_scenes
@@ -62,57 +64,57 @@ MOST_VIOLATIONS: Final = 3
 """So many of a flight's are printed; all of them are in --json."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Fly a mission with the real flight program and the simulated PX4 in one "
-        "process, faster than real time; in each something else goes wrong. A judge that knows "
-        "only the true track, the messages and the mission file says how each went. Prints a "
-        "table."
-    )
-    parser.epilog = (
-        "examples:\n"
-        "  sitl rehearse missions/pennovation/mission.yaml\n"
-        "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3"
-    )
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML")
-    parser.add_argument(
-        "--share", type=float, default=1.0, metavar="X", help="of the flights (default 1: all)"
-    )
-    parser.add_argument("--fault", metavar="NAME", action="append", help="only these")
-    parser.add_argument("--seed", type=int, metavar="N", help="only this one of each fault")
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: CPUs)",
-    )
-    parser.add_argument(
-        "--mavlink",
-        action="store_true",
-        help="fly `air-router fly` over UDP against `sitl vehicle` instead: other scenes",
-    )
-    parser.add_argument(
-        "--px4", metavar="PATH", help="the same against a real PX4 (see `sitl px4 --help`)"
-    )
-    parser.add_argument(
-        "--companion",
-        metavar="COMMAND",
-        help="with --mavlink or --px4: another air-router is judged, which begins with this "
-        '("env PYTHONPATH=OLD python -m air_router.cli"); nothing waits for it: use a low --speed',
-    )
-    parser.add_argument(
-        "--speed",
-        type=float,
-        default=SPEED,
-        metavar="X",
-        help=f"with --mavlink and --px4: times real time (default {SPEED:g})",
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object per flight instead")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Fly a mission with the real flight program and the simulated PX4 in one "
+    "process, faster than real time; in each something else goes wrong. A judge that knows "
+    "only the true track, the messages and the mission file says how each went. Prints a "
+    "table.",
+    "examples:\n"
+    "  sitl rehearse missions/pennovation/mission.yaml\n"
+    "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3",
+)
+@click.argument("mission", type=PATH, help="mission file (.yaml)")
+@option(
+    "--share",
+    type=float,
+    metavar="X",
+    default=1.0,
+    help="share of the flights to fly, 0 to 1 (default 1: all)",
+)
+@option(
+    "--fault", multiple=True, metavar="NAME", help="fly only scenes of this fault; may be repeated"
+)
+@option("--seed", type=int, metavar="N", help="fly only this scene number of each fault")
+@option(
+    "--jobs",
+    type=int,
+    metavar="N",
+    default=os.cpu_count() or 1,
+    help="number of processes (default: number of CPUs)",
+)
+@option(
+    "--mavlink",
+    is_flag=True,
+    help="fly `air-router fly` over UDP against `sitl vehicle`; the scenes are others",
+)
+@option("--px4", metavar="PATH", help="as --mavlink, against a real PX4 (see `sitl px4 --help`)")
+@option(
+    "--companion",
+    metavar="COMMAND",
+    help="with --mavlink or --px4: judge another air-router, started with this "
+    'command ("env PYTHONPATH=OLD python -m air_router.cli"); the clock does '
+    "not wait for it, so use a low --speed"
+    '("env PYTHONPATH=OLD python -m air_router.cli"); nothing waits for it: use a low --speed',
+)
+@option(
+    "--speed",
+    type=float,
+    metavar="X",
+    default=SPEED,
+    help=f"speed with --mavlink and --px4, times real time (default {SPEED:g})",
+)
+@option("--json", is_flag=True, help="print one JSON object per flight instead of the table")
+def run(arguments: Options) -> int:
     """Rehearse, and print what became of it."""
     began_s, verdicts = time.monotonic(), []
     programs = bool(arguments.mavlink or arguments.px4)
@@ -134,7 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE if good else ExitCode.ENDED_OTHERWISE
 
 
-def _flown(arguments: argparse.Namespace) -> Iterator[tuple[Scene, Verdict]]:
+def _flown(arguments: Options) -> Iterator[tuple[Scene, Verdict]]:
     """Scenes in processes of ours."""
     chosen = [
         scene
@@ -160,7 +162,7 @@ def fly(path: Path, scene: Scene) -> Verdict:
         logging.disable(logging.NOTSET)
 
 
-def _flown_by_programs(arguments: argparse.Namespace) -> Iterator[tuple[WireScene, Verdict]]:
+def _flown_by_programs(arguments: Options) -> Iterator[tuple[WireScene, Verdict]]:
     """Scenes in which the real programs fly, each in processes of its own."""
     chosen = [
         scene

@@ -1,15 +1,16 @@
 """`sitl team`: the ground robots, radios and camera of a simulation, as a process of its own."""
 
-import argparse
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
-from air_router.cli import add_rover, print_json
+import click
+
+from air_router.cli import print_json, rover_option
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import Mission, load_mission
 from air_router.vehicle import PaceClient
+from mocha_link.cli import PATH, Options, Parsed, command, option
 from mocha_link.path_safety import new_file
 from mocha_link.team import DocumentError, Team
 from sitl.cli.arguments import epoch, pace_source
@@ -28,64 +29,58 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = (
-        "Simulate the ground robots of a team, the radios and the camera around a "
-        "simulated vehicle, whose true position and time are followed."
-    )
-    parser.epilog = _EPILOG
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
-    parser.add_argument("--team", type=Path, metavar="FILE", help="default: the mission's team")
-    parser.add_argument("--world", type=Path, metavar="FILE", help="default: the mission's world")
-    parser.add_argument(
-        "--truth",
-        action="append",
-        default=[],
-        metavar="[NAME=]URL",
-        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, PX4's SIH); "
-        "once for each UAV of a mission for several (default: the next ports)",
-    )
-    parser.add_argument(
-        "--camera",
-        action="append",
-        default=[],
-        metavar="[NAME=]URL",
-        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {_DEFAULT_CAMERA}); "
-        "once for each UAV of a mission for several (default: the next ports)",
-    )
-    parser.add_argument(
-        "--free-ports",
-        type=Path,
-        metavar="DIR",
-        help="write a team file with free loopback addresses and ports into DIR and use that one, "
-        "so that simulations can run side by side; a mission without a team gets a built-in one",
-    )
-    add_rover(parser)
-    parser.add_argument(
-        "--check",
-        action="store_true",
-        help="only check mission, team, world file and --rover; problems go to stderr, and to "
-        "stdout as one JSON object",
-    )
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write a report at the end")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
-    parser.add_argument(
-        "--epoch",
-        type=epoch,
-        metavar="UNIX_S",
-        help="Unix time at the vehicle's time zero; give the vehicle the same one (default: so "
-        "that the vehicle's first packet comes now)",
-    )
-    parser.add_argument(
-        "--pace-from",
-        type=pace_source,
-        metavar="HOST:PORT",
-        help="let that vehicle's clock (`sitl vehicle --pace`) wait for the team",
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "Simulate the ground robots of a team, the radios and the camera around a "
+    "simulated vehicle, whose true position and time are followed.",
+    _EPILOG,
+)
+@click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
+@option("--team", type=PATH, metavar="FILE", help="team file (default: the mission's)")
+@option("--world", type=PATH, metavar="FILE", help="world file (default: the mission's)")
+@option(
+    "--truth",
+    multiple=True,
+    metavar="[NAME=]URL",
+    help=f"address to which the vehicle sends HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, "
+    "PX4's SIH); one for each UAV of the mission (default: the next ports)",
+)
+@option(
+    "--camera",
+    multiple=True,
+    metavar="[NAME=]URL",
+    help="endpoint at which the camera publishes what it sees (ZeroMQ PUB, default "
+    f"{_DEFAULT_CAMERA}); one for each UAV of the mission (default: the next ports)",
+)
+@option(
+    "--free-ports",
+    type=PATH,
+    metavar="DIR",
+    help="write a team file with free loopback addresses and ports into DIR and use that one, so "
+    "that simulations can run side by side; a mission without a team gets a built-in one",
+)
+@rover_option
+@option(
+    "--check",
+    is_flag=True,
+    help="only check mission, team, world file and --rover; problems go to stderr, and to stdout "
+    "as one JSON object",
+)
+@option("--report", type=PATH, metavar="FILE", help="write a report to FILE at the end")
+@option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
+@option(
+    "--epoch",
+    type=Parsed(epoch),
+    metavar="UNIX_S",
+    help="Unix time at the vehicle's time zero, in seconds; the vehicle needs the same (default: "
+    "such that its first packet arrives now)",
+)
+@option(
+    "--pace-from",
+    type=Parsed(pace_source),
+    metavar="HOST:PORT",
+    help="let the clock of this vehicle (`sitl vehicle --pace`) wait for the team",
+)
+def run(arguments: Options) -> int:
     """Simulate until a signal comes; returns the exit code."""
     mission = load_mission(arguments.mission)
     team = _team(arguments, mission)
@@ -103,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(
-    arguments: argparse.Namespace, mission: Mission, team: Team, roles: TeamRoles, plan: WorldPlan
+    arguments: Options, mission: Mission, team: Team, roles: TeamRoles, plan: WorldPlan
 ) -> int:
     from sitl.team import Places, TeamSimulation, derive_team  # noqa: PLC0415 - no check needs it
 
@@ -149,7 +144,7 @@ def _of_each(
     return values
 
 
-def _team(arguments: argparse.Namespace, mission: Mission) -> Team:
+def _team(arguments: Options, mission: Mission) -> Team:
     path = arguments.team or mission.team
     if path is not None:
         return Team.load(path)

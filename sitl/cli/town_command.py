@@ -1,11 +1,11 @@
 """`sitl town`: check a town, draw it, or make one from a seed."""
 
-import argparse
 import re
 import sys
 from pathlib import Path
 from typing import Any, Final
 
+import click
 import shapely
 
 from air_router.cli import print_json
@@ -14,6 +14,7 @@ from air_router.files import write_whole
 from air_router.words import counted
 from geo.frame import Point
 from geo.grid import Terrain
+from mocha_link.cli import PATH, Options, command, option
 from mocha_link.errors import needs_extra
 from mocha_link.team import DocumentError
 from sitl.world.towns import Town, layers
@@ -35,27 +36,20 @@ OPEN, PAVED, ROAD, CROWN = "#e3dccb", "#eef0e4", "#aab4c4", "#8fb27c"
 HOUSE, HOUSE_EDGE, GOAL, START = "#fdfdfb", "#b9b4a8", "#d1495b", "#30638e"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Check a town's file, draw it, or make one of any size."
-    parser.epilog = _EPILOG
-    parser.add_argument("town", metavar="TOWN", help="a file, or COLUMNSxROWS for a new town")
-    parser.add_argument(
-        "--seed", type=int, metavar="N", help="makes a new town, or new places (default 1)"
-    )
-    parser.add_argument(
-        "--goals", type=int, metavar="N", help="vehicles of a new town (default 15)"
-    )
-    parser.add_argument(
-        "--scatter", type=int, metavar="N", help="put N vehicles at other places beside the roads"
-    )
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write town.yaml there")
-    parser.add_argument("--force", action="store_true", help="replace what is there")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw it (png, svg, pdf)")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command("Check a town's file, draw it, or make one of any size.", _EPILOG)
+@click.argument("town", help="file of a town, or COLUMNSxROWS for a new one")
+@option("--seed", type=int, metavar="N", help="seed of a new town, or of new places (default 1)")
+@option("--goals", type=int, metavar="N", help="number of vehicles in a new town (default 15)")
+@option(
+    "--scatter", type=int, metavar="N", help="move N vehicles to random places beside the roads"
+)
+@option("--out", type=PATH, metavar="FOLDER", help="folder that town.yaml is written to")
+@option("--force", is_flag=True, help="replace files that exist")
+@option(
+    "--picture", type=PATH, metavar="FILE", help="draw the town into a file (.png, .svg or .pdf)"
+)
+@option("--json", is_flag=True, help="one JSON object on stdout")
+def run(arguments: Options) -> int:
     """Do what was asked; returns the exit code."""
     from sitl.world.towns import (  # noqa: PLC0415
         generate,
@@ -96,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _check_for_file(arguments: argparse.Namespace) -> None:
+def _check_for_file(arguments: Options) -> None:
     """What is only for new towns, or new places, would do nothing to a file's."""
     if arguments.goals is not None:
         raise UsageError("--goals is for a new town; --scatter N puts N vehicles into this one")

@@ -1,23 +1,24 @@
 """`sitl vehicle`: a simulated PX4 multirotor, as a process of its own."""
 
-import argparse
 import contextlib
 import time
-from pathlib import Path
 from typing import Any, Final
+
+import click
 
 from air_router.cli import (
     ANY_FINITE,
     MORE_THAN_0,
-    add_px4_version,
-    add_uav,
     number,
     print_json,
+    px4_version_option,
     speed_factor,
+    uav_option,
 )
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import load_mission
 from air_router.vehicle.px4 import name_of
+from mocha_link.cli import PATH, Decorator, Options, Parsed, command, option, together
 from mocha_link.loopback import is_loopback
 from sitl.cli.arguments import epoch, instance, pace_source
 from sitl.mavlink import VehicleSettings
@@ -54,106 +55,13 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what the command does and takes."""
-    parser.description = "Simulate a multirotor with an autopilot that behaves as PX4 does."
-    parser.epilog = _EPILOG
-    add_place(parser)
-    parser.add_argument(
-        "--instance", type=instance, default=0, metavar="N", help="ports +N, system id N+1"
-    )
-    add_speed_and_parameters(parser, "at most, times real time (default 1)")
-    parser.add_argument(
-        "--pace",
-        type=_address,
-        metavar="HOST:PORT",
-        help="let the clock wait for the processes that tell there how far they are",
-    )
-    parser.add_argument(
-        "--pace-for",
-        type=int,
-        default=1,
-        metavar="N",
-        help="how many of them (default 1); until all have told it the clock goes slowly",
-    )
-    parser.add_argument(
-        "--pace-from", type=pace_source, metavar="HOST:PORT", help="follow that vehicle's clock"
-    )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the position noise")
-    parser.add_argument(
-        "--epoch", type=epoch, metavar="UNIX_S", help="Unix time at time zero (default: now)"
-    )
-    parser.add_argument(
-        "--wind",
-        type=_wind,
-        default=WindSettings(),
-        metavar="SPEED,FROM[,GUSTS]",
-        help="m/s, degrees that it comes from, and the gusts' spread in m/s (default 0.3 of it)",
-    )
-    parser.add_argument(
-        "--api-to",
-        type=_address,
-        metavar="HOST:PORT",
-        help="send the API link there (default 127.0.0.1:14540+N), from a free port",
-    )
-    parser.add_argument(
-        "--gcs-to", type=_address, metavar="HOST:PORT", help="the same for the GCS link (14550)"
-    )
-    parser.add_argument(
-        "--listen",
-        metavar="ADDRESS",
-        help="receive there (default: this machine only; 0.0.0.0: whoever reaches it flies it)",
-    )
-    add_px4_version(parser, "that it behaves as")
-    parser.add_argument("--no-gcs", action="store_true", help="no link to a ground station")
-    parser.add_argument(
-        "--truth-to", type=_address, metavar="HOST:PORT", help="the same for the truth (19410+N)"
-    )
-
-
-def add_place(parser: argparse.ArgumentParser) -> None:
-    """Add MISSION, --home and --uav; `place_of` reads them."""
-    place = parser.add_mutually_exclusive_group()
-    place.add_argument(
-        "mission",
-        type=Path,
-        nargs="?",
-        metavar="MISSION",
-        help="mission file or .plan: start at its home (default: PX4's, near Zurich)",
-    )
-    place.add_argument(
-        "--home", type=_place, metavar="LAT,LON,ALT", help="start here: degrees, metres AMSL"
-    )
-    add_uav(parser)
-
-
-def add_speed_and_parameters(parser: argparse.ArgumentParser, speed_help: str) -> None:
-    """Add --speed, --battery-minutes and --param; `parameters_of` reads the last two."""
-    parser.add_argument("--speed", type=speed_factor, default=1.0, metavar="X", help=speed_help)
-    parser.add_argument(
-        "--battery-minutes",
-        type=number("a number above zero", MORE_THAN_0, ANY_FINITE),
-        default=22.5,
-        metavar="M",
-        help="minutes from full to empty (default 22.5)",
-    )
-    parser.add_argument(
-        "--param",
-        type=parameter,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter that is to differ from PX4's default; may be given again",
-    )
-
-
-def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
+def parameters_of(arguments: Options) -> dict[str, float]:
     """The parameters that the command line sets; PX4's own battery stops draining at half."""
     drain_s = arguments.battery_minutes * 60.0
     return {"SIM_BAT_DRAIN": drain_s, "SIM_BAT_MIN_PCT": 0.0} | dict(arguments.param)
 
 
-def place_of(arguments: argparse.Namespace) -> Place:
+def place_of(arguments: Options) -> Place:
     """Where the command line says that the vehicle starts."""
     home: Place | None = arguments.home
     if home is not None or arguments.mission is None:
@@ -163,7 +71,7 @@ def place_of(arguments: argparse.Namespace) -> Place:
     return Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0)
 
 
-def process_of(arguments: argparse.Namespace, **settings: Any) -> VehicleProcess:
+def process_of(arguments: Options, **settings: Any) -> VehicleProcess:
     """The vehicle that the command line asks for, on its ports.
 
     Args:
@@ -197,7 +105,160 @@ def process_of(arguments: argparse.Namespace, **settings: Any) -> VehicleProcess
     return VehicleProcess(chosen, _ports(arguments), _pace(arguments))
 
 
-def run(arguments: argparse.Namespace) -> int:
+def _address(text: str) -> Address:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ValueError(f"'{text}' is not HOST:PORT; write 127.0.0.1:14540")
+    return host, int(port)
+
+
+def _wind(text: str) -> WindSettings:
+    try:
+        speed_m_s, from_deg, *rest = (float(part) for part in text.split(","))
+        wind = WindSettings(speed_m_s, from_deg, *rest)
+    except (ValueError, TypeError):
+        raise ValueError(f"'{text}' is not SPEED,FROM[,GUSTS]; write for example 5,270,2") from None
+    gusts = wind.gusts_m_s or 0.0
+    if not (0 <= speed_m_s <= _MOST_WIND_M_S and 0 <= gusts <= _MOST_WIND_M_S):
+        raise ValueError(f"'{text}': winds go from 0 to {_MOST_WIND_M_S:g} m/s")
+    return wind
+
+
+def _place(text: str) -> Place:
+    try:
+        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(
+            f"'{text}' is not LAT,LON,ALT; write for example 47.397742,8.545594,489.4"
+        ) from None
+    place = Place(latitude_deg, longitude_deg, altitude_m)
+    if not (abs(latitude_deg) < 90 and abs(longitude_deg) <= 180 and abs(altitude_m) < 10000):
+        raise ValueError(f"'{text}' is not a place on Earth")
+    return place
+
+
+def parameter(text: str) -> tuple[str, float]:
+    """NAME=VALUE of a command line; the name must be one of PX4's."""
+    name, _, value = text.partition("=")
+    set_to = number("the value of NAME=VALUE; write GF_ACTION=3", -ANY_FINITE, ANY_FINITE)(value)
+    if not any(name in defaults(behaviour) for behaviour in BEHAVIOURS.values()):
+        raise ValueError(f"'{name}' is not a parameter of PX4's SITL")
+    return name, set_to
+
+
+place_options = together(
+    click.argument(
+        "mission",
+        type=PATH,
+        required=False,
+        help="mission file (.yaml or .plan); the vehicle starts at its home (default: PX4's "
+        "home, near Zurich)",
+    ),
+    option(
+        "--home",
+        type=Parsed(_place),
+        metavar="LAT,LON,ALT",
+        help="start at this place: degrees, and metres AMSL",
+        not_with=["mission"],
+    ),
+    uav_option,
+)
+"""Add MISSION, --home and --uav; `place_of` reads them."""
+
+
+def speed_and_parameters(speed_help: str) -> Decorator:
+    """Add --speed, --battery-minutes and --param; `parameters_of` reads the last two."""
+    return together(
+        option("--speed", type=Parsed(speed_factor), metavar="X", default=1.0, help=speed_help),
+        option(
+            "--battery-minutes",
+            type=Parsed(number("a number above zero", MORE_THAN_0, ANY_FINITE)),
+            metavar="M",
+            default=22.5,
+            help="endurance of a full battery, in minutes (default 22.5)",
+        ),
+        option(
+            "--param",
+            multiple=True,
+            type=Parsed(parameter),
+            metavar="NAME=VALUE",
+            help="PX4 parameter that differs from its default; may be repeated",
+        ),
+    )
+
+
+@command("Simulate a multirotor with an autopilot that behaves as PX4 does.", _EPILOG)
+@place_options
+@option(
+    "--instance",
+    type=Parsed(instance),
+    metavar="N",
+    default=0,
+    help="number of the instance, 0 to 250: ports +N, system id N+1 (default 0)",
+)
+@speed_and_parameters("largest speed, times real time, 0.1 to 100 (default 1)")
+@option(
+    "--pace",
+    type=Parsed(_address),
+    metavar="HOST:PORT",
+    help="serve the clock here, and wait for the processes that report their progress",
+)
+@option(
+    "--pace-for",
+    type=int,
+    metavar="N",
+    default=1,
+    help="number of processes to wait for (default 1); the clock runs slowly until all have "
+    "reported",
+)
+@option(
+    "--pace-from",
+    type=Parsed(pace_source),
+    metavar="HOST:PORT",
+    help="follow the clock of the vehicle that serves it here (its --pace)",
+)
+@option("--seed", type=int, metavar="N", default=1, help="seed of the position noise (default 1)")
+@option(
+    "--epoch",
+    type=Parsed(epoch),
+    metavar="UNIX_S",
+    help="Unix time at simulated time zero, in seconds (default: now)",
+)
+@option(
+    "--wind",
+    type=Parsed(_wind),
+    metavar="SPEED,FROM[,GUSTS]",
+    default=WindSettings(),
+    help="wind speed in m/s, direction it comes from in degrees, and spread of the gusts in m/s "
+    "(default 0.3 of the speed); no wind by default",
+)
+@option(
+    "--api-to",
+    type=Parsed(_address),
+    metavar="HOST:PORT",
+    help="send the API link to this address (default 127.0.0.1:14540+N), from a free port",
+)
+@option(
+    "--gcs-to",
+    type=Parsed(_address),
+    metavar="HOST:PORT",
+    help="send the ground station link to this address (default 127.0.0.1:14550)",
+)
+@option(
+    "--listen",
+    metavar="ADDRESS",
+    help="address to receive on (default: this machine only; with 0.0.0.0 any machine that "
+    "reaches it can fly the vehicle)",
+)
+@px4_version_option("the vehicle behaves as")
+@option("--no-gcs", is_flag=True, help="open no link to a ground station")
+@option(
+    "--truth-to",
+    type=Parsed(_address),
+    metavar="HOST:PORT",
+    help="send the true position to this address (default 127.0.0.1:19410+N)",
+)
+def run(arguments: Options) -> int:
     """Simulate until a signal comes; returns the exit code."""
     with process_of(arguments) as process, stop_signal() as stopped:
         settings, ports = process.settings, process.ports
@@ -216,7 +277,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _pace(arguments: argparse.Namespace) -> Pace:
+def _pace(arguments: Options) -> Pace:
     """Which processes the clock waits for."""
     if arguments.pace is not None:
         return PaceServer(arguments.pace, arguments.pace_for)
@@ -225,7 +286,7 @@ def _pace(arguments: argparse.Namespace) -> Pace:
     return Pace()
 
 
-def _ports(arguments: argparse.Namespace) -> Ports:
+def _ports(arguments: Options) -> Ports:
     """PX4's, except where the command line names a partner: those links take a free port."""
     named = {"onboard": arguments.api_to, "ground": arguments.gcs_to, "truth": arguments.truth_to}
     ends = {
@@ -252,46 +313,3 @@ def ready_line(links: dict[str, Any], system_id: int, speed: float, place: Place
         "altitude_amsl_m": place.altitude_m,
     }
     print_json({"ready": True, **links, "system_id": system_id, "speed": speed, "home": home})
-
-
-def _place(text: str) -> Place:
-    try:
-        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not LAT,LON,ALT; write for example 47.397742,8.545594,489.4"
-        ) from None
-    place = Place(latitude_deg, longitude_deg, altitude_m)
-    if not (abs(latitude_deg) < 90 and abs(longitude_deg) <= 180 and abs(altitude_m) < 10000):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a place on Earth")
-    return place
-
-
-def parameter(text: str) -> tuple[str, float]:
-    """NAME=VALUE of a command line; the name must be one of PX4's."""
-    name, _, value = text.partition("=")
-    set_to = number("the value of NAME=VALUE; write GF_ACTION=3", -ANY_FINITE, ANY_FINITE)(value)
-    if not any(name in defaults(behaviour) for behaviour in BEHAVIOURS.values()):
-        raise argparse.ArgumentTypeError(f"'{name}' is not a parameter of PX4's SITL")
-    return name, set_to
-
-
-def _wind(text: str) -> WindSettings:
-    try:
-        speed_m_s, from_deg, *rest = (float(part) for part in text.split(","))
-        wind = WindSettings(speed_m_s, from_deg, *rest)
-    except (ValueError, TypeError):
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not SPEED,FROM[,GUSTS]; write for example 5,270,2"
-        ) from None
-    gusts = wind.gusts_m_s or 0.0
-    if not (0 <= speed_m_s <= _MOST_WIND_M_S and 0 <= gusts <= _MOST_WIND_M_S):
-        raise argparse.ArgumentTypeError(f"'{text}': winds go from 0 to {_MOST_WIND_M_S:g} m/s")
-    return wind
-
-
-def _address(text: str) -> Address:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise argparse.ArgumentTypeError(f"'{text}' is not HOST:PORT; write 127.0.0.1:14540")
-    return host, int(port)

@@ -1,4 +1,4 @@
-"""Scripted conversations with a PX4: what it answers, measured on a real one, and held to."""
+"""Scripted conversations with a PX4: recorded on a real one, checked on the simulated one."""
 
 from sitl.conformance.conversation import (
     Conversation,

@@ -6,7 +6,7 @@ asked for, so a run is the same every time and everywhere.
 The log has everything that was decided on, and everything that was decided: one JSON object per
 line, in the order in which things happened:
 
-    {"t": 12.5, "uav": "uav01", "event": {...}}     a controller was told (see record.serialization)
+    {"t": 12.5, "uav": "uav01", "event": {...}}     a controller was told (see docs/records.md)
     {"t": 12.5, "uav": "uav01", "action": {...}}    what it asked for then
         with "of": n, if it is a motion or what became of one: the n-th that was asked for
     {"t": 12.5, "sent": [...]}                      a transmission ended: exchange.Transmission
@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import Any
 
 from air_router.controller.model import Action, CommandConfirmed, CommandFailed, Event, Motion
-from air_router.record import serialization
+from air_router.record import plain_of
 
 _DIGITS = 6
 """Times are whole microseconds: what a logarithm of another machine's library may differ by is far
@@ -98,18 +98,18 @@ class EventLog:
     def event(self, uav: str, event: Event) -> None:
         """A controller is told."""
         if isinstance(event, CommandConfirmed | CommandFailed):
-            self._write(uav=uav, event=serialization.encode(event), of=self._number(event.action))
+            self._write(uav=uav, event=plain_of(event), of=self._number(event.action))
         else:
-            self._write(uav=uav, event=serialization.encode(event))
+            self._write(uav=uav, event=plain_of(event))
 
     def action(self, uav: str, action: Action) -> None:
         """A controller asks for something."""
         self.actions += 1
         if isinstance(action, Motion):
             self._motions.append(action)
-            self._write(uav=uav, action=serialization.encode(action), of=self._number(action))
+            self._write(uav=uav, action=plain_of(action), of=self._number(action))
         else:
-            self._write(uav=uav, action=serialization.encode(action))
+            self._write(uav=uav, action=plain_of(action))
 
     def sent(self, row: tuple[Any, ...]) -> None:
         """A transmission ended."""

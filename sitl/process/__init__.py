@@ -1,4 +1,4 @@
-"""Simulated and real vehicles as processes, started, paced and ended for certain."""
+"""Simulated and real vehicles as processes: started, paced, terminated."""
 
 from mocha_link.lazy import door
 

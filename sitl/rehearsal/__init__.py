@@ -1,4 +1,4 @@
-"""Flights in which something goes wrong, and a judge that knows nothing of how they are flown."""
+"""Flights in which something goes wrong, and an independent judge."""
 
 from mocha_link.lazy import door
 

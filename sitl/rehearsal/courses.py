@@ -283,6 +283,11 @@ def no_fix(dice: random.Random) -> Iterator[Row]:
         yield from ((0.0, "satellites", 0), (lasts_s, "satellites", 12))
 
 
+def no_fix_on_a_leg(dice: random.Random) -> Iterator[Row]:
+    """The receiver says that it has no fix, or a flat one, as soon as a leg has begun."""
+    yield dice.uniform(0.3, 1.0), "fix", (dice.choice((1, 2)), dice.uniform(20.0, 25.0))
+
+
 def zone_in_haste(dice: random.Random) -> Iterator[Row]:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
     at_s = dice.uniform(4.0, 6.0)

@@ -35,7 +35,7 @@ from sitl.rehearsal.courses import (
 )
 from sitl.rehearsal.stand_ins import StreamFault
 
-_AT_ONCE: Final = frozenset({"ready", "armed"})
+_AT_ONCE: Final = frozenset({"ready", "armed", "IDLE"})
 _DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone", "change")
 """And how the names of others begin."""
 
@@ -326,6 +326,17 @@ class Fault(Enum):
             "timers": {"init_s": 400, "search_s": 10, "communicate_s": 10, "revisit_s": 120},
         },
     )
+    NO_FIX_IDLE = Kind(
+        *("GPS without a fix on its way to the middle of the robots", 5),
+        *(courses.no_fix_on_a_leg, "IDLE"),
+        waypoints=2,
+        mission={
+            "duration_s": 420,
+            "speed_m_s": 1.5,
+            "when_explored": "hover",
+            "timers": {"init_s": 400, "search_s": 10, "communicate_s": 10, "revisit_s": 120},
+        },
+    )
     LANDED_HERE = Kind("asked to land where it holds", 6, requests.landed_here, "INIT")
     ZONE_BELOW = Kind("a zone is drawn below its landing", 6, requests.landed_on, "INIT")
     ALTITUDES = Kind(
@@ -481,7 +492,7 @@ _ALONE: Final = frozenset(
         *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
         *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),
         *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
-        *(Fault.ASKED_IN_IDLE, Fault.RESUMED_BLIND),
+        *(Fault.ASKED_IN_IDLE, Fault.RESUMED_BLIND, Fault.NO_FIX_IDLE),
         *(Fault.ZONE_AT, Fault.PLAN_IN_RENEWAL, Fault.LIST_AMONG_OURS),
         *(Fault.POSES_CARRIED, Fault.ZONES_TAKEN, Fault.ZONE_OVER_TAKEN),
         *(Fault.LOW_AMONG_LAYERS, Fault.LAYERS_REDRAWN, Fault.LANDING_LOST, Fault.OTHER_AUTOPILOT),

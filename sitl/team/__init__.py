@@ -1,4 +1,4 @@
-"""The simulated world as a process: its clock, its links that can be cut, its gossip nodes."""
+"""The simulated world as a process: clock, links that can be cut, gossip nodes."""
 
 from mocha_link.lazy import door
 

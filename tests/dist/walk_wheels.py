@@ -115,11 +115,6 @@ def foxglove(there: Environment, record: Path) -> None:
     assert "foxglove.LocationFix" in schemas
 
 
-def rerun(there: Environment, record: Path) -> None:
-    there.run("air-router", "convert", record, "flight.rrd")
-    assert (there.home / "flight.rrd").read_bytes().startswith(b"RRF")
-
-
 TWO_NODES = """
 import sys, threading
 from pathlib import Path
@@ -209,12 +204,6 @@ def ros2(there: Environment, _: Path) -> None:
             each.communicate(timeout=60)
 
 
-def completion(there: Environment, _: Path) -> None:
-    names = [path.name for path in there.bin.iterdir()]
-    for program in {"air-router", "mocha-link", "sitl"}.intersection(names):
-        assert "complete" in there.run(program, "completion", "bash").stdout
-
-
 class Use(NamedTuple):
     """How to see what an extra is for."""
 
@@ -227,19 +216,16 @@ NODES = {
     "mavlink": Use((), mavlink),
     "ros": Use((), ros),
     "ros2": Use(("mocha-link", "bridge", "ros2", "--node", "ipc:///nowhere"), ros2),
-    "completion": Use(("mocha-link", "completion", "bash"), completion),
 }
 USES = {
     "mocha-link": NODES,
     "air-router": {
         **NODES,
-        "completion": Use(("air-router", "completion", "bash"), completion),
         "sim": Use(("air-router", "sim", MISSION), sim),
         "plot": Use(("air-router", "check", MISSION, "--png", "m.png"), plot),
         "web": Use(("air-router", "edit", MISSION, "--port", 0, "--no-open"), web),
         "experiments": Use(("sitl", "town", "8x6", "--seed", 3, "--out", "t"), experiments),
         "foxglove": Use(("air-router", "convert", "RECORD", "flight.mcap"), foxglove),
-        "rerun": Use(("air-router", "convert", "RECORD", "flight.rrd"), rerun),
     },
 }
 NO_DDS = sys.version_info >= (3, 14) or platform.machine() != "x86_64"

@@ -1,4 +1,4 @@
-"""The page of all options, docs/options.md, as the parsers have them.
+"""The page of all options, docs/options.md, as the programs have them.
 
 In the repository it names the options of each command, which `--help` explains. `make docs` runs
 this file as a hook of mkdocs, and puts the page with all explanations into the site.
@@ -6,14 +6,16 @@ this file as a hook of mkdocs, and puts the page with all explanations into the 
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import click
+
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
+from tests.command_lines import commands_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "options.md"
 HEAD = """\
@@ -39,9 +41,9 @@ def page() -> str:
     """The page in the repository: each command with the names of its options."""
     parts = [HEAD, HELP]
     for program in _programs():
-        parts += [f"## {program.prog}\n", f"{program.description}\n"]
-        for command, rows in _commands(program):
-            parts += [f"### {command.prog}\n", f"{_purpose(command, ': ')}\n"]
+        parts += [f"## {program.name}\n", f"{program.help}\n"]
+        for command, path, rows in _commands(program):
+            parts += [f"### {path}\n", f"{_purpose(command, ': ')}\n"]
             if rows:
                 parts.append(", ".join(name for name, _ in rows) + "\n")
     return "\n".join(parts)
@@ -50,14 +52,14 @@ def page() -> str:
 def whole_page() -> str:
     """The page with explanations; what several commands take is explained once."""
     programs = _programs()
-    count = Counter(row for program in programs for _, rows in _commands(program) for row in rows)
+    count = Counter(row for program in programs for *_, rows in _commands(program) for row in rows)
     means = {name: said for (name, said), times in reversed(count.most_common()) if times > 1}
     shared = sorted(means.items())
     parts = [HEAD, SHARED, "\n".join(f"* {name}: {said}" for name, said in shared) + "\n"]
     for program in programs:
-        parts += [f"## {program.prog}\n", f"{program.description}\n"]
-        for command, rows in _commands(program):
-            parts += [f"### {command.prog}\n", f"{_purpose(command)}\n"]
+        parts += [f"## {program.name}\n", f"{program.help}\n"]
+        for command, path, rows in _commands(program):
+            parts += [f"### {path}\n", f"{_purpose(command)}\n"]
             own = [f"* {name}: {said}" for name, said in rows if (name, said) not in shared]
             also = ", ".join(_short(name) for name, said in rows if (name, said) in shared)
             lines = [*own, *([f"* shared: {also}"] if also else [])]
@@ -73,33 +75,30 @@ def on_page_markdown(markdown: str, /, *, page: Any, **_: object) -> str:
 
 def _programs():
     modules = (air_router.cli.cli, mocha_link.cli.cli, sitl.cli.cli)
-    return [module.PROGRAM.parser() for module in modules]
+    return [module.PROGRAM for module in modules]
 
 
 def _purpose(command, until=". "):
     """What a command is for: its first sentence, or the part before a colon."""
-    sentence = " ".join((command.description or "").split()).partition(". ")[0]
+    sentence = " ".join((command.help or "").split()).partition(". ")[0]
     return sentence.partition(until)[0].rstrip(".") + "."
 
 
-def _commands(parser):
-    """Each command and its options: pairs of name and explanation."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for name, command in action.choices.items():
-                if name == "completion":
-                    continue
-                expand = command._get_formatter()._expand_help
-                yield command, [_row(a, expand) for a in command._actions if _told(a)]
-                yield from _commands(command)
+def _commands(program):
+    """Each command, its path, and its options: pairs of name and explanation."""
+    for ctx in commands_of(program):
+        if ctx.info_name != "completion":
+            params = [each for each in ctx.command.params if _told(each)]
+            yield ctx.command, _path(ctx), [_row(each, ctx) for each in params]
 
 
-def _told(action):
-    return not (
-        isinstance(action, argparse._SubParsersAction)
-        or action.help is argparse.SUPPRESS
-        or EVERYWHERE & {*action.option_strings}
-    )
+def _path(ctx):
+    """Its words, without what stands between them."""
+    return " ".join(filter(None, [ctx.parent and _path(ctx.parent), ctx.info_name]))
+
+
+def _told(param):
+    return not (getattr(param, "hidden", False) or EVERYWHERE & {*param.opts})
 
 
 def _short(name):
@@ -107,22 +106,12 @@ def _short(name):
     return f"`{name.split('`')[1].split()[0]}`"
 
 
-def _row(action, expand):
-    if action.choices is not None:
-        value = "{" + ",".join(map(str, action.choices)) + "}"
+def _row(param, ctx):
+    value = param.make_metavar(ctx)
+    if isinstance(param, click.Argument):
+        name, needed = value, ""
     else:
-        value = action.metavar or action.dest.upper()
-    value = " ".join(value) if isinstance(value, tuple) else value
-    if action.nargs == 0:
-        name = ", ".join(action.option_strings)
-    elif action.option_strings:
-        name = f"{', '.join(action.option_strings)} {value}"
-        name += " ..." if action.nargs in {"+", "*"} else ""
-        name = name.replace(f" {value}", f" [{value}]") if action.nargs == "?" else name
-    else:
-        name = {"?": f"[{value}]", "*": f"[{value} ...]", "+": f"{value} ..."}.get(
-            action.nargs, value
-        )
-    needed = " (needed)" if action.option_strings and action.required else ""
-    said = " ".join(expand(action).split()) if action.help else ""
-    return f"`{name}`{needed}", said
+        flag = param.is_flag and not param.count
+        name = ", ".join(param.opts) if flag else f"{', '.join(param.opts)} {value}"
+        needed = " (needed)" if param.required else ""
+    return f"`{name}`{needed}", " ".join((param.help or "").split())

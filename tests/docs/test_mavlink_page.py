@@ -36,5 +36,5 @@ def test_items_and_parameters():
     assert set(re.findall(r"\((\d+)\)", section("Items of a plan"))) == {
         str(int(command)) for command in Command
     }
-    named = set(re.findall(r"\b[A-Z]+_[A-Z_]+\b", section("Parameters that are looked at")))
+    named = set(re.findall(r"\b[A-Z]+_[A-Z_]+\b", section("Parameters read")))
     assert named == {each.name for each in WANTED}

@@ -13,13 +13,13 @@ import shutil
 import tomllib
 from pathlib import Path
 
+import click
 import pytest
 import yaml
 
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from air_router.cli.cli import _with_places
 from air_router.control.command_request import MAX_BYTES, command_request_of
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission
@@ -28,6 +28,7 @@ from mocha_link.service.requests import parse
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from sitl.experiment.plan_file import load_experiment
+from tests.command_lines import commands_of, context_of
 from tests.docs.blocks import PAGES, PROGRAMS, ROOT, blocks, simple_commands
 
 ALL = {block.name: block for block in blocks()}
@@ -52,7 +53,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
         "air_router/files/missions/test_mission_file.py::"
         "test_the_documented_examples_load_and_the_table_has_every_key"
     ),
-    "records.md 2": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
+    "records.md 4": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
     "robot.md python": "system/test_rovers.py::test_rovers_of_three_kinds_are_found",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
     "ros.md python 2": "mocha_link/bridges/test_docs.py::test_values",
@@ -80,6 +81,7 @@ FOREIGN = {  # first words of commands that are not ours
     "roslaunch": "ROS 1",
     "rostopic": "ROS 1",
     "colcon": "builds ROS 2 packages",
+    "rerun": "opens records",
     "ros2": "ROS 2",
     "export": "",
     "CHECKOUT_UNDER_TEST=OLD": "needs another checkout (evidence/rehearsal.md)",
@@ -165,11 +167,6 @@ def parsed_in(block):
     return parsed
 
 
-@functools.cache
-def parser_of(program):
-    return MODULES[program].PROGRAM.parser()
-
-
 def without_sudo(words):
     if words[0] != "sudo":
         return words
@@ -182,10 +179,11 @@ def check(words, where):
     first = first.rpartition("/")[2] or first
     if first in PROGRAMS:
         try:
-            parser_of(first).parse_args(_with_places(rest))
-        except SystemExit as end:
-            if end.code:
-                pytest.fail(where)
+            context_of(MODULES[first].PROGRAM, rest)
+        except click.exceptions.Exit:  # --help
+            pass
+        except click.UsageError as error:
+            pytest.fail(f"{where}: {error.format_message()}")
     elif first == "make":
         assert {word for word in rest if "=" not in word} <= TARGETS, where
         for word in rest:
@@ -208,10 +206,10 @@ def check(words, where):
 @functools.cache
 def help_of(command):
     program, *names = command.split()
-    parser = parser_of(program)
-    for name in names:
-        parser = next(a for a in parser._actions if hasattr(a, "_name_parser_map")).choices[name]
-    return parser.format_help()
+    for ctx in commands_of(MODULES[program].PROGRAM):
+        if ctx.command_path.split() == [program, *names]:
+            return ctx.get_help()
+    raise KeyError(command)
 
 
 def test_commands_named_in_the_text_exist():

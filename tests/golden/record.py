@@ -39,7 +39,7 @@ FLIGHTS = (
     ("pennovation", "REQUESTS", 1),
     ("pennovation", "REQUESTS", 5),
     ("pennovation", "RELOAD", 1),
-    ("pennovation", "WALL", 2),
+    ("pennovation", "WALL", 14),
     ("pennovation", "NO_FIX", 1),
     ("pennovation", "BATTERY", 24),
     ("pennovation", "LOSS_20", 2),

@@ -1,4 +1,4 @@
-"""What the controller decides on and in: events, actions, states, requests, context."""
+"""The controller's vocabulary: events, actions, states, requests, and the shared context."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""The one way to move the vehicle: legs checked, commanded, and watched until they show."""
+"""The one way to move the vehicle: legs checked, commanded, and monitored until flown."""
 
 from mocha_link.lazy import door
 

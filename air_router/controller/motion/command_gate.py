@@ -36,6 +36,7 @@ from air_router.controller.motion.initial_climb import InitialClimb, NoClimb
 from air_router.controller.motion.interlocks import Blocked, Interlock, MotionOutcome, raised
 from air_router.controller.motion.limits import (
     JUMPS,
+    POSITION_EVERY_S,
     REACTION_S,
     RETRY_S,
     TELL_AGAIN_S,
@@ -104,6 +105,15 @@ class CommandGate:
         reaction_s, speed_m_s = self.reaction_s + age_s, self.setpoints.speed_m_s
         rest = stopping_point(telemetry, reaction_s)
         return Momentum(rest, telemetry.velocity_m_s, speed_m_s, reaction_s)
+
+    @property
+    def leaves_s(self) -> float:
+        """A motion that is decided on now has left so long after the telemetry of the decision.
+
+        Else it is checked in its turn from a newer one. What a command takes on its way it takes in
+        about equal parts before and after it leaves.
+        """
+        return POSITION_EVERY_S + max(0.0, self.reaction_s - REACTION_S) / 2
 
     # Commands.
 

@@ -17,6 +17,10 @@ REACTION_S: Final = 0.6
 """Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
 half a second to build its deceleration up, and the link its time."""
 
+POSITION_EVERY_S: Final = 0.1
+"""The vehicle tells its position so often: that which a motion was decided on is so old at most
+when it leaves, beside what the companion takes itself."""
+
 FAR_M: Final = 5.0
 """The target that it reports counts from here on: nearer, its stopping distance covers it,
 and where it hovers it is as far off as estimates wander."""
@@ -49,6 +53,9 @@ STALL_S: Final = 15.0
 
 ASTRAY_M: Final = 2.0
 """Farther than this from what was checked for a leg, it is checked again from there."""
+
+WANDERS_M: Final = 0.1
+"""So far apart are two positions of a hovering vehicle that follow each other, by their noise."""
 
 # For way_out.py
 

@@ -6,11 +6,13 @@ the next one is commanded, so a late companion costs time and never a metre off 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import Final
 
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
@@ -34,7 +36,14 @@ from air_router.controller.model import (
 )
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
-from air_router.controller.motion.limits import ASTRAY_M, SETTLE_S, SETTLES, STALL_S, STOP_S
+from air_router.controller.motion.limits import (
+    ASTRAY_M,
+    SETTLE_S,
+    SETTLES,
+    STALL_S,
+    STOP_S,
+    WANDERS_M,
+)
 from air_router.routing import (
     STANDING_M_S,
     Leg,
@@ -47,6 +56,8 @@ from air_router.routing import (
 from air_router.vehicle import Telemetry
 from geo.airspace import FENCE
 from geo.frame import Point
+
+AROUND: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 @dataclass(slots=True, eq=False)
@@ -184,10 +195,20 @@ class Navigator:
         if not way.legs:
             way.arrive()
             return None
-        if self.clear(telemetry, way.legs[0].to):
+        return self._leg_on(telemetry, standing=standing)
+
+    def _leg_on(self, telemetry: Telemetry, *, standing: bool) -> Motion | None:
+        """The next leg, once it is clear until it has left; it is clear as soon as it is slow."""
+        way = self._context.task.way
+        onward = way.legs[0].to
+        clear = self.clear(telemetry, onward)
+        pending = self._gate.setpoints.pending(telemetry)
+        if clear and self._stays_clear(telemetry, onward, pending):
             return self._command(way.legs.popleft(), telemetry)
+        if not standing:
+            return None
         refusal = "no leg on from here is clear, wherever it settles"
-        return self._settle(telemetry, refusal) if standing else None
+        return self._settle(telemetry, refusal, comes_to_rest=clear)
 
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
         """Have a vehicle that is off its leg, or stands far from its end for long, go on."""
@@ -235,15 +256,21 @@ class Navigator:
         turn, reaches = momentum.turn(here, leg.to), map(attrgetter("reach"), pending)
         return (here, momentum.rest, turn, *reaches, leg.to)
 
-    def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
-        """Look again now and then where no leg on is clear, or none is followed; then give up."""
+    def _settle(
+        self, telemetry: Telemetry, refusal: str, *, comes_to_rest: bool = False
+    ) -> Motion | None:
+        """Look again now and then where no leg on is clear, or none is followed; then give up.
+
+        A vehicle whose leg on is clear just now is let come to rest: then it is until it leaves.
+        """
         if telemetry.time_s < self._settle_until_s:
             return None
         self._settle_until_s = telemetry.time_s + SETTLE_S
         way = self._context.task.way
-        if way.settle() <= SETTLES:
+        times = way.settle()
+        if times <= SETTLES:
             way.stand(None)
-            return self._plan()
+            return None if comes_to_rest and times < SETTLES else self._plan()
         way.refuse(NoRoute(refusal))
         return None
 
@@ -279,11 +306,7 @@ class Navigator:
                     return self._motion(Leg(goal.position, goal.node), telemetry)
                 return None
             way.follow(legs)
-            refusal = self._height_refusal(telemetry, legs[0].to)
-            if refusal is not None and low(self._context.airspace.mission, telemetry):
-                # Where it is low the gate has it climb instead, or says why it cannot.
-                self._context.interlocks.climb_first()
-                refusal = None
+            refusal = self._first_leg_refusal(telemetry, legs[0].to, pending)
             if refusal is None:
                 return self._command(way.legs.popleft(), telemetry, momentum, pending)
             route = refusal
@@ -370,6 +393,51 @@ class Navigator:
             )
             and self._height_refusal(telemetry, target, age_s, unsent) is None
         )
+
+    def _first_leg_refusal(
+        self, telemetry: Telemetry, target: Point, pending: Sequence[PendingSetpoint]
+    ) -> NoRoute | None:
+        """Why a leg that is clear at the cruise altitudes, from here and now, does not begin.
+
+        One that would not be clear in its turn waits for a stop; after that it begins as it is.
+        """
+        refusal = self._height_refusal(telemetry, target)
+        if refusal is not None:
+            if not low(self._context.airspace.mission, telemetry):
+                return refusal
+            # Where it is low the gate has it climb instead, or says why it cannot.
+            self._context.interlocks.climb_first()
+        moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
+        brakes = self._context.task.way.braking
+        if moves and not brakes and not self._stays_clear(telemetry, target, pending):
+            return NoRoute("no first leg is clear until it has left")
+        return None
+
+    def _stays_clear(
+        self, telemetry: Telemetry, target: Point, pending: Sequence[PendingSetpoint]
+    ) -> bool:
+        """Whether a leg that is clear from here is still so when its turn comes.
+
+        It is checked then by this telemetry, or by one from where the vehicle has flown until then,
+        or, where it hovers, seems to have: what is clear at one place alone is not at the next.
+        """
+        gate, router = self._gate, self._context.airspace.flown_router
+        here, (east_m_s, north_m_s) = telemetry.position, telemetry.velocity_m_s
+        after_s = gate.leaves_s
+        if not router.check_leg(here, target, gate.momentum(telemetry, after_s), pending):
+            return False
+        there = Point(here.east_m + after_s * east_m_s, here.north_m + after_s * north_m_s)
+        stands = math.hypot(east_m_s, north_m_s) < STANDING_M_S
+        for east_m, north_m in AROUND if stands else ((0.0, 0.0),):
+            place = Point(
+                there.east_m + WANDERS_M * east_m,
+                there.north_m + WANDERS_M * north_m,
+            )
+            moved = dataclasses.replace(telemetry, position=place)
+            later = gate.setpoints.pending(moved)
+            if not router.check_leg(place, target, gate.momentum(moved), later):
+                return False
+        return True
 
     def _height_refusal(
         self,

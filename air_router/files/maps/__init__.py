@@ -16,26 +16,31 @@ from air_router.files.maps.feature_set import (
     map_area_of,
 )
 from air_router.files.maps.geojson import geojson_text
-from air_router.files.maps.gpx import gpx_draft, read_gpx
+from air_router.files.maps.gpx import GpxDocument, GpxPoint, read_gpx
 from air_router.files.maps.kml import kml_text
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, MapRing
 from air_router.files.maps.zone_files import add_zones, read_zones
+from air_router.files.maps.zone_format import ZoneFeature, ZoneFeatures, ZoneFormat
 
 __all__ = [
     "FENCE_COMMANDS",
     "FeatureSet",
     "FenceCommand",
     "FenceItem",
+    "GpxDocument",
+    "GpxPoint",
     "MapArea",
     "MapCircle",
     "MapOutline",
     "MapRing",
+    "ZoneFeature",
+    "ZoneFeatures",
+    "ZoneFormat",
     "add_zones",
     "feature_set_of",
     "feature_set_of_zones",
     "fence_areas",
     "geojson_text",
-    "gpx_draft",
     "is_fence_file",
     "is_waypoint_file",
     "kml_text",

@@ -13,11 +13,17 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
-from air_router.files import NO_TERMS, Keys, PlacedSource
+from air_router.files import Keys, PlacedSource
 from air_router.files.maps.map_area import MapCircle, MapOutline, place_of
-from air_router.files.maps.zone_reading import MAX_RADIUS_M, ZoneChoice, ZoneReading
+from air_router.files.maps.zone_format import (
+    MAX_RADIUS_M,
+    ZoneFeature,
+    ZoneFeatures,
+    short_name,
+)
 from air_router.words import counted
 from geo.frame import Geodetic
+from mocha_link.team import text_in
 
 _MAGIC: Final = b"QGC WPL"
 _COLUMNS: Final = 12
@@ -134,10 +140,45 @@ def is_fence_file(begin: bytes) -> bool:
     return _OLD_FENCE.match(begin.decode("latin1")) is not None
 
 
-def read_fences(text: str, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
-    """The zones of a waypoint file: the fences in it to stay out of."""
-    reading = ZoneReading(PlacedSource(path), "waypoint files", choice)
-    items, others = [], 0
+class WaypointFenceFormat:
+    """Fences among the items of a waypoint file."""
+
+    name: Final = "waypoint files"
+    suffixes: Final = ()
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether it is a waypoint file."""
+        return is_waypoint_file(head)
+
+    def read(self, content: bytes, path: Path) -> ZoneFeatures:
+        """The fences in it to stay out of. Raises DocumentError: it is not text."""
+        text = text_in(content, path)
+        return ZoneFeatures(_features(text, PlacedSource(path)), self.name)
+
+
+class OldFenceFormat:
+    """An old fence, of places only: it is one to stay inside of, so it has no zones."""
+
+    name: Final = "fences"
+    suffixes: Final = ()
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether it has a place on each line."""
+        return is_fence_file(head)
+
+    def read(self, content: bytes, path: Path) -> ZoneFeatures:
+        """A note. Raises DocumentError: it is not text."""
+        items, source = old_fence_items(text_in(content, path)), PlacedSource(path)
+        features = [_feature(source, area, 1) for area in fence_areas(items)]
+        return ZoneFeatures(features, self.name)
+
+
+WAYPOINT_FENCES: Final = WaypointFenceFormat()
+OLD_FENCES: Final = OldFenceFormat()
+
+
+def _features(text: str, source: PlacedSource) -> Iterator[ZoneFeature]:
+    file, items, others = ZoneFeature(source), [], 0
     for number, line in enumerate(text.splitlines()[1:], start=2):
         words = line.split()
         if not words:
@@ -145,7 +186,7 @@ def read_fences(text: str, path: Path, choice: ZoneChoice | None = None) -> Zone
         numbers = [_number(word) for word in words]
         if len(numbers) != _COLUMNS or None in numbers:
             message = f"'{line.strip()[:40]}' is no item of twelve numbers; export again"
-            reading.report((number, 1), message, "wrong-length")
+            file.report((number, 1), message, "wrong-length")
             continue
         values = [value for value in numbers if value is not None]
         if values[_COMMAND] in FENCE_COMMANDS:
@@ -155,21 +196,13 @@ def read_fences(text: str, path: Path, choice: ZoneChoice | None = None) -> Zone
             items.append(FenceItem(command, values[_FIRST], latitude_deg, longitude_deg, where))
         else:
             others += 1
-    for area_number, area in enumerate(fence_areas(items), start=1):
-        with reading.area():
-            _add(reading, area, area_number)
+    yield file
+    for number, area in enumerate(fence_areas(items), start=1):
+        yield _feature(source, area, number)
     if others:
-        reading.note((), f"{counted(others, 'items')} of the mission: left out", "not-a-zone")
-    return reading
-
-
-def read_old_fence(text: str, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
-    """An old fence, of places only: it is one to stay inside of, so it has no zones."""
-    reading = ZoneReading(PlacedSource(path), "fences", choice)
-    for area in fence_areas(old_fence_items(text)):
-        with reading.area():
-            _add(reading, area, 1)
-    return reading
+        rest = ZoneFeature(source)
+        rest.note((), f"{counted(others, 'items')} of the mission: left out", "not-a-zone")
+        yield rest
 
 
 def old_fence_items(text: str) -> list[FenceItem]:
@@ -187,21 +220,20 @@ def old_fence_items(text: str) -> list[FenceItem]:
     return [FenceItem(inclusion, count, lat, lon, (number, 1)) for lat, lon, number in corners]
 
 
-def _add(reading: ZoneReading, area: FenceArea, number: int) -> None:
-    name = reading.name_of("", number)
-    reading.saw(area.places)
-    if reading.skips(name):
-        return
+def _feature(source: PlacedSource, area: FenceArea, number: int) -> ZoneFeature:
+    feature = ZoneFeature(source, short_name("", source.path, number))
+    feature.saw(area.places)
     if area.inclusion:
         message = (
             "a fence to stay inside of is no no-fly zone: left out; `air-router convert` to "
             ".geojson shows its corners, for 'fence' in the mission"
         )
-        reading.note(area.keys, message, "not-a-zone")
+        feature.note(area.keys, message, "not-a-zone")
     elif area.shape is None:
-        reading.report(area.keys, area.error, "wrong-form")
+        feature.report(area.keys, area.error, "wrong-form")
     else:
-        reading.add(name, [(area.keys, area.shape)], NO_TERMS)
+        feature.add([(area.keys, area.shape)])
+    return feature
 
 
 def _number(word: str) -> float | None:

@@ -1,39 +1,32 @@
 """GPX files of handheld receivers and map programs: their points, routes and tracks.
 
-GPX has no areas and no altitudes to fly at: a line that ends where it begins is taken for the
-border of a zone, a route or the points for waypoints. Elevations, where the receiver was carried,
-are not read.
+GPX has no areas: a line that ends where it begins is taken for the border of a zone. Elevations,
+where the receiver was carried, are not read.
 """
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from shapely import LineString
-
 from air_router.files import (
-    DEFAULT_SPEED_M_S,
-    NO_TERMS,
     Element,
     Keys,
-    MissionDocument,
-    MissionPoint,
     PlacedSource,
     parse_xml,
 )
 from air_router.files.maps.map_area import MapOutline, place_of
-from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
-from air_router.words import counted
-from geo.frame import FrameError, Geodetic, LocalFrame, polar
+from air_router.files.maps.zone_format import ZoneFeature, ZoneFeatures, short_name
+from geo.frame import Geodetic, polar
 from mocha_link.team import DocumentError, number_advice
 
-_HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"
-"""Types of points and lines with a meaning."""
+_ZONE: Final = "zone"
+"""The type of lines that are borders, where others are not."""
 
+_ROOT: Final = re.compile(rb"<(?:[^>]{0,2000}>\s{0,200}<){0,5}(?:\w{1,20}:)?gpx[\s/>]")
 _CLOSED_M: Final = 25.0
 """A line whose ends are no farther from each other than this is the border of an area."""
-
-_TRACK_ERROR_M: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +53,16 @@ class GpxLine:
 class GpxDocument:
     """All of a GPX file that is read."""
 
-    reading: ZoneReading  # takes zones, and what is wrong with the file
+    file: ZoneFeature  # takes what is wrong with the file
     points: list[GpxPoint] = field(default_factory=list)  # waypoints outside of routes and tracks
     routes: list[GpxLine] = field(default_factory=list)
     tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
 
 
-def read_gpx(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> GpxDocument:
+def read_gpx(raw: bytes, path: Path) -> GpxDocument:
     """A GPX file's bytes. Raises DocumentError: it is not XML, or not GPX."""
     root = parse_xml(raw, path)
-    document = GpxDocument(ZoneReading(PlacedSource(path), "GPX", choice))
+    document = GpxDocument(ZoneFeature(PlacedSource(path)))
     if root.name != "gpx":
         message = f"the outermost element is <{root.name[:30]}>, not <gpx>; choose another file"
         raise DocumentError.at(path, message, "unknown-format", *root.keys)
@@ -89,7 +82,7 @@ def _line(document: GpxDocument, named: Element, line: Element, tag: str) -> Gpx
 
 
 def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
-    points, report = [], document.reading.report
+    points, report = [], document.file.report
     for element in parent.all(tag):
         words = [element.attributes.get(name, "") for name in ("lat", "lon")]
         try:
@@ -111,107 +104,58 @@ def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
 # As zones
 
 
-def read_gpx_zones(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
-    """The zones of a GPX file. Raises DocumentError: it is no GPX."""
-    document = read_gpx(raw, path, choice)
-    reading = document.reading
+class GpxFormat:
+    """GPX, whose closed lines are borders."""
+
+    name: Final = "GPX"
+    suffixes: Final = (".gpx",)
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether its outermost element is <gpx>."""
+        return _ROOT.match(head) is not None
+
+    def read(self, content: bytes, path: Path) -> ZoneFeatures:
+        """One feature for each line. Raises DocumentError: it is no GPX."""
+        document = read_gpx(content, path)
+        return ZoneFeatures(_features(document), self.name)
+
+
+GPX: Final = GpxFormat()
+
+
+def _features(document: GpxDocument) -> Iterator[ZoneFeature]:
+    file = document.file
     lines = [*document.routes, *document.tracks]
     zones = [line for line in lines if line.kind == _ZONE] or lines
-    for number, line in enumerate(zones, start=1):
-        with reading.area():
-            name = line.name or f"{path.stem} {number}"
-            reading.saw([point.place for point in line.points])
-            if not reading.skips(name, line.kind):
-                _add_zone(reading, line, name)
     left = len(lines) - len(zones) + len(document.points)
+    yield file
+    for number, line in enumerate(zones, start=1):
+        feature = ZoneFeature(
+            file.source, short_name(line.name, file.source.path, number), [line.kind]
+        )
+        feature.saw([point.place for point in line.points])
+        _add_zone(feature, line)
+        yield feature
     if left:
+        others = ZoneFeature(file.source)
         message = f"{left} points and lines of other types than 'zone': left out"
-        reading.note((), message, "not-a-zone")
-    return reading
+        others.note((), message, "not-a-zone")
+        yield others
 
 
-def _add_zone(reading: ZoneReading, line: GpxLine, name: str) -> None:
+def _add_zone(feature: ZoneFeature, line: GpxLine) -> None:
     places = [point.place for point in line.points]
     if not places:
-        reading.note(line.keys, f"'{name}' has no points: left out", "no-area")
+        feature.note(line.keys, f"'{feature.name}' has no points: left out", "no-area")
         return
     _, gap_m = polar(places[0], places[-1])
     if gap_m > _CLOSED_M:
         message = (
-            f"'{name}' ends {gap_m:.0f} m from where it begins, so it has no area; close it, or "
-            "draw a polygon"
+            f"'{feature.name}' ends {gap_m:.0f} m from where it begins, so it has no area; close "
+            "it, or draw a polygon"
         )
-        reading.report(line.keys, message, "no-area")
+        feature.report(line.keys, message, "no-area")
         return
-    ring = reading.ring(places, line.keys)
+    ring = feature.ring(places, line.keys)
     if ring is not None:
-        reading.add(name, [(line.keys, MapOutline(ring))], NO_TERMS)
-
-
-# As a mission
-
-
-def gpx_draft(document: GpxDocument, altitude_m: float) -> MissionDocument:
-    """A mission by the file's first route; without one by its waypoints, then by its first track.
-
-    Args:
-        document: The file.
-        altitude_m: Where to fly, above home: the file does not say.
-    """
-    reading = document.reading
-    draft = MissionDocument(reading.source, reading.path.stem, problems=reading.problems)
-    draft.altitude_m, draft.speed_m_s = altitude_m, DEFAULT_SPEED_M_S
-    free = [point for point in document.points if point.kind not in (_HOME, _RALLY_POINT)]
-    lines = [line for line in (*document.routes, *document.tracks) if line.points]
-    by_points = bool(free) and not any(route.points for route in document.routes)
-    if not free and not lines:
-        draft.report((), "no route, no waypoints and no track in it", "no-waypoints")
-        return draft
-    spots = free if by_points else list(lines[0].points)
-    home = next((point for point in document.points if point.kind == _HOME), None)
-    if home is None:
-        home = spots[0]
-        message = "no point has the type 'home': the first waypoint is taken; move it"
-        draft.note(home.keys, message, "home-assumed")
-    if not draft.find_frame("home", home.place, home.keys) or draft.frame is None:
-        return draft
-    if not by_points and lines[0] in document.tracks:
-        try:
-            spots = _thinned(spots, draft.frame)
-        except FrameError as error:
-            draft.report(home.keys, f"home: {error}; correct it", "not-on-earth")
-            return draft
-    draft.home = draft.spot("home", home.place, home.keys)
-    draft.waypoints = _spots(draft, "waypoint", spots)
-    rally_points = [point for point in document.points if point.kind == _RALLY_POINT]
-    draft.rally_points = _spots(draft, "rally point", rally_points)
-    others = len(lines) - (not by_points)
-    if others:
-        draft.note((), f"{counted(others, 'other lines')}: not flown", "not-flown")
-    return draft
-
-
-def _spots(draft: MissionDocument, label: str, points: list[GpxPoint]) -> list[MissionPoint]:
-    """The points in the draft's frame, each place once."""
-    places: dict[Geodetic, GpxPoint] = {}
-    for point in points:
-        if point.place in places:
-            message = f"'{point.name}' lies on an earlier {label}: visited once"
-            draft.note(point.keys, message, "waypoint-twice")
-        places.setdefault(point.place, point)
-    found = (
-        draft.spot(f"{label} {number}", point.place, point.keys)
-        for number, point in enumerate(places.values(), start=1)
-    )
-    return [spot for spot in found if spot is not None]
-
-
-def _thinned(points: list[GpxPoint], frame: LocalFrame) -> list[GpxPoint]:
-    """The points of a track without those that are nearly on a line between others."""
-    places = frame.to_local_many(*zip(*(point.place for point in points), strict=True))
-    if len(places) < 2:
-        return points
-    kept = set(map(tuple, LineString(places).simplify(_TRACK_ERROR_M).coords))
-    return [
-        point for point, place in zip(points, places.tolist(), strict=True) if tuple(place) in kept
-    ]
+        feature.add([(line.keys, MapOutline(ring))])

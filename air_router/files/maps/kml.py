@@ -12,6 +12,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,10 +23,12 @@ from air_router.files import (
     PlacedSource,
     Reference,
     is_number,
+    kml_in,
     parse_xml,
     terms_data,
 )
 from air_router.files.maps.feature_set import FeatureSet, MapPoint, counterclockwise
+from air_router.files.maps.gpx import GPX
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.map_area import (
     MapArea,
@@ -35,12 +38,14 @@ from air_router.files.maps.map_area import (
     outline_of_rings,
     place_of,
 )
-from air_router.files.maps.zone_reading import (
+from air_router.files.maps.property_names import is_zone
+from air_router.files.maps.zone_format import (
     MAX_ALTITUDE_M,
     MAX_RADIUS_M,
     Shapes,
-    ZoneChoice,
-    ZoneReading,
+    ZoneFeature,
+    ZoneFeatures,
+    short_name,
 )
 from geo.frame import Geodetic, circle_around
 from mocha_link.team import pair_in
@@ -57,65 +62,113 @@ _GROUND, _SEA = "relativeToGround", "absolute"  # KML's altitude modes
 _REFERENCES: Final = {_GROUND: Reference.GROUND, _SEA: Reference.AMSL}
 _LONGEST_JSON: Final = 10_000
 _COMMA = re.compile(r"\s*,\s*")
+_ADVICE: Final = "draw a polygon, or give a point the data 'radius_m'"
+_ZIP: Final = b"PK\x03\x04"
+MAX_BYTES: Final = 32 * 1024 * 1024
+"""Of a KML file that is unpacked: as of any file of zones."""
 
 _DJI_MISSION: Final = "templateType"
 _DJI_TEMPLATES: Final = frozenset({"waypoint", "mapping2d", "mapping3d", "mappingStrip"})
 """What folders of DJI's missions are for: their polygons say what is surveyed."""
 
 
-def read_kml(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
-    """The zones of a KML file's bytes. Raises DocumentError: it is not XML."""
-    root = parse_xml(raw, path)
-    reader = _Reader(ZoneReading(PlacedSource(path), "KML", choice))
-    if root.name in _FOLDERS:
-        reader.read(root)
-    else:
-        message = f"the outermost element is <{root.name[:30]}>, not <kml>; choose another file"
-        reader.reading.report(root.keys, message, "not-kml")
-    return reader.reading
+class KmlFormat:
+    """KML."""
+
+    name: Final = "KML"
+    suffixes: Final = (".kml",)
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether it is XML that no other format knows."""
+        return head.startswith(b"<") and not GPX.recognises(head)
+
+    def read(self, content: bytes, path: Path) -> ZoneFeatures:
+        """The placemarks. Raises DocumentError: it is not XML."""
+        root = parse_xml(content, path)
+        return ZoneFeatures(_Reader(PlacedSource(path)).features(root), self.name)
+
+
+class KmzFormat:
+    """KML in a zip archive."""
+
+    name: Final = "KMZ"
+    suffixes: Final = (".kmz",)
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether it is a zip archive."""
+        return head.startswith(_ZIP)
+
+    def read(self, content: bytes, path: Path) -> ZoneFeatures:
+        """The placemarks. Raises DocumentError: it is no archive with a KML file in it."""
+        kml, others = kml_in(content, path, MAX_BYTES)
+        packed = KML.read(kml, path)
+        if not others:
+            return packed
+        file = ZoneFeature(PlacedSource(path))
+        message = f"of its KML files one is read; left out: {', '.join(others)[:80]}"
+        file.note((), message, "not-a-zone")
+        return replace(packed, features=chain(packed.features, [file]))
+
+
+KML: Final = KmlFormat()
+KMZ: Final = KmzFormat()
 
 
 class _Reader:
-    def __init__(self, reading: ZoneReading) -> None:
-        self.reading = reading
+    def __init__(self, source: PlacedSource) -> None:
+        self._source = source
+        self._feature = ZoneFeature(source)  # the one that is read
+        self._count = 0  # of placemarks
+        self._others = 0  # placemarks that are no zones
 
-    def read(self, root: Element) -> None:
-        for number, (element, folders) in enumerate(self._placemarks(root, ()), start=1):
-            with self.reading.area():
-                self._placemark(element, folders, number)
-        self.reading.tell_others("placemarks", "data")
-        self.reading.refuse_without_areas("draw a polygon, or give a point the data 'radius_m'")
+    def features(self, root: Element) -> Iterator[ZoneFeature]:
+        """One for each placemark, and for what is not read."""
+        if root.name not in _FOLDERS:
+            file = ZoneFeature(self._source)
+            message = f"the outermost element is <{root.name[:30]}>, not <kml>; choose another file"
+            file.report(root.keys, message, "not-kml")
+            yield file
+            return
+        yield from self._in_folder(root, ())
+        if self._others:
+            file = ZoneFeature(self._source)
+            message = f"{self._others} placemarks are no zones, by their data 'kind': left out"
+            file.note((), message, "not-a-zone")
+            yield file
 
-    def _placemarks(
-        self, folder: Element, within: tuple[str, ...]
-    ) -> Iterator[tuple[Element, tuple[str, ...]]]:
-        """All placemarks, each with what the folders around it are called and are for."""
+    def _in_folder(self, folder: Element, within: tuple[str, ...]) -> Iterator[ZoneFeature]:
+        """All in a folder; `within` is what the folders around it are called and are for."""
         within = (*within, folder.text_of("name"), folder.text_of(_DJI_MISSION))
         for child in folder.children:
+            if child.name in _FOLDERS:
+                yield from self._in_folder(child, within)
+                continue
+            self._feature = ZoneFeature(self._source)
             if child.name == "Placemark":
-                yield child, within
-            elif child.name in _FOLDERS:
-                yield from self._placemarks(child, within)
+                self._count += 1
+                self._placemark(child, within)
             elif child.name in _NOT_FOLLOWED:
                 message = f"<{child.name}> is not followed: left out"
-                self.reading.note(child.keys, message, "not-a-zone")
+                self._feature.note(child.keys, message, "not-a-zone")
             else:
                 self._refuse_hidden(child)
+            yield self._feature
 
     def _refuse_hidden(self, element: Element) -> None:
         """Report an element that is not read, but for areas in it."""
         if any(inner.name in _AREAS for inner in element.all_below()):
             message = f"what is in <{element.name[:30]}> is not read; put its areas into a Folder"
-            self.reading.report(element.keys, message, "not-kml")
+            self._feature.report(element.keys, message, "not-kml")
 
-    def _placemark(self, element: Element, folders: tuple[str, ...], number: int) -> None:
+    def _placemark(self, element: Element, folders: tuple[str, ...]) -> None:
+        feature = self._feature
         places = {data.attributes["name"]: data for data in _data_elements(element)}
         data = {name: _value(place) for name, place in places.items()}
-        if not self.reading.takes(data):
+        if not is_zone(data):
+            self._others += 1
             return
-        name = self.reading.name_of(element.text_of("name"), number)
-        if self.reading.skips(name, *filter(None, folders)):
-            return
+        feature.name = short_name(element.text_of("name"), self._source.path, self._count)
+        feature.kinds = [*filter(None, folders)]
         circle = self._circle(element, data)
         polygons = list(self._polygons(element, besides=circle))
         shapes: Shapes = [] if circle is None else [(element.keys, circle)]
@@ -126,16 +179,16 @@ class _Reader:
         upper = _highest(heights if circle is None else [])
         if not shapes:
             return
-        terms = terms_of(data, self.reading, lambda way: places.get(str(way[0]), element).keys)
+        terms = terms_of(data, feature, lambda way: places.get(str(way[0]), element).keys)
         if kinds := [kind for kind in folders if kind in _DJI_TEMPLATES]:
             message = (
-                f"'{name}' is the area of a DJI mission ({kinds[0]}): read as a no-fly zone; if it "
-                f"is none, skip '{kinds[0]}'"
+                f"'{feature.name}' is the area of a DJI mission ({kinds[0]}): read as a no-fly "
+                f"zone; if it is none, skip '{kinds[0]}'"
             )
-            self.reading.note(element.keys, message, "mission-area")
+            feature.note(element.keys, message, "mission-area")
         if upper is not None and terms.altitudes is None:
             terms = replace(terms, altitudes=Altitudes(upper=upper))
-        self.reading.add(name, shapes, terms)
+        feature.add(shapes, terms)
 
     def _circle(self, element: Element, data: dict[str, Any]) -> MapCircle | None:
         """A point with a radius."""
@@ -144,12 +197,12 @@ class _Reader:
             return None
         if not is_number(radius_m) or not 0 < radius_m <= MAX_RADIUS_M:
             message = f"'radius_m' must be more than 0 metres, found {str(radius_m)[:20]!r}"
-            self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
+            self._feature.report(element.keys, f"{message}; correct it", "out-of-range")
             return None
         places = [] if point is None else self._places(point)
         if places == []:
             message = "a radius without a place: add a <Point> with coordinates"
-            self.reading.report(element.keys, message, "missing-key")
+            self._feature.report(element.keys, message, "missing-key")
         return MapCircle(places[0], radius_m) if places else None
 
     def _polygons(self, element: Element, *, besides: MapCircle | None = None) -> Iterator[Element]:
@@ -164,18 +217,18 @@ class _Reader:
             elif child.name == "Point" and besides is not None:
                 continue
             elif child.name in _NO_AREAS:
-                self.reading.without_area(child.keys, f"a {child.name} has no area")
+                self._feature.without_area(child.keys, f"a {child.name} has no area", _ADVICE)
             elif child.name != "ExtendedData":
                 self._refuse_hidden(child)
         if not found:
             message = f"a {element.name} without a geometry: left out"
-            self.reading.note(element.keys, message, "no-area")
+            self._feature.note(element.keys, message, "no-area")
 
     def _outline(self, polygon: Element) -> MapOutline | None:
         outer = list(polygon.all("outerBoundaryIs"))
         if len(outer) != 1:
             message = f"a polygon has one outer boundary, found {len(outer)}; draw it again"
-            self.reading.report(polygon.keys, message, "missing-key")
+            self._feature.report(polygon.keys, message, "missing-key")
             return None
         rings = [self._ring(ring) for ring in [*outer, *polygon.all("innerBoundaryIs")]]
         return outline_of_rings(rings)
@@ -184,10 +237,10 @@ class _Reader:
         rings = [c for ring in boundary.all("LinearRing") for c in ring.all("coordinates")]
         if len(rings) != 1:
             message = f"a boundary has one ring of coordinates, found {len(rings)}; draw it again"
-            self.reading.report(boundary.keys, message, "missing-key")
+            self._feature.report(boundary.keys, message, "missing-key")
             return None
         places = self._places(rings[0])
-        return None if places is None else self.reading.ring(places, rings[0].keys)
+        return None if places is None else self._feature.ring(places, rings[0].keys)
 
     def _places(self, element: Element) -> list[Geodetic] | None:
         """The places of <coordinates>; None, with a problem noted."""
@@ -197,16 +250,16 @@ class _Reader:
                 longitude_deg, latitude_deg, _ = _numbers(word)
             except ValueError:
                 message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
-                self.reading.saw(places)
+                self._feature.saw(places)
                 meant = pair_in(word).strip("[]").replace(" ", "")
                 advice = f"decimals stand behind a point: {meant}" if meant else "correct it"
-                self.reading.report(element.keys, f"{message}; {advice}", "wrong-type")
+                self._feature.report(element.keys, f"{message}; {advice}", "wrong-type")
                 return None
             place = place_of(latitude_deg, longitude_deg)
             if place is None:
                 message = f"there is no place '{word[:40]}'"
-                self.reading.saw(places)
-                self.reading.report_place(element.keys, message, longitude_deg, latitude_deg)
+                self._feature.saw(places)
+                self._feature.report_place(element.keys, message, longitude_deg, latitude_deg)
                 return None
             places.append(place)
         return places
@@ -223,7 +276,7 @@ class _Reader:
             return None
         if polygon.text_of("extrude") not in ("1", "true") or highest_m <= 0:
             message = "an area that is not extruded from the ground: read as without altitude limit"
-            self.reading.note(polygon.keys, message, "no-height")
+            self._feature.note(polygon.keys, message, "no-height")
             return None
         return AltitudeLimit(min(highest_m, MAX_ALTITUDE_M), reference)
 

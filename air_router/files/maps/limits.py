@@ -26,61 +26,32 @@ from air_router.files import (
     is_number,
     value_at,
 )
-from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, ZoneReading
+from air_router.files.maps.property_names import (
+    DATUMS,
+    ENDLESS,
+    GROUND_WORDS,
+    LEVEL,
+    METRES_PER_UNIT,
+    OF_DIALECTS,
+    OF_LIMITS,
+    PARTS,
+    SIDES,
+    UNITS,
+    VALUES,
+    WORDS_OF_LIMITS,
+)
+from air_router.files.maps.zone_format import MAX_ALTITUDE_M, ZoneFeature
 from mocha_link.team import code_of, text_of_error
 
 UNCLEAR: Final = "unclear-altitude"
 
-METRES_PER_UNIT: Final = {"M": 1.0, "FT": 0.3048}
-"""As ED-269 and ED-318 write units; FL, hundreds of feet at standard pressure, is one apart."""
-
-_LEVEL = "FL"
-_UNITS: Final = {  # numbers: openAIP's
-    **dict.fromkeys(("M", "METER", "METERS", "METRE", "METRES", "0"), "M"),
-    **dict.fromkeys(("FT", "F", "FEET", "FOOT", "1"), "FT"),
-    **dict.fromkeys(("FL", "6"), _LEVEL),
-}
-_DATUMS: Final = {
-    **dict.fromkeys(("GND", "AGL", "ASFC", "SFC", "GROUND", "SURFACE", "0"), Reference.GROUND),
-    **dict.fromkeys(("MSL", "AMSL", "ALT", "QNH", "1"), Reference.AMSL),
-    **dict.fromkeys(("STD", "2"), None),
-}
 _TEXT = re.compile(
     r"(?P<level>FL)?\s*(?P<value>-?[0-9]{1,9}(\.[0-9]{1,9})?)\s*"
     r"(?:(?P<unit>FT|FEET|F|M)(?=\s|$|A|MSL|GND|SFC|STD))?\s*(?P<datum>[A-Z]+)?"
 )
 _LONGEST_TEXT: Final = 40
-_GROUND_WORDS: Final = frozenset({"GND", "SFC", "GROUND", "SURFACE", "0"})
-_ENDLESS: Final = ("UNL", "UNLD", "UNLTD", "UNLIM", "UNLIMITED")
-
 _COLDEST, _LOWEST_M = 0.9, 600.0
 """A flight level lies no lower than this part of its height, less what low pressure takes."""
-
-_SIDES: Final = ("upper", "lower")
-_VALUES: Final = ("limit", "ceiling", "val", "")
-"""What follows the side in the names of limits, without "_" and capitals: openAIP's and ED-269's,
-openAIP's of before, the FAA's, ED-318's."""
-
-_REFERENCES: Final = ("reference", "verticalreference", "ref", "code", "datum")
-_OWN_UNITS: Final = ("uom", "unit")
-_UNITS_OF_BOTH: Final = ("uom", "uomdimensions", "unit", "units")
-_PARTS: Final = {
-    side: (
-        [*(side + unit for unit in _OWN_UNITS), *_UNITS_OF_BOTH],
-        [side + reference for reference in _REFERENCES],
-    )
-    for side in _SIDES
-}
-"""Names of the unit and the reference of each side's limit."""
-
-_OF_DIALECTS: Final = frozenset(
-    name for parts in _PARTS.values() for names in parts for name in names
-)
-_WORDS_OF_LIMITS: Final = frozenset(
-    {"upper", "lower", "ceiling", "floor", "altitude", "altitudes", "alt", "height", "limit"}
-    | {"limits", "agl", "amsl", "msl", "maxalt", "minalt", "vertical", "top", "base"}
-)
-"""A property with one of these words in its name may be a limit."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 _POINTS: Final = " .,;\u00b7"  # behind limits in text
@@ -94,24 +65,24 @@ Note = Callable[[Keys, str, str], None]
 
 
 def terms_of(
-    properties: Mapping[str, Any], reading: ZoneReading, place: Callable[[Keys], Keys]
+    properties: Mapping[str, Any], feature: ZoneFeature, place: Callable[[Keys], Keys]
 ) -> ZoneTerms:
     """The terms in the properties of a zone.
 
     Args:
         properties: Of one zone.
-        reading: Takes problems and notes.
+        feature: Takes problems and notes.
         place: Where a property stands, by the way to it.
     """
 
     def note(keys: Keys, message: str, code: str) -> None:
-        reading.note(place(keys), message, code)
+        feature.note(place(keys), message, code)
 
     given = {name: value for name, value in properties.items() if value is not None}
     read: set[Keys] = set()
     if _in_metres(given):
-        read = {(side,) for side in _SIDES if f"{side}_m" not in given}
-        given = {f"{side}_m": given[side] for side in _SIDES if side in given} | given
+        read = {(side,) for side in SIDES if f"{side}_m" not in given}
+        given = {f"{side}_m": given[side] for side in SIDES if side in given} | given
     if isinstance(given.get("active"), dict):
         given["active"] = [given["active"]]
     known = {name: given[name] for name in TermsForm.model_fields if name in given}
@@ -121,9 +92,9 @@ def terms_of(
         for detail in error.errors(include_url=False):
             name, *inner = detail["loc"]
             keys = (*place((str(name),)), *inner)
-            reading.report(keys, text_of_error(detail, TermsForm), code_of(detail))
+            feature.report(keys, text_of_error(detail, TermsForm), code_of(detail))
         return ZoneTerms()
-    if not any(name.startswith(_SIDES) for name in known):
+    if not any(name.startswith(SIDES) for name in known):
         return replace(terms, altitudes=limits_in_properties(properties, note))
     note_unread(properties, read | {(name,) for name in known}, note, terms.altitudes)
     return terms
@@ -132,8 +103,8 @@ def terms_of(
 def _in_metres(given: Mapping[str, Any]) -> bool:
     """Whether `lower` and `upper` are our own: metres, with none of another dialect's names."""
     others = {_bare(name) for name in given if name not in TermsForm.model_fields}
-    return others.isdisjoint(_OF_DIALECTS) and all(
-        is_number(given[side]) for side in _SIDES if side in given
+    return others.isdisjoint(OF_DIALECTS) and all(
+        is_number(given[side]) for side in SIDES if side in given
     )
 
 
@@ -148,13 +119,13 @@ def limit_in_text(
         ValueError: what is not certain, and how the zone is read therefore.
     """
     words = text.strip().upper()
-    if words in _ENDLESS or words in _GROUND_WORDS:
-        return _limit(0.0, "FT", "GND", upper=upper) if words in _GROUND_WORDS else None
+    if words in ENDLESS or words in GROUND_WORDS:
+        return _limit(0.0, "FT", "GND", upper=upper) if words in GROUND_WORDS else None
     match = _TEXT.fullmatch(words) if len(words) <= _LONGEST_TEXT else None
     if match is None:
         raise ValueError(f"{text[:40]!r} is no altitude: read as without limit")
     if match["level"]:
-        return _limit(float(match["value"]), _LEVEL, "STD", upper=upper)
+        return _limit(float(match["value"]), LEVEL, "STD", upper=upper)
     return _limit(
         float(match["value"]), match["unit"] or unit, match["datum"] or datum, upper=upper
     )
@@ -195,13 +166,13 @@ def _of_layer(
     names = {_bare(name): name for name in list(layer)[::-1]}
     read: set[Keys] = set()
     found: list[AltitudeLimit | None] = []
-    for side in _SIDES:
-        said = (names[side + end] for end in _VALUES if _said(layer, names, side + end))
+    for side in SIDES:
+        said = (names[side + end] for end in VALUES if _said(layer, names, side + end))
         name, description = next(said, None), names.get(f"{side}desc")
-        parts = [next((names[key] for key in keys if key in names), None) for keys in _PARTS[side]]
+        parts = [next((names[key] for key in keys if key in names), None) for keys in PARTS[side]]
         read |= {(*way, part) for part in (name, description, *parts) if part is not None}
         unit, datum = (None if part is None else layer[part] for part in parts)
-        endless = description is not None and str(layer[description]).upper() in _ENDLESS
+        endless = description is not None and str(layer[description]).upper() in ENDLESS
         try:
             value = None if name is None or endless else layer[name]
             found.append(_of_value(value, unit, datum, side))
@@ -253,7 +224,7 @@ def _leaves(properties: Any, way: Keys) -> Iterator[tuple[Keys, str, Any]]:
 @lru_cache(maxsize=4096)
 def may_be_limit(name: str) -> bool:
     """Whether a property's name speaks of altitudes."""
-    return not _WORDS_OF_LIMITS.isdisjoint(word.lower() for word in _WORD.findall(name))
+    return not WORDS_OF_LIMITS.isdisjoint(word.lower() for word in _WORD.findall(name))
 
 
 @lru_cache(maxsize=4096)
@@ -272,16 +243,11 @@ def _ways_to_limits(properties: Mapping[str, Any]) -> list[Keys]:
     found = []
     for way in ways:
         layer = value_at(properties, way)
-        if not _LIMITS.isdisjoint(map(_bare, layer)):
+        if not OF_LIMITS.isdisjoint(map(_bare, layer)):
             found.append(way)
         if len(way) < _DEEPEST:
             ways += [(*way, name) for name, inner in layer.items() if isinstance(inner, dict)]
     return found
-
-
-_LIMITS: Final = frozenset(
-    side + end for side in _SIDES for end in (*_VALUES, *_REFERENCES, *_OWN_UNITS)
-)
 
 
 def _of_value(value: Any, unit: Any, datum: Any, side: str) -> AltitudeLimit | None:
@@ -293,7 +259,7 @@ def _of_value(value: Any, unit: Any, datum: Any, side: str) -> AltitudeLimit | N
     units, datums = ("" if word is None else str(word).strip() for word in (unit, datum))
     if isinstance(value, str) and not NUMBER.fullmatch(value.strip()):
         return limit_in_text(value.strip(_POINTS), upper=side == "upper", unit=units, datum=datums)
-    if not (units or datums) and str(value).strip() in _GROUND_WORDS:
+    if not (units or datums) and str(value).strip() in GROUND_WORDS:
         return _limit(0.0, "FT", "GND", upper=side == "upper")
     number = float(value) if NUMBER.fullmatch(str(value).strip()) else math.nan
     if number <= _NO_VALUE:
@@ -302,12 +268,12 @@ def _of_value(value: Any, unit: Any, datum: Any, side: str) -> AltitudeLimit | N
 
 
 def _limit(value: float, unit: str, datum: str, *, upper: bool) -> AltitudeLimit | None:
-    known, reference = _UNITS.get(unit.upper()), _DATUMS.get(datum.upper(), Reference.HOME)
+    known, reference = UNITS.get(unit.upper()), DATUMS.get(datum.upper(), Reference.HOME)
     if not math.isfinite(value) or known is None or reference is Reference.HOME:
         words = " ".join(filter(None, (f"{value:g}", unit[:10], datum[:10])))
         raise ValueError(f"{words} is no altitude: read as without limit")
-    metres = value * (100 * METRES_PER_UNIT["FT"] if known == _LEVEL else METRES_PER_UNIT[known])
-    level = known == _LEVEL or reference is None
+    metres = value * (100 * METRES_PER_UNIT["FT"] if known == LEVEL else METRES_PER_UNIT[known])
+    level = known == LEVEL or reference is None
     if level and upper:
         raise ValueError("a flight level depends on the day's pressure: read as without end")
     if level or reference is None:

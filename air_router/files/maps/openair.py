@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,12 @@ from typing import Final
 from air_router.files import AltitudeLimit, Altitudes, PlacedSource, ZoneTerms
 from air_router.files.maps.limits import UNCLEAR, limit_in_text
 from air_router.files.maps.map_area import MapCircle, MapOutline
-from air_router.files.maps.zone_reading import MAX_RADIUS_M, Shapes, ZoneChoice, ZoneReading
+from air_router.files.maps.zone_format import (
+    MAX_RADIUS_M,
+    Shapes,
+    ZoneFeature,
+    ZoneFeatures,
+)
 from geo.frame import Geodetic, arc_around, polar
 from mocha_link.team import line_column
 
@@ -37,52 +42,64 @@ Place = tuple[int, int]
 """Line and column in the file."""
 
 
-def looks_like_openair(text: str) -> bool:
-    """Whether an airspace begins in it."""
+class OpenAirFormat:
+    """OpenAir."""
+
+    name: Final = "OpenAir"
+    suffixes: Final = (".txt", ".air", ".openair")
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether an airspace begins in it."""
+        return _begins_airspace(head.decode("latin1"))
+
+    def read(self, content: bytes, path: Path) -> ZoneFeatures:
+        """The airspaces; many such files are in Latin-1, whose letters stand in names only."""
+        features = _features(content, PlacedSource(path))
+        words = "class, type or name"
+        return ZoneFeatures(features, self.name, words, words)
+
+
+OPENAIR: Final = OpenAirFormat()
+
+
+def _begins_airspace(text: str) -> bool:
     return re.search(r"^[ \t]*AC[ \t]", text, re.MULTILINE) is not None
 
 
-def read_openair(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
-    """The zones of an OpenAir file's bytes.
-
-    Many such files are in Latin-1, whose letters stand in names and remarks only.
-
-    Args:
-        raw: The file's bytes.
-        path: Names it in messages.
-        choice: Classes, types or names that the operator may fly in, or leaves out.
-    """
-    reading = ZoneReading(PlacedSource(path), "OpenAir", choice)
+def _features(raw: bytes, source: PlacedSource) -> Iterator[ZoneFeature]:
+    file = ZoneFeature(source)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         text = raw.decode("latin1")
         message = "not UTF-8 text: read as Latin-1; look at the names"
-        reading.note(line_column(raw[: error.start]), message, "not-utf8")
+        file.note(line_column(raw[: error.start]), message, "not-utf8")
     text = re.sub(r"\r\n?", "\n", text)
-    if not looks_like_openair(text):
+    if not _begins_airspace(text):
         message = "no airspace begins in it (no line 'AC'); choose another file"
-        reading.report((), message, "unknown-format")
-        return reading
-    _Reader(reading).read(text.split("\n"))
-    return reading
+        file.report((), message, "unknown-format")
+        yield file
+        return
+    yield from _Reader(file).features(text.split("\n"))
 
 
 class _Reader:
-    def __init__(self, reading: ZoneReading) -> None:
-        self._reading = reading
+    def __init__(self, file: ZoneFeature) -> None:
+        self._feature = file  # the one that is read
         self._centre: Geodetic | None = None  # of arcs and circles, set by V X=
         self._zone: _Airspace | None = None  # the one whose lines are read
         self._terrain = False  # whether those of terrain are
 
-    def read(self, lines: Sequence[str]) -> None:
+    def features(self, lines: Sequence[str]) -> Iterator[ZoneFeature]:
+        """The file as a whole, then its airspaces."""
         begins = [n for n, line in enumerate(lines) if _begins(line)]
         self._lines(lines, range(begins[0]))
+        yield self._feature
         for begin, end in pairwise((*begins, len(lines))):
-            with self._reading.area():
-                self._lines(lines, range(begin, end))
-                self._close()
-        self._reading.choice.tell(self._reading, "class, type or name", "class, type or name")
+            self._feature = ZoneFeature(self._feature.source)
+            self._lines(lines, range(begin, end))
+            self._close()
+            yield self._feature
 
     def _lines(self, lines: Sequence[str], numbers: range) -> None:
         for number in numbers:
@@ -106,7 +123,7 @@ class _Reader:
             self._zone = _Airspace((number, match.start(1) + 1), value.upper())
         elif command in _TERRAIN:
             self._terrain = True
-            self._reading.note(at, "terrain is no airspace: left out", "not-a-zone")
+            self._feature.note(at, "terrain is no airspace: left out", "not-a-zone")
         elif command in _SAID and zone is not None:
             zone.say(command, value, at)
         elif command in _HOURS and zone is not None and value.upper() != "NONE":
@@ -122,56 +139,54 @@ class _Reader:
         if _PLACE.search(line) or line.lstrip()[:1].upper() in ("D", "V"):
             self._wrong((number, 1), message)
         else:
-            self._reading.note((number, 1), f"{message}: left out", "wrong-form")
+            self._feature.note((number, 1), f"{message}: left out", "wrong-form")
 
     def _close(self) -> None:
         zone, self._zone = self._zone, None
         if zone is None:
             return
-        reading = self._reading
-        words = {key: value for key, (value, _) in zone.said.items()}
-        name = words.get("AN", "")[:80] or f"{reading.path.stem} {zone.place[0]}"
-        kinds = (zone.kind, words.get("AY", ""))
-        if reading.skips(name, *kinds) or reading.choice.allow.takes(name, *kinds, name):
-            reading.forget()
-        elif zone.broken:
-            reading.saw([*zone.corners, *(circle.centre for circle in zone.circles)])
+        feature, words = self._feature, {key: value for key, (value, _) in zone.said.items()}
+        feature.name = words.get("AN", "")[:80] or f"{feature.source.path.stem} {zone.place[0]}"
+        feature.kinds = (zone.kind, words.get("AY", ""))
+        feature.allowed_as = (*feature.kinds, feature.name)
+        if zone.broken:
+            feature.saw([*zone.corners, *(circle.centre for circle in zone.circles)])
         elif not zone.corners and not zone.circles:
             if zone.said:  # else it only has the colours of its class
-                reading.note(zone.place, f"'{name}' has no border: left out", "no-area")
+                feature.note(zone.place, f"'{feature.name}' has no border: left out", "no-area")
         else:
-            self._add(zone, name)
+            self._add(zone)
 
-    def _add(self, zone: _Airspace, name: str) -> None:
+    def _add(self, zone: _Airspace) -> None:
         alone = len(set(zone.corners)) == 1
         circles = [*zone.circles, *(zone.turns if alone else ())]
         shapes: Shapes = [(zone.place, circle) for circle in circles]
         ring = (
-            self._reading.ring(zone.corners, zone.place)
+            self._feature.ring(zone.corners, zone.place)
             if zone.corners and not (alone and zone.turns)
             else None
         )
         shapes += [(zone.place, MapOutline(ring))] if ring else []
         if zone.hours is not None:
             message = "when it applies is not read: always"
-            self._reading.note(zone.hours, message, "unclear-time")
+            self._feature.note(zone.hours, message, "unclear-time")
         lower, upper = self._limit(zone, "AL"), self._limit(zone, "AH")
         altitudes = Altitudes(lower, upper) if lower or upper else None
-        self._reading.add(name, shapes, ZoneTerms(altitudes=altitudes))
+        self._feature.add(shapes, ZoneTerms(altitudes=altitudes))
 
     def _limit(self, zone: _Airspace, command: str) -> AltitudeLimit | None:
         text, at = zone.said.get(command, ("", zone.place))
         what = "ceiling (AH)" if command == "AH" else "floor (AL)"
         if command in zone.contradicted:
-            self._reading.note(at, f"an airspace with more than one {what}: without limit", UNCLEAR)
+            self._feature.note(at, f"an airspace with more than one {what}: without limit", UNCLEAR)
             return None
         if not text:
-            self._reading.note(at, f"an airspace without a {what}: without limit", UNCLEAR)
+            self._feature.note(at, f"an airspace without a {what}: without limit", UNCLEAR)
             return None
         try:
             return limit_in_text(text, upper=command == "AH")
         except ValueError as error:
-            self._reading.note(at, f"its {what}: {error}", UNCLEAR)
+            self._feature.note(at, f"its {what}: {error}", UNCLEAR)
             return None
 
     def _geometry(self, command: str, value: str, at: Place) -> None:
@@ -257,8 +272,8 @@ class _Reader:
     def _wrong(self, at: Place, message: str, code: str = "wrong-form") -> None:
         if self._zone is not None:
             self._zone.broken = True
-            self._reading.saw([] if self._centre is None else [self._centre])
-        self._reading.report(at, f"{message}; correct it", code)
+            self._feature.saw([] if self._centre is None else [self._centre])
+        self._feature.report(at, f"{message}; correct it", code)
 
 
 class _Airspace:

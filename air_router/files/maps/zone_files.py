@@ -1,14 +1,12 @@
 """No-fly zones from files of map programs and authorities: one way in for all of them.
 
-GeoJSON, KML and KMZ, GPX, OpenAir, ArduPilot's fences, the geozones of ED-269 and ED-318. What is
-near enough to matter for a mission becomes part of its draft; docs/files.md says what is read of
-each format.
+Their formats are those of `zone_formats`: ours, and those of other packages. What is near enough to
+matter for a mission becomes part of its draft; docs/files.md says what is read of each format.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -21,25 +19,14 @@ from air_router.files import (
     PlacedSource,
     bytes_within,
     is_file,
-    json_from_text,
-    kml_in,
 )
-from air_router.files.maps.ardupilot_fences import (
-    is_fence_file,
-    is_waypoint_file,
-    read_fences,
-    read_old_fence,
-)
-from air_router.files.maps.geojson import read_geojson
-from air_router.files.maps.geozones import read_geozones
-from air_router.files.maps.gpx import read_gpx_zones
-from air_router.files.maps.kml import read_kml
+from air_router.files.maps.json_zones import KNOWN
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, unique_names
-from air_router.files.maps.openair import looks_like_openair, read_openair
 from air_router.files.maps.surroundings import Surroundings
+from air_router.files.maps.zone_formats import read_features
 from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
 from geo.airspace import FENCE, Shape
-from mocha_link.team import DocumentError, Problem, path_advice, text_in
+from mocha_link.team import DocumentError, Problem, path_advice
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
@@ -47,11 +34,6 @@ MAX_BYTES: Final = 32 * 1024 * 1024
 MOST_ZONES: Final = 3_000
 """Of one file near a mission; more are not looked at one by one by any person."""
 
-_Knows = Callable[[bytes, str], bool]
-_Read = Callable[[bytes, Path, ZoneChoice], ZoneReading]
-_OPENAIR_SUFFIXES: Final = (".txt", ".air", ".openair")
-_GPX: Final = re.compile(rb"<(?:[^>]{0,2000}>\s{0,200}<){0,5}(?:\w{1,20}:)?gpx[\s/>]")
-_BYTE_ORDER_MARK, _ZIP = b"\xef\xbb\xbf", b"PK\x03\x04"
 _HALF_TURN_DEG: Final = 180.0
 _TALL_DEG: Final = 20.0
 
@@ -73,13 +55,12 @@ def read_zones(
         DocumentError: the file cannot be read, or is of no known format; all else that is wrong
             with it is in the answer's `problems`.
     """
-    raw = bytes_within(path, MAX_BYTES)
-    content, suffix = raw.removeprefix(_BYTE_ORDER_MARK).lstrip(), path.suffix.lower()
-    read = next(read for knows, read in _FORMATS if knows(content, suffix))
-    return read(raw, path, ZoneChoice(allow, skip))
+    elsewhere = _ELSEWHERE.get(path.suffix.lower(), "")
+    advice = elsewhere and f"{elsewhere}; zones are read from {KNOWN}"
+    features = read_features(bytes_within(path, MAX_BYTES), path, advice)
+    return ZoneReading(features, path, ZoneChoice(allow, skip))
 
 
-_KNOWN: Final = "GeoJSON, KML, GPX, OpenAir, ArduPilot's fences and geozones (ED-269, ED-318)"
 _YAML: Final = "a YAML file: `air-router convert` writes the zones of a mission as GeoJSON"
 _ELSEWHERE: Final = {
     ".yaml": _YAML,
@@ -89,65 +70,6 @@ _ELSEWHERE: Final = {
     ".csv": "a table: a GIS program writes its areas as GeoJSON",
 }
 """Files that people try, by the ending of their names, and what leads to zones."""
-
-
-def _in_kmz(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
-    kml, others = kml_in(raw, path, MAX_BYTES)
-    packed = read_kml(kml, path, choice)
-    if others:
-        message = f"of its KML files one is read; left out: {', '.join(others)[:80]}"
-        packed.note((), message, "not-a-zone")
-    return packed
-
-
-def _in_json(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
-    if path.suffix.lower() in _ELSEWHERE and not raw.lstrip().startswith((b"{", b"[")):
-        message = f"{_ELSEWHERE[path.suffix.lower()]}; zones are read from {_KNOWN}"
-        raise DocumentError.at(path, message, "unknown-format")
-    document = json_from_text(text_in(raw, path), path)
-    data = document.data
-    if isinstance(data, dict) and data.get("fileType") == "Plan":
-        message = "a QGroundControl plan is a mission; use it as one, or convert it to GeoJSON"
-        raise DocumentError([document.problem((), message, "unknown-format")])
-    reading = read_geozones(document, choice)
-    if reading is None and isinstance(data, dict) and isinstance(data.get("type"), str):
-        reading = read_geojson(document, choice)
-        choice.tell(reading, f"restriction or class ({reading.kind} has none)")
-    if reading is not None:
-        return reading
-    message = f"none of {_KNOWN}; choose another file"
-    raise DocumentError([document.problem((), message, "unknown-format")])
-
-
-def _plain(read: _Read) -> _Read:
-    """A reader of files that do not say of what kind their zones are: none can be allowed."""
-
-    def reading_of(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
-        reading = read(raw, path, choice)
-        choice.tell(reading, f"restriction or class ({reading.kind} has none)")
-        return reading
-
-    return reading_of
-
-
-def _of_text(read: Callable[[str, Path, ZoneChoice], ZoneReading]) -> _Read:
-    return lambda raw, path, choice: read(text_in(raw, path), path, choice)
-
-
-_FORMATS: Final[tuple[tuple[_Knows, _Read], ...]] = (
-    (lambda content, suffix: content.startswith(_ZIP) or suffix == ".kmz", _plain(_in_kmz)),
-    (lambda content, _: _GPX.match(content) is not None, _plain(read_gpx_zones)),
-    (lambda content, _: content.startswith(b"<"), _plain(read_kml)),
-    (lambda content, _: content.startswith((b"{", b"[")), _in_json),
-    (lambda content, _: is_waypoint_file(content), _plain(_of_text(read_fences))),
-    (lambda content, _: is_fence_file(content), _plain(_of_text(read_old_fence))),
-    (lambda content, _: looks_like_openair(content.decode("latin1")), read_openair),
-    (lambda _, suffix: suffix == ".kml", _plain(read_kml)),
-    (lambda _, suffix: suffix == ".gpx", _plain(read_gpx_zones)),
-    (lambda _, suffix: suffix in _OPENAIR_SUFFIXES, read_openair),
-    (lambda *_: True, _in_json),
-)
-"""Who reads a file: the first one that knows it, by its content or the ending of its name."""
 
 
 def add_zones(

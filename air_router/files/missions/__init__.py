@@ -1,5 +1,6 @@
 """Mission files: YAML, QGroundControl plans, waypoint files; read and written."""
 
+from air_router.files.missions.gpx_mission import gpx_draft
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.mission_mistakes import other_kind
 from air_router.files.missions.mission_write import first_mission_text, mission_text
@@ -22,6 +23,7 @@ __all__ = [
     "MavCommand",
     "areas_of",
     "first_mission_text",
+    "gpx_draft",
     "mission_text",
     "other_kind",
     "plan_draft",

@@ -14,9 +14,11 @@ from air_router.files import (
     Keys,
     MissionDocument,
     MissionPoint,
+    WaypointForm,
     named,
     shown,
 )
+from air_router.files.missions.placing import FileForm
 
 SAME_PLACE_M: Final = 0.1
 _AT_HOME_M: Final = 20.0
@@ -98,10 +100,11 @@ class PlanValues(JsonValues):
 
 
 class ItemsReader(PlanValues):
-    """Fills a draft's waypoints, altitude and speed from the plan's items."""
+    """Fills a form's waypoints, altitude and speed from the plan's items."""
 
-    def __init__(self, draft: MissionDocument, data: Any) -> None:
+    def __init__(self, draft: MissionDocument, data: Any, form: FileForm) -> None:
         super().__init__(draft, data)
+        self._form, self._waypoints = form, list[MissionPoint]()  # the latter to compare them
         self._takeoff_m: float | None = None  # altitude of the take-off item
         self._speeds: list[tuple[float, Keys]] = []  # in m/s, and the item's keys
         self._others: dict[int, list[Keys]] = {}  # places of items that are not flown, by command
@@ -140,10 +143,10 @@ class ItemsReader(PlanValues):
             )
             self.draft.note((*keys, "complexItemType"), message, NOT_FLOWN)
             return
-        before = len(self.draft.waypoints)
+        before = len(self._waypoints)
         for item in self.entries(inner):
             self._read_item(item)
-        count = len(self.draft.waypoints) - before
+        count = len(self._waypoints) - before
         message = f"{shown(kind)}: flown by way of its {count} waypoints"
         self.draft.note((*keys, "complexItemType"), message, "survey-waypoints")
 
@@ -176,7 +179,7 @@ class ItemsReader(PlanValues):
             self._end = None
         if pair is None or altitude_m is None:
             return
-        label = f"waypoint {len(draft.waypoints) + 1}"
+        label = f"waypoint {len(self._waypoints) + 1}"
         spot = draft.spot(label, pair, (*keys, "params", 4), altitude_m)
         if spot is None:
             return
@@ -185,7 +188,9 @@ class ItemsReader(PlanValues):
             message = f"this waypoint lies on {other.label}: visited once"
             draft.note(spot.keys, message, "waypoint-twice")
             return
-        draft.waypoints.append(spot)
+        self._waypoints.append(spot)
+        entry = WaypointForm.model_construct(position=list(pair), altitude_m=altitude_m)
+        self._form.append("waypoints", entry, position=spot.keys)
         if command in _AS_WAYPOINTS:
             how = _AS_WAYPOINTS[MavCommand(command)]
             message = f"{label} is command {command}: flown as a waypoint, {how}"
@@ -280,18 +285,19 @@ class ItemsReader(PlanValues):
         return math.dist(place, home.position)
 
     def _settle(self) -> None:
-        draft = self.draft
-        altitudes = [spot.altitude_m for spot in draft.waypoints if spot.altitude_m]
-        draft.altitude_m = self._takeoff_m or max(altitudes, default=0.0)
+        draft, form = self.draft, self._form
+        altitudes = [spot.altitude_m for spot in self._waypoints if spot.altitude_m]
+        form.put("altitude_m", self._takeoff_m or max(altitudes, default=0.0))
         if self._speeds:
-            draft.speed_m_s = min(speed_m_s for speed_m_s, _ in self._speeds)
+            slowest_m_s = min(speed_m_s for speed_m_s, _ in self._speeds)
+            form.put("speed_m_s", slowest_m_s)
             first_m_s = self._speeds[0][0]
             differing = [keys for speed_m_s, keys in self._speeds if speed_m_s != first_m_s]
             if differing:
-                message = f"the speed changes; flown is the slowest, {draft.speed_m_s:g} m/s"
+                message = f"the speed changes; flown is the slowest, {slowest_m_s:g} m/s"
                 draft.note(differing[0], message, "speeds-differ")
         elif (hover_m_s := self.number(("mission", "hoverSpeed"))) is not None:
-            draft.speed_m_s = hover_m_s
+            form.put("speed_m_s", hover_m_s)
             if not SLOWEST_M_S <= hover_m_s <= _FASTEST_M_S:
                 message = f"the speed must be {SLOWEST_M_S:g} to {_FASTEST_M_S:g} m/s"
                 draft.report(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")

@@ -4,22 +4,26 @@ Everything that decides where the vehicle flies is understood, told of, or refus
 the file: nothing is dropped silently. Zones may cross the fence here, as they do on many a map.
 """
 
+from typing import Any
+
 from air_router.files import (
     HIGHEST_HOME_M,
     LOWEST_HOME_M,
-    Area,
+    CircleForm,
     JsonDocument,
     Keys,
     MissionDocument,
+    SpotForm,
+    ZoneForm,
     note_draft,
 )
+from air_router.files.missions.placing import FileForm
 from air_router.files.missions.qgc_items import (
     EXPORT_AGAIN,
     NOT_FLOWN,
     ItemsReader,
     PlanValues,
 )
-from geo.airspace import FENCE, Shape
 
 PLAN_TYPE = "Plan"
 
@@ -35,30 +39,36 @@ def plan_draft(document: JsonDocument) -> MissionDocument:
         message = 'not a QGroundControl plan: "fileType" is not "Plan"; choose another file'
         draft.report(("fileType",), message, "not-a-plan")
         return draft
-    draft.name = document.path.stem
-    _PlanReader(draft, data).read()
+    form = FileForm({"name": document.path.stem})
     for name in ("team", "world"):
-        beside = document.path.parent / f"{name}.yaml"
-        if beside.is_file():
-            setattr(draft, name, beside)
+        if (document.path.parent / f"{name}.yaml").is_file():
+            form.put(name, f"{name}.yaml")
+    draft.name = document.path.stem
+    if _PlanReader(draft, data, form).read():
+        form.place(draft)
     note_draft(draft)
     return draft
 
 
 class _PlanReader(PlanValues):
-    """Fills a draft from the document's data, noting problems as it goes."""
+    """Fills a form from the document's data, noting problems in a draft as it goes."""
 
-    def read(self) -> None:
-        """Read all sections."""
+    def __init__(self, draft: MissionDocument, data: Any, form: FileForm) -> None:
+        super().__init__(draft, data)
+        self._form = form
+
+    def read(self) -> bool:
+        """Read all sections; False: without home or mission they are not read."""
         self.version((), 1)
         if not self._section("mission"):
-            return
+            return False
         self.version(("mission",), 2)
         if not self._read_home():
-            return
-        ItemsReader(self.draft, self._data).read()
+            return False
+        ItemsReader(self.draft, self._data, self._form).read()
         self._read_fence()
         self._read_rally_points()
+        return True
 
     def _section(self, name: str) -> bool:
         if isinstance(self.at(name), dict):
@@ -86,12 +96,14 @@ class _PlanReader(PlanValues):
         pair = self.pair(*keys)
         if pair is None or not self.draft.find_frame("home", pair, keys):
             return False
-        self.draft.home = self.draft.spot("home", pair, keys)
+        altitude_m = None
         if self.at(*keys, 2) is not None:
-            self._read_home_altitude((*keys, 2))
+            altitude_m = self._home_altitude((*keys, 2))
+        self._form.set_home(pair, keys, altitude_m)
+        self._form.place_home(self.draft)
         return True
 
-    def _read_home_altitude(self, keys: Keys) -> None:
+    def _home_altitude(self, keys: Keys) -> float | None:
         altitude_m = self.number(keys)
         if altitude_m is not None and not LOWEST_HOME_M <= altitude_m <= HIGHEST_HOME_M:
             message = (
@@ -99,8 +111,8 @@ class _PlanReader(PlanValues):
                 f"{HIGHEST_HOME_M:g} m"
             )
             self.draft.report(keys, f"{message}; correct it", "out-of-range")
-            altitude_m = None
-        self.draft.home_altitude_amsl_m = altitude_m
+            return None
+        return altitude_m
 
     def _read_fence(self) -> None:
         if not self._optional_section("geoFence", "there is no fence"):
@@ -109,7 +121,6 @@ class _PlanReader(PlanValues):
         if not current and self.at("geoFence", "polygon"):
             message = f"a fence as QGroundControl drew it years ago is not read; {EXPORT_AGAIN}"
             self.draft.report(("geoFence", "polygon"), message, "plan-version")
-            self.draft.unread.add("fence")
         for kind in ("polygons", "circles"):
             if not current and self.at("geoFence", kind) is None:
                 continue
@@ -128,34 +139,30 @@ class _PlanReader(PlanValues):
             code = "missing-key" if inclusion is None else "wrong-type"
             draft.report((*keys, "inclusion"), message, code)
             return
-        name = FENCE if inclusion else f"zone {len(draft.zones) + 1}"
-        shape = self._shape("the fence" if inclusion else f"no-fly zone '{name}'", keys)
-        if shape is None:
-            draft.unread.add("fence")
-        else:
-            areas = draft.fences if inclusion else draft.zones
-            areas.append(Area(name, shape, keys, crosses_fence=not inclusion))
+        area = self._area(keys)
+        if area is not None:
+            self._form.append("fences" if inclusion else "no_fly_zones", area, entry=keys)
 
-    def _shape(self, label: str, keys: Keys) -> Shape | None:
+    def _area(self, keys: Keys) -> ZoneForm | None:
         if keys[1] == "circles":
             centre = self.pair(*keys, "circle", "center")
             radius_m = self.number((*keys, "circle", "radius"))
             if centre is None or radius_m is None:
                 return None
-            return self.draft.circle(label, centre, radius_m, (*keys, "circle"))
+            circle = CircleForm.model_construct(centre=list(centre), radius_m=radius_m)
+            return ZoneForm.model_construct(circle=circle, crosses_fence=True)
         corners: Keys = (*keys, "polygon")
         pairs = [self.pair(*corner) for corner in self.entries(corners)]
-        known = [pair for pair in pairs if pair is not None]
+        known = [list(pair) for pair in pairs if pair is not None]
         if len(known) < len(pairs) or not isinstance(self.at(*corners), list):
             return None
-        return self.draft.polygon(label, known, corners)
+        return ZoneForm.model_construct(polygon=known, crosses_fence=True)
 
     def _read_rally_points(self) -> None:
         if not self._optional_section("rallyPoints", "there are no rally points"):
             return
         points = self.entries(("rallyPoints", "points"), advice=EXPORT_AGAIN)
-        for number, keys in enumerate(points, start=1):
+        for keys in points:
             pair = self.pair(*keys)
-            if pair is not None:
-                spot = self.draft.spot(f"rally point {number}", pair, keys)
-                self.draft.rally_points += [spot] if spot else []
+            spot = None if pair is None else SpotForm.model_construct(position=list(pair))
+            self._form.append("rally_points", spot, position=keys)

@@ -14,10 +14,12 @@ from typing import Any, Final
 
 from air_router.files import (
     DEFAULT_SPEED_M_S,
-    Area,
+    CircleForm,
     Keys,
     MissionDocument,
     PlacedSource,
+    SpotForm,
+    ZoneForm,
     note_draft,
 )
 from air_router.files.maps import (
@@ -28,8 +30,8 @@ from air_router.files.maps import (
     fence_areas,
     old_fence_items,
 )
+from air_router.files.missions.placing import FileForm
 from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
-from geo.airspace import FENCE, Shape
 from mocha_link.team import DocumentError, Problem, ProblemList
 
 _FENCE: Final = "fence"
@@ -118,22 +120,26 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
     keys: Keys = (_FENCE, "items", start, "params", 4)
     if not draft.find_frame("home", place, keys):
         return draft
-    draft.home = draft.spot("home", place, keys)
+    form = FileForm({"name": path.stem})
     document.flown = [n for n, item in enumerate(items) if item["command"] not in FENCE_COMMANDS]
     if start == 0 and (home["command"], home["frame"]) == (MavCommand.WAYPOINT, _AMSL_FRAME):
-        draft.home_altitude_amsl_m = altitude_m
         document.flown.remove(0)
     else:
+        altitude_m = None
         message = "the file has no home: the first place in it is taken; move it"
         draft.note(keys, message, "home-assumed")
+    form.set_home(place, keys, altitude_m)
+    form.place_home(draft)
     flown = [items[number] for number in document.flown]
-    ItemsReader(draft, {"mission": {"items": flown, "hoverSpeed": DEFAULT_SPEED_M_S}}).read()
+    data = {"mission": {"items": flown, "hoverSpeed": DEFAULT_SPEED_M_S}}
+    ItemsReader(draft, data, form).read()
     fence = [
         FenceItem(FenceCommand(item["command"]), *_of_fence(item), (_FENCE, "items", number))
         for number, item in enumerate(items)
         if item["command"] in FENCE_COMMANDS
     ]
-    _add_fences(draft, fence)
+    _add_fences(draft, form, fence)
+    form.place(draft)
     note_draft(draft)
     return draft
 
@@ -147,10 +153,12 @@ def read_old_fence_draft(text: str, path: Path) -> MissionDocument:
         return draft
     home = (items[0].latitude_deg, items[0].longitude_deg)
     if draft.find_frame("the fence", home, items[0].keys):
-        draft.home = draft.spot("home", home, items[0].keys)
+        form = FileForm({"name": path.stem})
+        form.set_home(home, items[0].keys)
         message = "a fence has no home: its first corner is taken; move it"
         draft.note(items[0].keys, message, "home-assumed")
-        _add_fences(draft, items)
+        _add_fences(draft, form, items)
+        form.place(draft)
     return draft
 
 
@@ -159,29 +167,28 @@ def _of_fence(item: dict[str, Any]) -> tuple[float, float, float]:
     return item["params"][0], item["params"][4], item["params"][5]
 
 
-def _add_fences(draft: MissionDocument, items: Sequence[FenceItem]) -> None:
+def _add_fences(draft: MissionDocument, form: FileForm, items: Sequence[FenceItem]) -> None:
     """Add fences, zones and rally points."""
     for area in fence_areas(items):
-        name = FENCE if area.inclusion else f"zone {len(draft.zones) + 1}"
-        label = "the fence" if area.inclusion else f"no-fly zone '{name}'"
-        shape: Shape | None = None
-        if isinstance(area.shape, MapCircle):
-            shape = draft.circle(label, area.shape.centre, area.shape.radius_m, area.keys)
-        elif area.shape is not None:
-            shape = draft.polygon(label, area.shape.ring, area.keys)
-        else:
+        if area.shape is None:
+            number = len(form.values.get("no_fly_zones", ())) + 1
+            label = "the fence" if area.inclusion else f"no-fly zone 'zone {number}'"
             draft.report(area.keys, f"{label}: {area.error}", "wrong-form")
-        if shape is None:
-            draft.unread.add("fence")
+            continue
+        shape: dict[str, Any]
+        if isinstance(area.shape, MapCircle):
+            centre, radius_m = list(area.shape.centre), area.shape.radius_m
+            shape = {"circle": CircleForm.model_construct(centre=centre, radius_m=radius_m)}
         else:
-            areas = draft.fences if area.inclusion else draft.zones
-            areas.append(Area(name, shape, area.keys, crosses_fence=not area.inclusion))
+            shape = {"polygon": [list(corner) for corner in area.shape.ring]}
+        section = "fences" if area.inclusion else "no_fly_zones"
+        entry = ZoneForm.model_construct(**shape, crosses_fence=True)
+        form.append(section, entry, entry=area.keys, polygon=area.keys, circle=area.keys)
     for item in items:
-        place = (item.latitude_deg, item.longitude_deg)
+        place = [item.latitude_deg, item.longitude_deg]
         if item.command is FenceCommand.RALLY_POINT:
-            label = f"rally point {len(draft.rally_points) + 1}"
-            spot = draft.spot(label, place, item.keys)
-            draft.rally_points += [spot] if spot else []
+            spot = SpotForm.model_construct(position=place)
+            form.append("rally_points", spot, position=item.keys)
         elif item.command is FenceCommand.RETURN_POINT:
             draft.note(item.keys, "the fence's return point is not flown", NOT_FLOWN)
 

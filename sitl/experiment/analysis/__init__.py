@@ -1,4 +1,4 @@
-"""What the runs show: tables, intervals, tests of the claims."""
+"""Results of the runs: tables, intervals, tests of claims, figures."""
 
 from mocha_link.lazy import door
 

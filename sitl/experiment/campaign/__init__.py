@@ -1,4 +1,4 @@
-"""Many runs: made in processes, and kept."""
+"""Many runs: executed in processes, and stored."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""One run in simulated time: its radio channel, what happens in it, and what it amounts to."""
+"""One run in simulated time: radio channel, events, results."""
 
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.engine.flights import flown_here, flown_in_processes

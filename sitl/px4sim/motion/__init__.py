@@ -1,4 +1,4 @@
-"""How the simulated vehicle moves, and what it believes of that."""
+"""The simulated vehicle's motion, wind, and estimation errors."""
 
 from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
 from sitl.px4sim.motion.dynamics import GRAVITY_M_S2, MotionDemand, Multirotor

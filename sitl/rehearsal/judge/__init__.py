@@ -1,4 +1,4 @@
-"""The judge of rehearsed flights. It shares no code with what it judges."""
+"""The judge of rehearsed flights, which shares no code with them."""
 
 from sitl.rehearsal.judge import space, verdict
 from sitl.rehearsal.judge.acceptance import End

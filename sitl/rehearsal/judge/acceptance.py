@@ -127,6 +127,7 @@ ACCEPTED: Final = MappingProxyType(
         "LANDING_LOST": _row(End.LANDED, notice_s=50.0),
         "ASKED_EVERYWHERE": _row(End.LANDED, End.ASKED),
         "ASKED_IN_IDLE": _HOME,
+        "NO_FIX_IDLE": _HOME_OR_FAILSAFE,
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),

@@ -367,14 +367,10 @@ def what_is_said_to_hover_over_a_robot_does(case: Case) -> Iterator[Violation]:
 
 
 def no_leg_is_kept_back_in_a_calm_flight(case: Case) -> Iterator[Violation]:
-    """Where nothing disturbs it, what was decided on is sent: its leg is as clear as it was.
-
-    Once it may not be: of a leg that begins at speed beside a zone, for what it has flown since.
-    """
-    calm = case.evidence.faults <= _CALM
-    said = [(at_s, text) for at_s, text in case.said if calm and _UNCLEAR in text]
-    for at_s, text in said[1:]:
-        yield Violation(at_s, "told", f"'{text.strip()}' again, in a flight without a disturbance")
+    """Where nothing disturbs it, what was decided on is sent: its leg is as clear as it was."""
+    for at_s, text in case.said if case.evidence.faults <= _CALM else ():
+        if _UNCLEAR in text:
+            yield Violation(at_s, "told", f"'{text.strip()}', in a flight without a disturbance")
 
 
 def motors_that_run_are_not_said_to_stand_still(case: Case) -> Iterator[Violation]:

@@ -1,4 +1,4 @@
-"""What stands in for clocks, radios and libraries while the real flight program is rehearsed."""
+"""Stand-ins for clocks, radios and libraries, to rehearse the real flight program."""
 
 from sitl.rehearsal.stand_ins.link import Burst, Link, StreamFault, Way, wrong_of
 from sitl.rehearsal.stand_ins.mavsdk import Fields, Send, StandIn

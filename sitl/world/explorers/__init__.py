@@ -1,4 +1,4 @@
-"""Ground robots that look for vehicles in a town: what they know, decide and tell."""
+"""Ground robots that search a town for vehicles: what they know, decide and publish."""
 
 from mocha_link.lazy import door
 

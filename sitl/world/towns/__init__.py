@@ -1,4 +1,4 @@
-"""Towns: what stands where; read, made, drawn."""
+"""Towns: read, generated, drawn."""
 
 from mocha_link.lazy import door
 

@@ -13,7 +13,7 @@ from air_router.errors import RefusedError
 from air_router.flight.flight import Flight
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
-from air_router.record.recorder import PREFLIGHT, Recorder
+from air_router.record.recorder import Recorder
 
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml"
 
@@ -58,7 +58,7 @@ def resumed(tmp_path, monkeypatch):
         if recorded:
             with Recorder(logs, str(file)) as recorder:
                 recorder.begin(FlightSetup(before, ()), arm=True, resume=False, camera=None)
-                recorder.note(PREFLIGHT, 0.0, {})
+                recorder.note(Recorder.PREFLIGHT, 0.0, {})
 
         async def run(flight, _page):
             seen.append(flight.controller.context.airspace.mission)

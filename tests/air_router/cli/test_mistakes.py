@@ -40,7 +40,7 @@ IN_FILES = [  # what is changed in the mission, the command, what is said
 ]
 IN_USAGE = [
     ("", "fly a mission in a simulated world"),
-    ("dance", "invalid choice: 'dance'"),
+    ("dance", "No such command 'dance'"),
     ("plan mission.yaml --from 0 --to 99", "no waypoint 99; Pennovation has 1 to 39"),
     ("plan mission.yaml --from 1 --to here", "here is neither a waypoint's number nor LATITUDE"),
     ("plan mission.yaml --from 1 --to 1,2,3", "1,2,3 is neither a waypoint's number nor"),
@@ -59,7 +59,7 @@ IN_USAGE = [
     ("edit mission.yaml --new 47,8", "leave --new out to edit it"),
     ("fly mission.yaml --control tcp://0.0.0.0:1", "other machines could reach it"),
     ("fly mission.yaml --foxglove web", "web is not [HOST:]PORT"),
-    ("convert mission.yaml there.rrd", "a flight's record (.mcap) becomes"),
+    ("convert mission.yaml there.mcap", "a flight's record (.mcap) becomes"),
 ]
 IN_WORLDS = [  # what is changed in the world file, the command, what is said
     ("callisto|calisto", "check mission.yaml", "world.yaml:113:5: no ground robot 'calisto'"),

@@ -1,6 +1,5 @@
 """Requests of other programs: a live flight in this process, asked over ZeroMQ from a thread."""
 
-import argparse
 import asyncio
 import dataclasses
 import json
@@ -43,6 +42,7 @@ from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
 from mocha_link.errors import RequestError
 from mocha_link.service.endpoint import connect
+from tests.command_lines import options_for
 from tests.mocha_link.libzmq import bind
 
 
@@ -276,15 +276,13 @@ def test_an_endpoint_that_others_reach_is_refused():
         "",
         "./x",
     ):
-        with pytest.raises(argparse.ArgumentTypeError):
+        with pytest.raises(ValueError, match=r"no endpoint|other machines"):
             endpoint_of(text)
 
 
 def test_of_several_simulated_uavs_each_has_its_own_endpoints():
     def options(*more):
-        parser = argparse.ArgumentParser()
-        sim.add_arguments(parser)
-        arguments = parser.parse_args(["m.yaml", *more])
+        arguments = options_for(sim.run, "m.yaml", *more)
         seats = [SimVehicle(name, "udp://x", 1, "tcp://y") for name in ("titan", "atlas")]
         world = SimpleNamespace(team=Path("t"), pace=None)
         commands = [sim._command(seat, n, world, arguments) for n, seat in enumerate(seats)]

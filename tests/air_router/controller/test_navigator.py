@@ -12,6 +12,7 @@ from air_router.controller.model.states import State
 from air_router.controller.model.task import Goal
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
+from air_router.routing.limits import STANDING_M_S
 from air_router.routing.router import Leg, Route
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
@@ -213,3 +214,67 @@ def test_a_leg_out_of_a_hover_is_not_refused_for_being_its_own_setpoint(bend):
     again = dataclasses.replace(order)
     gate.command(again)
     assert "no longer clear" in navigator.objection(again, 1.0)
+
+
+@pytest.mark.parametrize(("reaction_s", "age_s"), [(0.6, 0.0), (0.6, 0.1), (0.72, 0.15)])
+def test_a_leg_on_that_becomes_clear_while_it_brakes_stays_so_until_it_has_left(
+    bend, reaction_s, age_s
+):
+    """It is commanded as soon as it is clear, so at the very speed at which it becomes so."""
+    corner, beyond = Point(32.8, 0.0), Point(32.8, -60.0)
+    bend.router.route = lambda *_, **__: Route((Leg(corner), Leg(beyond)), 93.0)
+    context, gate, navigator = navigating(bend, at(0.0, 0.0))
+    gate.reacts_within(reaction_s)
+    first = navigator.plan_to(Goal(beyond))
+    gate.command(first)
+    gate.confirmed(CommandConfirmed(first))
+    braking = [1.0 + 0.02 * step for step in range(150)]
+    for time_s in braking:
+        left_s = braking[-1] - time_s
+        context.telemetry = telemetry = dataclasses.replace(
+            at(corner.east_m - 0.35 * left_s**2, 0.0, velocity_m_s=(0.7 * left_s, 0.0)),
+            time_s=time_s,
+        )
+        motion = navigator.update(telemetry)
+        if motion is not None:
+            break
+    gate.command(motion)
+    assert motion == FlyToPoint(beyond, 40.0)
+    assert telemetry.velocity_m_s[0] > STANDING_M_S
+    assert navigator.objection(motion, time_s + age_s) is None
+
+
+@pytest.mark.parametrize(("reaction_s", "age_s"), [(0.6, 0.1), (0.72, 0.15), (1.8, 0.7)])
+def test_a_leg_that_is_planned_at_speed_stays_clear_until_it_has_left(bend, reaction_s, age_s):
+    """Where it would be clear for a moment only, the vehicle is stopped first."""
+    planned = []
+    for step in range(200):
+        here = at(10.0 + step * 0.1, 0.0, velocity_m_s=(3.5, 0.0))
+        _, gate, navigator = navigating(bend, here)
+        gate.reacts_within(reaction_s)
+        motion = navigator.plan_to(Goal(Point(here.position.east_m, -60.0)))
+        gate.command(motion)
+        assert navigator.objection(motion, here.time_s + age_s) is None
+        planned.append(type(motion))
+    assert {FlyToPoint, HoldHere} <= {*planned}
+
+
+def test_a_hovering_vehicle_begins_no_leg_that_is_clear_at_one_place_alone(bend):
+    """Its position wanders: it is sent on from where the next telemetry allows the leg as well."""
+    corner, beyond = Point(33.0, 0.0), Point(33.0, -60.0)
+    bend.router.route = lambda *_, **__: Route((Leg(corner), Leg(beyond)), 93.0)
+    sent = []
+    for step in range(60):
+        place = Point(33.0 + 0.02 * step, 0.0)
+        context, gate, navigator = navigating(bend, at(0.0, 0.0))
+        first = navigator.plan_to(Goal(beyond))
+        gate.command(first)
+        gate.confirmed(CommandConfirmed(first))
+        context.telemetry = telemetry = at(*place)
+        motion = navigator.update(telemetry)
+        sent.append(motion is not None)
+        if motion is not None:
+            gate.command(motion)
+            context.telemetry = at(place.east_m + 0.05, place.north_m)
+            assert navigator.objection(motion, 1.05) is None
+    assert {*sent} == {True, False}

@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.files.json_document import json_from_text
-from air_router.files.maps.geojson import read_geojson
+from air_router.files.maps.json_zones import JSON
+from air_router.files.maps.zone_reading import ZoneReading
 from mocha_link.team.document import DocumentError
 
+PATH = Path("zones.geojson")
 GOOD = """\
 {"type": "FeatureCollection",
  "features": [{"type": "Feature",
@@ -23,7 +25,7 @@ FEATURE = '{"type": "Feature"}'
 
 def fault(text):
     with pytest.raises(DocumentError) as caught:
-        json_from_text(text, Path("zones.geojson"))
+        json_from_text(text, PATH)
     (problem,) = caught.value.problems
     return problem
 
@@ -90,7 +92,7 @@ def test_a_file_that_is_none_is_explained(text, words):
 def test_decimal_commas_are_no_other_place():
     places = "[[[8,5,47,3],[8,6,47,3],[8,6,47,4]]]"
     text = GOOD.replace("[[[8.5,47.3],[8.6,47.3],[8.6,47.4]]]", places)
-    reading = read_geojson(json_from_text(text, Path("zones.geojson")))
+    reading = ZoneReading(JSON.read(text.encode(), PATH), PATH)
     assert not reading.zones
     first = str(reading.problems[0])
     assert "four whole numbers; decimals stand behind a point: [8.5, 47.3]" in first
@@ -99,7 +101,7 @@ def test_decimal_commas_are_no_other_place():
 @pytest.mark.parametrize("behind", [[412.5, 0], [0, 0], [-3, 7.5]])
 def test_a_place_with_a_height_and_a_measure_is_a_place(behind):
     text = GOOD.replace("[8.5,47.3]", json.dumps([8, 47, *behind]))
-    reading = read_geojson(json_from_text(text, Path("zones.geojson")))
+    reading = ZoneReading(JSON.read(text.encode(), PATH), PATH)
     assert (len(reading.zones), reading.problems) == (1, [])
 
 
@@ -112,7 +114,7 @@ def test_whatever_is_typed_somewhere_the_library_is_never_quoted(typed):
     for at, piece in typed:
         text = text[:at] + piece + text[at:]
     try:
-        json_from_text(text, Path("zones.geojson"))
+        json_from_text(text, PATH)
     except DocumentError as error:
         for problem in error.problems:
             assert "Expecting" not in problem.message

@@ -1,6 +1,5 @@
 """What the live page of a flight is told; tests/system/test_whole_flight.py looks at the page."""
 
-import argparse
 import asyncio
 import base64
 import json
@@ -22,12 +21,14 @@ from air_router.live.server import LivePage, MapFeed
 from air_router.repeats import PAUSE_S
 from air_router.vehicle.instructions import BE_READY, FLY_OUT, Severity
 from air_router.vehicle.vehicle import Telemetry
-from air_router.web.serving import HERE, add_web, web_of
+from air_router.web.serving import HERE, web_of, web_options
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
+from mocha_link.cli import command
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from mocha_link.links.reading import Reading, Unit
 from tests.air_router.tile_maker import around, write_tiles
+from tests.command_lines import options_for
 
 ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
 
@@ -240,12 +241,11 @@ def test_a_fault_in_a_decision_is_not_taken_for_a_wrong_request(flight):
 
 def test_tiles_lie_under_the_map(flight, tmp_path):
     path = write_tiles(tmp_path / "site.mbtiles", around(17, 39.942, -75.2))
-    arguments = argparse.ArgumentParser()
-    add_web(arguments)
+    page = command("Show it.")(web_options()(lambda _: 0))
     options = ["--web", "0", "--web-image", str(path)]
     with pytest.raises(UsageError, match="add --web"):
-        web_of(arguments.parse_args(options[2:]))
-    web = web_of(arguments.parse_args(options))
+        web_of(options_for(page, *options[2:]))
+    web = web_of(options_for(page, *options))
     shown = Shown(flight, web)
 
     async def look():

@@ -23,7 +23,7 @@ SIGNAL = Reading(47.0, Unit.DEVICE, "rajant")
 LINK = LinkMetrics("io", signal=SIGNAL, newest_age_s=math.inf)
 
 
-def _fly(recorder, mission):
+def fly(recorder, mission):
     mapper = Mapper(mission)
     patch = GridPatch(mapper.grid.west_m, mapper.grid.south_m, 1.0, mapper.grid.cells[:2, :3] + 1)
     recorder.begin(FlightSetup(mission, ("io",), name="titan"), arm=True)
@@ -66,7 +66,7 @@ DRAWN = {
 def record(tmp_path_factory, pennovation):
     folder = tmp_path_factory.mktemp("record")
     with Recorder(folder, "mission.yaml", unix_s=lambda: UNIX_S, name="ti/tan") as recorder:
-        _fly(recorder, pennovation)
+        fly(recorder, pennovation)
     return recorder.path
 
 
@@ -74,8 +74,8 @@ def record(tmp_path_factory, pennovation):
 def shown(pennovation):
     """Flies the same before a viewer, without a record."""
 
-    def fly(viewer):
+    def show(viewer):
         with Recorder(None, "mission.yaml", unix_s=lambda: UNIX_S, viewer=viewer) as recorder:
-            _fly(recorder, pennovation)
+            fly(recorder, pennovation)
 
-    return fly
+    return show

@@ -3,20 +3,23 @@
 import asyncio
 import importlib
 import json
+import re
 import struct
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Schema
 
 from air_router.cli.cli import main
 from air_router.controller.model.actions import Announce
 from air_router.errors import ExitCode, RefusedError
-from air_router.record.drawing import FlightDrawing
+from air_router.record.recorder import Recorder
 from air_router.vehicle.instructions import BE_READY, Severity
 from geo.frame import Point
-from tests.air_router.record.conftest import DRAWN
+from tests.air_router.record.conftest import DRAWN, UNIX_S, fly
 
 pytest.importorskip("foxglove", reason="the extra `foxglove` is not installed")
 aiohttp = pytest.importorskip("aiohttp")
@@ -80,7 +83,7 @@ def test_zones_graph_robots_and_links_stand_in_the_scene(found, pennovation):
     numbers = [text.text for text in scene["graph"].texts]
     assert numbers == ["home", *(str(waypoint.number) for waypoint in pennovation.waypoints)]
     assert len(scene["graph"].lines[0].points) % 2 == 0
-    (robot,) = found["/scene/robots"][1][0][1].entities
+    (robot,) = found["/scene/robots"][1][-1][1].entities
     assert (robot.id, robot.texts[0].text) == ("io", "io 47 device")
     ends = [(p.x, p.y, p.z) for p in robot.lines[0].points]
     assert ends == [(20.0, 2.0, 40.0), (5.0, 6.0, 0.0)]
@@ -174,7 +177,7 @@ def test_what_fails_for_one_who_comes_late_is_told_beside_what_fails_in_flight(m
 
     try:
         monkeypatch.setattr(socket._channels, "send", fail)
-        socket.send(channel, 1, {})
+        socket.send(channel, 1, b"")
         socket.on_subscribe(None, channel)
         assert [record.exc_info[0] for record in caplog.records] == [RuntimeError] * 2
         assert "a viewer who has just come" in caplog.text
@@ -184,8 +187,38 @@ def test_what_fails_for_one_who_comes_late_is_told_beside_what_fails_in_flight(m
 
 def test_the_log_says_how_grave_an_announcement_is(pennovation):
     """Levels of Foxglove's log: INFO, WARNING, ERROR."""
-    drawing, levels = FlightDrawing(pennovation), []
+    drawing = importlib.import_module("air_router.record.drawing")
+    levels = []
     for severity in Severity:
-        (drawn,) = drawing.action(Announce("x", severity, BE_READY), 1.7e9)
-        levels.append((drawn.topic, drawn.message["level"]))
+        announced = Announce("x", severity, BE_READY)
+        ((channel, data),) = drawing.FlightDrawing(pennovation).draw(announced, 1.7e9)
+        schema = Schema(1, channel.schema, "protobuf", channel.schema_name)
+        log = decoder.DecoderFactory().decoder_for("protobuf", schema)(data)
+        levels.append((channel.topic, log.level))
     assert levels == [("/log", 2), ("/log", 3), ("/log", 4)]
+
+
+def test_a_record_itself_is_drawn_as_one_that_is_converted(record, found):
+    """Where the SDK was there in flight: of every topic the same, as it was in the end."""
+    own = messages_of(record)
+    assert {topic: name for topic, (name, _) in own.items()} == {
+        topic: name for topic, (name, _) in found.items()
+    }
+    for topic in DRAWN:
+        here, there = (
+            re.sub(r"timestamp \{[^}]*\}", "", str(messages[topic][1][-1][1]))
+            for messages in (own, found)
+        )
+        assert here == there, topic
+
+
+def test_without_the_sdk_a_flight_is_recorded_and_drawn_later(pennovation, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    monkeypatch.delitem(sys.modules, "air_router.record.drawing")
+    with Recorder(tmp_path, "mission.yaml", unix_s=lambda: UNIX_S) as recorder:
+        fly(recorder, pennovation)
+    assert not DRAWN.keys() & messages_of(recorder.path).keys()
+    monkeypatch.undo()
+    target = tmp_path / "shown.mcap"
+    assert main(["convert", str(recorder.path), str(target)]) == ExitCode.DONE
+    assert DRAWN.keys() <= messages_of(target).keys()

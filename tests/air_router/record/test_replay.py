@@ -1,6 +1,5 @@
 """A recorded flight decides the same again; one that would not is told where and how."""
 
-import argparse
 import dataclasses
 import json
 import math
@@ -25,6 +24,7 @@ from air_router.record.recording import default_folder, record_of
 from air_router.record.replay import CONTEXT, ReplayError, replay_record
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
+from mocha_link.cli import Options
 
 ROOT = Path(__file__).parents[3]
 
@@ -69,6 +69,7 @@ def fly(pretend, pennovation, folder):
         flight.give(AirspaceChanged(flight.mission.fences, (*flight.mission.zones, drawn)))
         flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions))
         flight.give(PlanRenewed())
+        recorder.patch(bytes(1 << 20), flight.now_s)  # which fills a chunk of the file
         flight.fly_until(lambda: flight.finished is not None, 400.0)
         recorder.note("LetGo", flight.now_s, {})
         recorder.event(GoOn(), flight.now_s)  # came too late to be decided on
@@ -160,7 +161,7 @@ def test_without_a_name_it_is_the_newest_flight(flown, capsys, monkeypatch, tmp_
     os.utime(there, (2e9 + 1, 2e9 + 1))
     there.with_name("gone.mcap").symlink_to("elsewhere.mcap")
     there.with_name("folder.mcap").mkdir()
-    assert record_of(argparse.Namespace(log=None)) == Path("logs/titan/sim-3.mcap")
+    assert record_of(Options(log=None)) == Path("logs/titan/sim-3.mcap")
 
 
 def test_the_snippet_of_the_docs_runs(flown, capsys, monkeypatch):

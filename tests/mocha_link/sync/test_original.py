@@ -1,6 +1,6 @@
 """Beside original nodes: every fault that such a peer can cause, asked by us and asking us.
 
-The peer is the stand-in of `original.py` on real sockets; docs/compatibility.md says how live,
+The peer is the stand-in of `original.py` on real sockets; docs/protocol.md says how live,
 unmodified original nodes did in the same situations.
 """
 

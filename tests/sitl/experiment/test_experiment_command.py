@@ -1,6 +1,5 @@
 """`sitl experiment`: runs are kept, resumed and never mixed; tables, files and figures of them."""
 
-import argparse
 import csv
 import hashlib
 import json
@@ -15,6 +14,7 @@ import pytest
 from air_router.errors import UsageError
 from mocha_link.errors import MissingExtraError
 from sitl.cli import experiment_command as command
+from sitl.cli.cli import main
 from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.report import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
@@ -23,6 +23,7 @@ from sitl.experiment.campaign.running import UnfitSettingsError
 from sitl.experiment.campaign.runs import InUseError, RunLogError, program, run_log
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.settings import RunSettings
+from tests.command_lines import options_for
 
 ROOT = Path(__file__).parents[3]
 SMALL = """
@@ -68,10 +69,9 @@ def sitl(tmp_path, monkeypatch):
         figures=False,
         try_out=None,
     ):
-        parser = argparse.ArgumentParser()
-        command.add_arguments(parser)
         fixed = [str(experiment), *(["--out", str(tmp_path / "out")] if out else [])]
-        arguments = parser.parse_args([*fixed, *([] if figures else ["--no-figures"]), *words])
+        figured = [] if figures else ["--no-figures"]
+        arguments = options_for(command.run, *fixed, *figured, *words)
         pool = pool or Here()
         monkeypatch.setattr(command, "make_runs", pool.run)
         return command.run_with(arguments, work, try_out), pool
@@ -427,8 +427,6 @@ def test_progress_says_how_long_the_rest_takes():
 
 
 def test_what_there_is_can_be_listed(capsys):
-    parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    assert command.run(parser.parse_args(["--list", "--json"])) == 0
+    assert main(["experiment", "--list", "--json"]) == 0
     names = [each["name"] for each in json.loads(capsys.readouterr().out)]
     assert "table1" in names

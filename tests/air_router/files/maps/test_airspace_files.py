@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from air_router.files.maps.limits import limit_in_text
 from air_router.files.maps.map_area import MapCircle
-from air_router.files.maps.openair import read_openair
+from air_router.files.maps.openair import OPENAIR
 from air_router.files.maps.zone_files import read_zones
+from air_router.files.maps.zone_reading import ZoneReading
 from air_router.files.xml_document import kml_in, kmz_of
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import ARC_ERROR_M, Geodetic, arc_around, polar
@@ -26,6 +27,10 @@ FILES = Path(__file__).parents[3] / "data" / "files"
 PATH = Path("airspace.txt")
 GROUND, AMSL = Reference.GROUND, Reference.AMSL
 UNCLEAR = "unclear-altitude"
+
+
+def openair(raw):
+    return ZoneReading(OPENAIR.read(raw, PATH), PATH)
 
 
 def codes(problems):
@@ -88,7 +93,7 @@ def test_line_breaks_of_any_system_end_a_line(tmp_path, newline):
 
 def test_openair_in_latin_1_is_read_and_that_is_noted():
     text = (FILES / "airspace.txt").read_text("utf-8").replace("Sandbox", "K\xf6ln \x85")
-    reading = read_openair(text.encode("latin-1"), PATH)
+    reading = openair(text.encode("latin-1"))
     assert [zone.name for zone in reading.zones][:2] == ["K\xf6ln", "CTR Toy"]
     place = (reading.notes[0].line, reading.notes[0].column)
     assert (*place, reading.notes[0].code) == (4, 5, "not-utf8")
@@ -296,7 +301,7 @@ LINES = st.lists(
 @given(LINES)
 def test_no_openair_crashes_its_reader(lines):
     text = "AC Q\n" + "\n".join(lines)
-    reading = read_openair(text.encode(), PATH)
+    reading = openair(text.encode())
     for problem in (*reading.problems, *reading.notes):
         assert problem.code
         assert 1 <= problem.line <= len(text.splitlines()) + 1
@@ -311,5 +316,5 @@ def test_no_openair_crashes_its_reader(lines):
 def test_long_lines_end_soon():
     blanks = " " * 300_000
     lines = ["AC R", f"AN a{blanks}b", f"AL 1{blanks}!", f"DP 1N{blanks}x", f"DP 1{blanks}N 2E"]
-    reading = read_openair("\n".join(lines).encode(), PATH)
+    reading = openair("\n".join(lines).encode())
     assert codes(reading.problems) == ["wrong-form"]

@@ -12,17 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from air_router.files.json_document import json_from_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
     MapPoint,
     corners_of,
     feature_set_of,
 )
-from air_router.files.maps.geojson import geojson_of, geojson_text, read_geojson
-from air_router.files.maps.kml import kml_text, read_kml
+from air_router.files.maps.geojson import geojson_of, geojson_text
+from air_router.files.maps.json_zones import JSON
+from air_router.files.maps.kml import KML as KML_FORMAT
+from air_router.files.maps.kml import kml_text
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline
 from air_router.files.maps.zone_files import read_zones
+from air_router.files.maps.zone_reading import ZoneReading
 from air_router.files.mission_document import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft
@@ -30,18 +32,19 @@ from geo.airspace.zone import Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point, circle_around, dense_ring
 from geo.validity import Hours, Period, Validity
 
+PATH = Path("x.zones")
 TOWN = Path(__file__).parents[3] / "data" / "files" / "town.yaml"
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
 def from_geojson(features):
-    reading = read_geojson(json_from_text(geojson_text(features), Path("x.geojson")))
+    reading = ZoneReading(JSON.read(geojson_text(features).encode(), PATH), PATH)
     assert reading.problems == []
     return reading.zones
 
 
 def from_kml(features):
-    reading = read_kml(kml_text(features).encode(), Path("x.kml"))
+    reading = ZoneReading(KML_FORMAT.read(kml_text(features).encode(), PATH), PATH)
     assert reading.problems == []
     return reading.zones
 

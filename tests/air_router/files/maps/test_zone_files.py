@@ -13,7 +13,7 @@ from implicitdict import ImplicitDict
 from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
-from air_router.files.maps.geozones import validity_of
+from air_router.files.maps.geozone_hours import validity_of
 from air_router.files.maps.map_area import MapCircle, MapOutline, unique_names
 from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.mission_document import MissionDocument, MissionPoint

@@ -315,3 +315,17 @@ def test_no_plan_crashes_the_reader(changes):
     for problem in (*draft.problems, *draft.notes):
         assert problem.code
         assert problem.line == 1
+
+
+def test_zones_are_numbered_as_they_stand_in_the_plan():
+    document = load_json(DATA / "files" / "survey.plan")
+    fence = document.data["geoFence"]
+    zones = [
+        each for kind in ("polygons", "circles") for each in fence[kind] if not each["inclusion"]
+    ]
+    shape = zones[0].get("circle") or zones[0]
+    broken = {"radius": -1.0} if "circle" in zones[0] else {"polygon": shape["polygon"][:2]}
+    shape.update(broken)
+    draft = plan_draft(document)
+    assert "'zone 1'" in draft.problems[0].message
+    assert [zone.name for zone in draft.zones] == ["zone 2"]

@@ -233,15 +233,12 @@ def test_a_vehicle_that_no_pilot_takes_is_alarmed_of(alarmed_s, flagged):
     assert any("no pilot takes it" in str(v) for v in verdict.violations) is flagged
 
 
-@pytest.mark.parametrize(
-    ("fault", "times", "flagged"), [("NONE", 1, 0), ("NONE", 3, 2), ("GUSTS", 3, 0)]
-)
-def test_in_a_calm_flight_a_leg_is_kept_back_once_at_most(fault, times, flagged):
-    text = "s  not sent: the leg was no longer clear in its turn"
-    said = [(at_s, f"{at_s} {text}") for at_s in (70.0, 71.0, 72.0)[:times]]
-    verdict = judge(flight(said=said, faults=frozenset({fault})))
+@pytest.mark.parametrize(("fault", "flagged"), [("NONE", True), ("GUSTS", False)])
+def test_in_a_calm_flight_no_leg_is_kept_back(fault, flagged):
+    line = (70.0, "70.0 s  not sent: the leg was no longer clear in its turn")
+    verdict = judge(flight(said=[line], faults=frozenset({fault})))
     told = [str(each) for each in verdict.violations if "without a disturbance" in str(each)]
-    assert len(told) == flagged
+    assert bool(told) is flagged
 
 
 # Its limits: each pair lies less than a factor of three from one.

@@ -1,0 +1,39 @@
+"""Command lines of the three programs, read as the programs read them, without running them."""
+
+from collections.abc import Iterator, Sequence
+
+import click
+
+from mocha_link.cli import Command, Options, Program, options_of
+
+
+def context_of(program: Program, words: Sequence[str]) -> click.Context:
+    """That of the command of these words; a `click.UsageError` if they are wrong."""
+    ctx = program.make_context(program.name, list(words))
+    while isinstance(ctx.command, click.Group):
+        rest = [*ctx._protected_args, *ctx.args]
+        if not rest:
+            ctx.fail("Missing command.")
+        name, command, more = ctx.command.resolve_command(ctx, rest)
+        ctx = command.make_context(name, more, parent=ctx)
+    return ctx
+
+
+def options_for(command: Command, *words: object) -> Options:
+    """What a command makes of its words."""
+    return options_of(command.make_context("command", [str(word) for word in words]))
+
+
+def commands_of(group: click.Group) -> Iterator[click.Context]:
+    """The context, without words, of every command below a group, in the order of the help."""
+    above = group.make_context(group.name, [], resilient_parsing=True)
+    yield from _below(above)
+
+
+def _below(above: click.Context) -> Iterator[click.Context]:
+    for name in above.command.list_commands(above):
+        command = above.command.get_command(above, name)
+        ctx = command.make_context(name, [], parent=above, resilient_parsing=True)
+        yield ctx
+        if isinstance(command, click.Group):
+            yield from _below(ctx)
