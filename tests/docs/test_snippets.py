@@ -71,6 +71,7 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "seeking.md 1": "a formula",
     "seeking.md 2": "a formula",
     "sync-protocol.md 1": "who sends what when",
+    "usual-values.md 1": "printed; every band: tests/air_router/files/test_usual_values.py",
     "watching.md 1": "what is printed; its parts: air_router/test_status.py",
     "watching.md 2": "what is printed; its columns: below",
     "world-file.md 1": "printed by `sitl team`, shortened",
