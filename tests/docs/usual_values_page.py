@@ -16,7 +16,8 @@ given in: `altitude_m: 400` may be 122 m in feet. The edit page, the pre-flight 
 with the same kind of option do the same. A note ([`unusual-value`](../errors.md#keys-and-values))
 stops nothing:
 
-    'duration_s' is 25 s; usual is 60 to 14400 s (a multicopter flies for minutes to a few hours); given in minutes? then write 1500
+    'duration_s' is 25 s; usual is 60 to 14400 s (a multicopter flies for minutes to a \
+few hours); given in minutes? then write 1500
 
 `[]` stands for every entry of a list, `*` for every name. *lower* and *higher* name the units that
 explain a value below or above the usual range. The tables are printed from the code
