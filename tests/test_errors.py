@@ -19,8 +19,16 @@ SOURCES = [
     ROOT / "sitl" / "experiment" / "plan_file.py",
     ROOT / "sitl" / "world" / "towns" / "town_file.py",
 ]
-OTHER_THINGS = {"camera.py", "words.py", "guard.py", "tile_service.py", "versions.py"}
-"""Modules whose words with a hyphen name cameras, directions, HTTP headers and conversations."""
+OTHER_THINGS = {
+    "camera.py",
+    "charts.py",
+    "figure_style.py",
+    "words.py",
+    "guard.py",
+    "tile_service.py",
+    "versions.py",
+}
+"""Modules whose words with a hyphen name cameras, directions, headers, styles, conversations."""
 
 NO_CODES = {
     *("air-router", "utf-8", "utf-8-sig", "fill-opacity", "pre-flight"),

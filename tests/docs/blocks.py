@@ -64,7 +64,7 @@ def _raw(text: str):
 
 
 def blocks() -> list[Block]:
-    """All blocks of all pages: `coverage.md python 1`, or `coverage.md 3` for an indented one."""
+    """All blocks of all pages: `editing.md python 1`, or `editing.md 3` for an indented one."""
     found = []
     for page in PAGES:
         count = Counter()

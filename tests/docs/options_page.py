@@ -21,13 +21,13 @@ PAGE = Path(__file__).parents[2] / "docs" / "options.md"
 HEAD = """\
 # Every command and option
 
-Purposes and exit codes: [commands.md](commands.md). All commands take `-h` (`--help`, with
-examples) and, before or after the command, `-v` (log more; `-vv`: still more) and `--log-level`
-(`debug`, `info`, `warning`, `error`). Each program has `completion {bash,zsh,fish}`, which prints a
-script for the shell.
+[commands.md](commands.md) describes purposes and exit codes. Every command takes `-h` (`--help`,
+with examples) and, before or after its name, `-v` (log more; `-vv`: still more) and `--log-level`
+(`debug`, `info`, `warning`, `error`). `completion {bash,zsh,fish}` of each program prints a script
+for the shell.
 """
 HELP = """\
-`COMMAND --help` explains the options; so does this page in the site that `make docs` builds.
+`COMMAND --help` and the site built by `make docs` explain each option.
 """
 EVERYWHERE = {"--help", "--verbose", "--log-level"}
 SHARED = """\

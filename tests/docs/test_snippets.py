@@ -40,7 +40,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "README.md python 1": "test_readme.py::test_the_snippet_runs",
     "control.md python 1": "air_router/control/test_control.py::test_what_the_docs_show_is_done",
     "control.md python 2": "air_router/control/test_one_endpoint.py::test_the_planner_of_the_docs",
-    "coverage.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
+    "editing.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
     "embedding.md python 1": "mocha_link/test_docs_embedding.py::test_the_planner_meets_everybody",
     "embedding.md python 2": (
         "mocha_link/test_docs_embedding.py::test_the_reader_needs_nothing_of_ours"
@@ -64,13 +64,14 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
 }
 NO_SNIPPET = {  # pictures, formulas and what programs print
     "architecture.md 1": "who imports whom; tests/test_house.py sees to it",
-    "coverage.md 2": "printed by the command above it, shortened",
+    "editing.md 7": "printed by the command above it, shortened",
     "errors.md 1": "printed; every code: tests/test_errors.py",
     "embedding.md 2": "PromQL; its metrics: tests/mocha_link/service/test_prometheus.py",
     "mission-file.md 2": "printed; its codes: below",
     "seeking.md 1": "a formula",
     "seeking.md 2": "a formula",
     "sync-protocol.md 1": "who sends what when",
+    "usual-values.md 1": "printed; every band: tests/air_router/files/test_usual_values.py",
     "watching.md 1": "what is printed; its parts: air_router/test_status.py",
     "watching.md 2": "what is printed; its columns: below",
     "simulation.md 3": "printed by `sitl team`, shortened",
@@ -242,7 +243,7 @@ def folder(tmp_path_factory):
     shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", folder / "town.plan")
     shutil.copy(files / "geozones_ed269.json", folder / "geozones.json")
     shutil.copy(files / "walk.gpx", folder)
-    (folder / "field.geojson").write_text(ALL["coverage.md json 1"].text)
+    (folder / "field.geojson").write_text(ALL["editing.md json 1"].text)
     for name in ("mission.yaml", "team.yaml", "world.yaml"):
         shutil.copy(pennovation / name, folder / name)
     original = folder / "MOCHA" / "mocha_core" / "config"

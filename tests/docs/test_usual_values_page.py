@@ -1,4 +1,4 @@
-"""docs/usual-values.md is the code's table; DOCS_WRITE=1 in the environment writes it anew."""
+"""docs/evidence/usual-values.md is the code's table; DOCS_WRITE=1 writes it anew."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""The page of usual values, docs/usual-values.md, as the code's table makes it."""
+"""The page of usual values, docs/evidence/usual-values.md, as the code's table makes it."""
 
 from __future__ import annotations
 
@@ -7,22 +7,24 @@ from pathlib import Path
 
 from air_router.files.usual_values import MISSION, OPTIONS, WORLD, Band, OtherUnit
 
-PAGE = Path(__file__).parents[2] / "docs" / "usual-values.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "usual-values.md"
 HEAD = """\
 # Usual values
 
-A number can be legal and still not be meant: `altitude_m: 400` is 122 m in feet. `air-router check`
-notes a number that is not usual ([`unusual-value`](errors.md#keys-and-values)), with the unit that
-it is likely to be in. So do the edit page, the pre-flight card, and the commands with options of
-the same kind: `'duration_s' is 25 s; usual is 60 to 14400 s (a multicopter flies for minutes to a
-few hours); given in minutes? then write 1500`.
+`air-router check` notes a number that is legal but unusual, and names the unit it was probably
+given in: `altitude_m: 400` may be 122 m in feet. The edit page, the pre-flight card and commands
+with the same kind of option do the same. A note ([`unusual-value`](../errors.md#keys-and-values))
+stops nothing:
 
-A note stops nothing. A number that is refused is explained in the same way. `[]` is every entry of
-a list, `*` every name. The code is the source of these tables (`DOCS_WRITE=1 pytest tests/docs`
-writes them anew).
+    'duration_s' is 25 s; usual is 60 to 14400 s (a multicopter flies for minutes to a \
+few hours); given in minutes? then write 1500
+
+`[]` stands for every entry of a list, `*` for every name. *lower* and *higher* name the units that
+explain a value below or above the usual range. The tables are printed from the code
+(`DOCS_WRITE=1 pytest tests/docs`).
 """
 AS_IN_MISSIONS = (
-    "`--altitude`, `--clearance`, `--duration` and `--speed` (of `cover`) are as in a mission."
+    "`--altitude`, `--clearance`, `--duration` and `--speed` (of `cover`) have a mission's ranges."
 )
 COLUMNS = "| number | usual | lower: given in | higher: given in | why |\n|---|---|---|---|---|"
 PARTS = (
