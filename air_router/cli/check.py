@@ -10,7 +10,7 @@ import click
 
 from air_router.cli.arguments import print_json, start_option, uav_option
 from air_router.errors import ExitCode
-from air_router.files import MissionDocument
+from air_router.files import SEEK_POLICIES, MissionDocument
 from air_router.mission import Mission, choose, read_draft, unusual, validate
 from air_router.preflight import (
     MissionSurvey,
@@ -59,6 +59,7 @@ def run(arguments: Options) -> int:
         raise refusal
     mission = replace(mission, notes=(*mission.notes, *world_notes(mission.world)))
     findings = MissionSurvey(WaypointGraph(mission))
+    _check_policy(mission)
     try:
         _check_world(mission)
     except DocumentError as error:
@@ -79,6 +80,14 @@ def run(arguments: Options) -> int:
     for number, reason in findings.stranded:
         sys.stderr.write(f"{mission.path}: no way home from waypoint {number}: {reason}\n")
     return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
+
+
+def _check_policy(mission: Mission) -> None:
+    """Load the seek policy of another package. Raises SeekPolicyError."""
+    if mission.seek_policy not in SEEK_POLICIES:
+        from air_router.seek_policies import policy_of  # noqa: PLC0415 - few missions need it
+
+        policy_of(mission.seek_policy)
 
 
 def _check_world(mission: Mission) -> None:

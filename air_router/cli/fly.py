@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 import click
+from pydantic_core import PydanticCustomError
 
 from air_router.cli.arguments import (
     MORE_THAN_0,
@@ -24,7 +25,7 @@ from air_router.cli.arguments import (
 )
 from air_router.control import CONTROL_NAME, endpoint_of
 from air_router.errors import PictureError, RefusedError
-from air_router.files import SEEK_POLICIES
+from air_router.files import known_policy
 from air_router.flight import Flight, FlightResult, StatusLine, as_begun
 from air_router.gossip import Gossip, Mapper
 from air_router.mission import ALONE, Mission, load_flown, sought, team_of
@@ -55,6 +56,14 @@ _UNUSABLE = (  # the gossip node or the page cannot begin, so the flight does no
     KeyMismatchError,
     ServeError,
 )
+
+
+def _seek_policy(text: str) -> str:
+    """The name of a seek policy that is installed. Raises ValueError."""
+    try:
+        return known_policy(text)
+    except PydanticCustomError as error:
+        raise ValueError(f"'{text}' is no seek policy: {error.message()}") from None
 
 
 @contextlib.contextmanager
@@ -243,8 +252,10 @@ flight_options = together(
     option("--json", is_flag=True, help="one JSON object on stdout"),
     option(
         "--seek",
-        type=click.Choice(SEEK_POLICIES),
-        help="policy that chooses the next robot (default: the mission's)",
+        type=Parsed(_seek_policy),
+        metavar="POLICY",
+        help="policy that chooses the next robot: round_robin, freshest, rendezvous, tour, one of "
+        "another package, or package.module:Class (default: the mission's)",
     ),
 )
 """What `fly` and `sim` have in common."""

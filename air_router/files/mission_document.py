@@ -11,14 +11,13 @@ from typing import Protocol
 
 import numpy as np
 
+from air_router.files.seek_policies import DEFAULT_SEEK_POLICY, SeekPolicy
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
-    DEFAULT_SEEK_POLICY,
     DEFAULT_WHEN_EXPLORED,
     LARGEST_RADIUS_M,
     Accepted,
     PlannerSettings,
-    SeekPolicy,
     Timers,
     WhenExplored,
 )

@@ -1,18 +1,16 @@
 """A mission's settings with their defaults, and the form of its file: keys, types, limits."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from air_router.files.seek_policies import DEFAULT_SEEK_POLICY, SeekPolicy
 from air_router.files.zone_terms import ActiveForm, AltitudeForm, Clearance, ZoneTerms
 
 PlannerKind = Literal["waypoints", "shortest"]
 """`waypoints` stays on the operator's waypoint graph (the paper's), `shortest` goes straight."""
-
-SeekPolicy = Literal["round_robin", "freshest", "rendezvous", "tour"]
-"""How the robot that is sought next is chosen, and its place; see docs/seeking.md."""
 
 Accepted = Literal[
     "rtl_crosses_zones", "rtl_altitude", "rtl_type", "sticks_do_not_override", "fence_action"
@@ -22,8 +20,6 @@ Accepted = Literal[
 WhenExplored = Literal["patrol", "hover", "home"]
 """What the vehicle does once every waypoint is explored; see docs/state-machine.md."""
 
-SEEK_POLICIES: Final[tuple[SeekPolicy, ...]] = get_args(SeekPolicy)
-DEFAULT_SEEK_POLICY: Final[SeekPolicy] = "round_robin"
 DEFAULT_WHEN_EXPLORED: Final[WhenExplored] = "patrol"
 
 Seconds = Annotated[float, Field(gt=0, le=86_400)]

@@ -24,6 +24,7 @@ from sitl.experiment.plan_file import (
     sources,
 )
 from sitl.experiment.settings import (
+    OFF_BOARD,
     Between,
     MessageWait,
     PaperModel,
@@ -34,6 +35,7 @@ from sitl.experiment.settings import (
 )
 
 __all__ = [
+    "OFF_BOARD",
     "Between",
     "ClaimRule",
     "EventLog",

@@ -9,11 +9,11 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from air_router.files import DEFAULT_SEEK_POLICY, SeekPolicy
+from air_router.files import DEFAULT_SEEK_POLICY, known_policy
 from sitl.world.explorers import ExplorerSettings, PlacedBy, Positive
 
 ChannelKind = Literal["paper", "path_loss"]
@@ -33,10 +33,18 @@ PulledBy = Literal["contact", "node"]
 `node`: the trigger of `mocha_link` pulls, every 2 s while a contact lasts; our protocol follows its
 last pull, and what a peer stores in between is pushed."""
 
-PolicyKind = SeekPolicy | Literal["orienteering", "milp", "oracle"]
-"""A policy that flies; or one that does not. `orienteering`: `freshest` with a look ahead. `milp`:
-the best `tour` over meeting points. `oracle`, a yardstick: a `rendezvous` that is told every
-`ORACLE_S` where all ground robots are, and how much each is worth."""
+OFF_BOARD: Final = ("orienteering", "milp", "oracle")
+"""Policies that no vehicle can fly with. `orienteering`: `freshest` with a look ahead. `milp`: the
+best `tour` over meeting points. `oracle`, a yardstick: a `rendezvous` that is told every `ORACLE_S`
+where all ground robots are, and how much each is worth."""
+
+
+def _policy(name: str) -> str:
+    """The name of a policy that flies (docs/seeking.md), or of one that does not."""
+    return name if name in OFF_BOARD else known_policy(name)
+
+
+PolicyKind = Annotated[str, AfterValidator(_policy)]
 
 MessageWait = Literal["wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay"]
 """Which columns are the paper's message wait: of all messages, robots' data, or header requests;

@@ -11,7 +11,7 @@ import shapely
 from air_router.controller.model import FlightSetup, Goal, MissionContext
 from air_router.controller.motion import Navigator
 from air_router.controller.states.explore_state import Exploration
-from air_router.controller.targets import POLICIES, Policy, SearchPlace, SeekContext, TargetList
+from air_router.controller.targets import Policy, SearchPlace, SeekContext, TargetList, policy_of
 from air_router.routing import NoRoute, Way
 from geo.frame import Point
 
@@ -71,7 +71,7 @@ class Search:
         self.name = setup.name
         self.targets = TargetList(setup.seek)
         self.policy: Policy = (
-            POLICIES[context.airspace.mission.seek_policy] if policy is None else policy
+            policy_of(context.airspace.mission.seek_policy) if policy is None else policy
         )
         self._context, self._navigator = context, navigator
         self.exploration = exploration

@@ -1,7 +1,7 @@
 """Which robot to seek next, and where it is and will be."""
 
 from air_router.controller.targets.limits import MOVES_S, SOUGHT_BY_OTHER_S, YIELDS_S
-from air_router.controller.targets.policies import POLICIES
+from air_router.controller.targets.policies import SeekPolicyError, policy_of
 from air_router.controller.targets.pose_check import PeerRate, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, SeekContext, meet
@@ -10,7 +10,6 @@ from air_router.controller.targets.tour import Stop, Tour, rate
 
 __all__ = [
     "MOVES_S",
-    "POLICIES",
     "SOUGHT_BY_OTHER_S",
     "YIELDS_S",
     "Freshest",
@@ -21,11 +20,13 @@ __all__ = [
     "Rendezvous",
     "SearchPlace",
     "SeekContext",
+    "SeekPolicyError",
     "Sighting",
     "Stop",
     "TargetList",
     "TargetTrack",
     "Tour",
     "meet",
+    "policy_of",
     "rate",
 ]

@@ -1,21 +1,149 @@
-"""The seek policies that a mission can choose."""
+"""The seek policy that a mission chooses: loaded, checked, and guarded in flight."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Final
+import math
+from collections.abc import Iterable
+from functools import lru_cache
 
-from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, RoundRobin
-from air_router.controller.targets.tour import Tour
-from air_router.files import SeekPolicy
+from air_router.controller.targets.seeking import Policy, RoundRobin, SeekContext
+from air_router.controller.targets.target_list import SearchPlace, TargetList
+from air_router.errors import AirRouterError, ExitCode
+from air_router.files import SEEK_POLICIES, entry_point_of
+from mocha_link.sanitize import sanitize
 
-POLICIES: Final[Mapping[SeekPolicy, Policy]] = MappingProxyType(
-    {
-        "round_robin": RoundRobin(),
-        "freshest": Freshest(),
-        "rendezvous": Rendezvous(),
-        "tour": Tour(),
-    }
-)
-"""By the name that a mission file has for each."""
+_LONGEST = 120  # letters of an error's words
+
+
+class SeekPolicyError(AirRouterError):
+    """A seek policy cannot be loaded, or is none; the message names its package."""
+
+    exit_code = ExitCode.INVALID_FILE
+
+
+def policy_of(name: str) -> Policy:
+    """The policy of a name that an entry point has, or of `package.module:Class`.
+
+    Policies of other packages are guarded: one that fails in flight leaves the seeking to round
+    robin.
+
+    Raises:
+        SeekPolicyError: there is none, or it cannot be made.
+    """
+    loaded = _load(name)
+    return loaded if name in SEEK_POLICIES else GuardedPolicy(name, loaded)
+
+
+@lru_cache(maxsize=32)
+def _class_of(name: str) -> object:
+    entry = entry_point_of(name)
+    if entry is None:
+        raise SeekPolicyError(f"no seek policy is called '{sanitize(name)}'")
+    try:
+        return entry.load()
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others
+        package = "" if entry.dist is None else f" of the package '{entry.dist.name}'"
+        raise SeekPolicyError(
+            f"the seek policy '{sanitize(name)}'{package} cannot be loaded: {_words(error)}"
+        ) from None
+
+
+def _load(name: str) -> Policy:
+    made = _class_of(name)
+    if isinstance(made, type):
+        try:
+            made = made()
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others
+            raise SeekPolicyError(
+                f"the seek policy '{sanitize(name)}' cannot be made: {_words(error)}"
+            ) from None
+    if not isinstance(made, Policy):
+        raise SeekPolicyError(
+            f"'{sanitize(name)}' is no seek policy: it needs order(), place() and foresees "
+            "(air_router.seek_policies)"
+        )
+    return made
+
+
+class GuardedPolicy:
+    """A policy of another package: its faults end neither the search nor the flight.
+
+    Once it has raised an error, or returned what is no ranking of the robots, robots take turns
+    for the rest of the flight; the announcement of each search gives the reason.
+
+    Args:
+        name: As the mission has it.
+        policy: What is guarded.
+
+    Attributes:
+        fault: What went wrong; None: nothing did.
+    """
+
+    def __init__(self, name: str, policy: Policy) -> None:
+        self._name = sanitize(name)
+        self._policy = policy
+        self._spare = RoundRobin()
+        self.fault: str | None = None
+
+    @property
+    def foresees(self) -> bool:
+        """As `Policy.foresees`."""
+        try:
+            return self.fault is None and bool(self._policy.foresees)
+        except Exception as error:  # noqa: BLE001 - code of others
+            self.fault = _words(error)
+            return False
+
+    def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
+        """As `Policy.order`."""
+        if self.fault is None:
+            try:
+                places = tuple(self._policy.order(targets, context))
+                _check(places, targets)
+            except Exception as error:  # noqa: BLE001 - code of others
+                self.fault = _words(error)
+            else:
+                return places
+        return tuple(map(self._explained, self._spare.order(targets, context)))
+
+    def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
+        """As `Policy.place`."""
+        if self.fault is None:
+            try:
+                found = self._policy.place(robot, targets, context)
+                _check_place(found, robot)
+            except Exception as error:  # noqa: BLE001 - code of others
+                self.fault = _words(error)
+            else:
+                return found
+        return self._explained(self._spare.place(robot, targets, context))
+
+    def _explained(self, place: SearchPlace) -> SearchPlace:
+        reason = f"seek policy '{self._name}' failed ({self.fault}), in turn; {place.reason}"
+        return SearchPlace(place.robot, place.position, reason)
+
+
+def _check(places: tuple[SearchPlace, ...], targets: TargetList) -> None:
+    """Raises ValueError: it is no ranking of the robots."""
+    for place in places:
+        _check_place(place)
+    if sorted(place.robot for place in places) != sorted(targets.names):
+        raise ValueError("order() does not return every robot once")
+
+
+def _check_place(place: object, robot: str | None = None) -> None:
+    """Raises ValueError: it is no place, or another robot's."""
+    if not isinstance(place, SearchPlace):
+        raise ValueError(f"{place!r:.40} is no SearchPlace")  # noqa: TRY004 - one kind of fault
+    if robot is not None and place.robot != robot:
+        raise ValueError(f"place() returns the place of '{place.robot}', not of '{robot}'")
+    known = [] if place.position is None else [place.position]
+    if not all(
+        map(math.isfinite, (metres for point in [*known, *place.along] for metres in point))
+    ):
+        raise ValueError(f"a place of '{place.robot}' is not finite")
+
+
+def _words(error: BaseException) -> str:
+    text = sanitize(" ".join(str(error).split())[:_LONGEST])
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

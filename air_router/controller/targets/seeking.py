@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from air_router.controller.targets.limits import EARLY_SHARE, MEETING_M, RECENT_POSE_S
 from air_router.controller.targets.predicted_path import PredictedPath
@@ -39,11 +39,17 @@ class SeekContext:
     round_s: float
 
 
+@runtime_checkable
 class Policy(Protocol):
-    """Ranks robots, and says where to look for each."""
+    """Ranks robots, and says where each is to be sought.
 
-    foresees: bool
-    """Whether it matters where a robot goes, and not only where it is."""
+    It is asked again before each search, and holds no state that a flight depends on: a flight that
+    goes on after a restart begins with a new one.
+    """
+
+    @property
+    def foresees(self) -> bool:
+        """Whether it matters where a robot goes, and not only where it is."""
 
     def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
         """Every robot of the list once, best first.

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files import SEEK_POLICIES, SeekPolicy
-from sitl.experiment import Record, RunSettings, Task, files_of, sources
+from sitl.experiment import OFF_BOARD, Record, RunSettings, Task, files_of, sources
 from sitl.experiment.campaign.runs import program
 from sitl.experiment.engine import Run, curves, flown_here, flown_in_processes, measured
 
@@ -63,10 +62,10 @@ def make_run(task: Task) -> Record:
     return _record(task, measures, {}, digest)
 
 
-def _mission_and_policy(settings: RunSettings) -> tuple[Path, SeekPolicy]:
+def _mission_and_policy(settings: RunSettings) -> tuple[Path, str]:
     """What is flown in a mission's own world. Raises ValueError."""
     mission, policy = settings.mission, settings.policy
-    if mission is None or policy not in SEEK_POLICIES:
+    if mission is None or policy in OFF_BOARD:
         raise ValueError("a world of its own needs a mission, and a policy that flies")
     return mission, policy
 

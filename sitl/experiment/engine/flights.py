@@ -27,7 +27,6 @@ import numpy as np
 from air_router.controller import Controller
 from air_router.controller.model import FlightSetup
 from air_router.errors import AirRouterError, UsageError
-from air_router.files import SeekPolicy
 from air_router.gossip import MAP_INTERVAL_S
 from air_router.mission import FlightPlan, load_mission
 from air_router.record import Log
@@ -107,7 +106,7 @@ class WorldRun:
     """
 
     def __init__(
-        self, path: Path, seed: int, queue: EventQueue, log: EventLog, policy: SeekPolicy
+        self, path: Path, seed: int, queue: EventQueue, log: EventLog, policy: str
     ) -> None:
         mission = replace(load_mission(path), seek_policy=policy)
         if mission.team is None:
@@ -176,7 +175,7 @@ class WorldRun:
         self._sim.look(_NOWHERE)
 
 
-def flown_here(mission: Path, seed: int, policy: SeekPolicy) -> tuple[Measures, str]:
+def flown_here(mission: Path, seed: int, policy: str) -> tuple[Measures, str]:
     """A mission by the experiments' simulation: what it came to, and the digest of its log."""
     began, queue = os.times(), EventQueue()
     meter = Meter(queue)
@@ -187,7 +186,7 @@ def flown_here(mission: Path, seed: int, policy: SeekPolicy) -> tuple[Measures, 
 
 
 def flown_in_processes(
-    mission: Path, seed: int, policy: SeekPolicy, *, px4: bool = False
+    mission: Path, seed: int, policy: str, *, px4: bool = False
 ) -> tuple[Measures, str]:
     """The same mission by `air-router sim`; the digest is of its record.
 

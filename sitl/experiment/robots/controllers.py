@@ -17,7 +17,7 @@ from typing import Final
 from air_router.controller import Controller
 from air_router.controller.model import FlightSetup
 from air_router.controller.targets import Policy, Rendezvous
-from air_router.files import SeekPolicy, Timers
+from air_router.files import Timers
 from air_router.mission import FlightPlan, Mission, checked, read_draft
 from air_router.routing import Router, WaypointGraph
 from sitl.experiment import RunSettings
@@ -81,7 +81,7 @@ def _scenery(settings: RunSettings) -> Scenery:
     return Scenery(town, mission, FlightPlan.of(mission), Router(WaypointGraph(mission)))
 
 
-def _seek_policy(settings: RunSettings) -> SeekPolicy:
+def _seek_policy(settings: RunSettings) -> str:
     """What the mission says; policies that do not fly are put in its place later."""
     policy = settings.policy
     if policy == "oracle" or policy == "milp":  # noqa: PLR1714 - mypy

@@ -15,11 +15,11 @@ from air_router.controller.targets.limits import (
     MEETING_M,
     USUAL_SPEED_M_S,
 )
-from air_router.controller.targets.policies import POLICIES
+from air_router.controller.targets.policies import policy_of
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import SeekContext, meet
 from air_router.controller.targets.target_list import Sighting, TargetList, TargetTrack
-from air_router.files.settings import SEEK_POLICIES
+from air_router.files import SEEK_POLICIES
 from geo.frame import Point
 from mocha_link.links.metrics import ContactBegan, Direction
 from tests.air_router.conftest import CORNERS
@@ -48,7 +48,7 @@ def context(now_s, here=HOME, *, began_s=0.0, walled=()):
 
 
 def order(policy, targets, *args, **how):
-    return [place.robot for place in POLICIES[policy].order(targets, context(*args, **how))]
+    return [place.robot for place in policy_of(policy).order(targets, context(*args, **how))]
 
 
 def heard(targets, robot, place, now_s, *path, given=True):
@@ -85,8 +85,8 @@ def rosters(draw):
 @given(targets=rosters(), now_s=moments, here=points, wall=points)
 @few
 def test_every_robot_once_the_same_twice_and_in_its_group(policy, targets, now_s, here, wall):
-    first = tuple(POLICIES[policy].order(targets, context(now_s, here, walled=[wall, UNSEEN])))
-    again = tuple(POLICIES[policy].order(targets, context(now_s, here, walled=[wall, UNSEEN])))
+    first = tuple(policy_of(policy).order(targets, context(now_s, here, walled=[wall, UNSEEN])))
+    again = tuple(policy_of(policy).order(targets, context(now_s, here, walled=[wall, UNSEEN])))
     assert first == again
     robots = [place.robot for place in first]
     assert sorted(robots) == sorted(targets.names)
@@ -206,7 +206,7 @@ def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
     heard(targets, "far", Point(400, 0), 100.0)
     heard(targets, "near", Point(10, 0), 105.0)
     assert order("freshest", targets, 300.0) == ["near", "far"]
-    (best, _) = POLICIES["freshest"].order(targets, context(300.0))
+    (best, _) = policy_of("freshest").order(targets, context(300.0))
     assert best.reason == "data, 195 s; 2 s away; its last position"
 
 
@@ -235,7 +235,7 @@ def test_lost_ones_and_those_that_others_seek_come_last_and_those_without_a_way(
 
 def test_robots_never_heard_of_are_looked_for_in_turns():
     targets = TargetList(("a", "b"))
-    policy = POLICIES["rendezvous"]
+    policy = policy_of("rendezvous")
     seen = []
     for _ in range(4):
         first = policy.order(targets, context(200.0))[0]
@@ -248,14 +248,14 @@ def test_robots_never_heard_of_are_looked_for_in_turns():
 def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
     targets = TargetList(("io",))
     heard(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
-    (place,) = POLICIES["rendezvous"].order(targets, context(120.0))
+    (place,) = policy_of("rendezvous").order(targets, context(120.0))
     assert place.position[0] == 100
     assert 20 < place.position[1] < 60
     assert "where its path leads it in" in place.reason
-    (place,) = POLICIES["rendezvous"].order(targets, context(500.0))
+    (place,) = policy_of("rendezvous").order(targets, context(500.0))
     assert place.position == (100, 300)
     assert place.reason.endswith("where its path ends")
-    (place,) = POLICIES["freshest"].order(targets, context(120.0))
+    (place,) = policy_of("freshest").order(targets, context(120.0))
     assert place.position == (100, 0)
 
 

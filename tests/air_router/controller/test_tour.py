@@ -9,7 +9,7 @@ from air_router.controller.model.states import State
 from air_router.controller.model.task import Goal
 from air_router.controller.states.search_points import Search, SearchPoint
 from air_router.controller.targets.limits import MOST_STOPS
-from air_router.controller.targets.policies import POLICIES
+from air_router.controller.targets.policies import policy_of
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import SeekContext
 from air_router.controller.targets.target_list import TargetList
@@ -18,7 +18,7 @@ from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded
 
 SPEED_M_S = 5.0
-TOUR = POLICIES["tour"]
+TOUR = policy_of("tour")
 
 
 def context(now_s=300.0, *, round_s=60.0, walled=()):

@@ -1,0 +1,52 @@
+"""The names of seek policies: those that are installed as entry points, and `package.module:Class`.
+
+Each is an entry point of the group `air_router.seek_policies`; those of air_router are such, too.
+Here only names are known: `air_router.controller.targets` loads a policy.
+"""
+
+import re
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Annotated, Final
+
+from pydantic import AfterValidator
+from pydantic_core import PydanticCustomError
+
+GROUP: Final = "air_router.seek_policies"
+
+SEEK_POLICIES: Final = ("round_robin", "freshest", "rendezvous", "tour")
+"""Ours, which are always there."""
+
+DEFAULT_SEEK_POLICY: Final = SEEK_POLICIES[0]
+
+_CLASS: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+
+
+@lru_cache(maxsize=1)
+def installed() -> dict[str, EntryPoint]:
+    """The policies of all packages, by name."""
+    return {entry.name: entry for entry in sorted(entry_points(group=GROUP))}
+
+
+def entry_point_of(name: str) -> EntryPoint | None:
+    """Where a policy is: of an installed package, or as `package.module:Class`; None: nowhere."""
+    if _CLASS.fullmatch(name):
+        return EntryPoint(name, name, GROUP)
+    return installed().get(name)
+
+
+def known_policy(name: str) -> str:
+    """The name, if there is such a policy.
+
+    Raises:
+        PydanticCustomError: there is none; it names those that are.
+    """
+    if name in SEEK_POLICIES or entry_point_of(name) is not None:
+        return name
+    names = [*SEEK_POLICIES, *sorted(installed().keys() - {*SEEK_POLICIES})]
+    expected = f"{', '.join(repr(known) for known in names)} or 'package.module:Class'"
+    raise PydanticCustomError("literal_error", "must be one of {expected}", {"expected": expected})
+
+
+SeekPolicy = Annotated[str, AfterValidator(known_policy)]
+"""How the robot that is sought next is chosen, and its place; see docs/seeking.md."""

@@ -1,0 +1,59 @@
+"""What a seek policy of another package is made of: which robot is sought next, and where.
+
+A policy is a class that can be made without arguments, with `foresees`, `order` and `place`
+(`Policy`), registered as an entry point of the group `air_router.seek_policies`, or named by the
+mission as `package.module:Class`:
+
+    class Nearest:
+        foresees = False
+
+        def order(self, targets: TargetList, context: SeekContext) -> list[SearchPlace]:
+            places = [
+                self.place(robot, targets, context)
+                for robot in targets.candidates(context.now_s)
+            ]
+            return sorted(places, key=lambda place: self._flight_s(place, context))
+
+        def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
+            return targets.place(robot, context.now_s)
+
+        def _flight_s(self, place: SearchPlace, context: SeekContext) -> float:
+            return context.flight_s(place.position or context.unseen)
+
+`targets` says what is known of each robot, `context` how long flights take; both are read only.
+Places are metres east and north of the mission's origin, times seconds of the vehicle's clock.
+`SearchPlace.over` names robots that are flown over on the way. A policy decides in milliseconds, by
+its arguments alone: no clock, file or random number. CONTRIBUTING.md has the recipe.
+"""
+
+from air_router.controller.targets import (
+    Freshest,
+    Policy,
+    PredictedPath,
+    Rendezvous,
+    SearchPlace,
+    SeekContext,
+    SeekPolicyError,
+    Sighting,
+    TargetList,
+    TargetTrack,
+    Tour,
+    policy_of,
+)
+from geo.frame import Point
+
+__all__ = [
+    "Freshest",
+    "Point",
+    "Policy",
+    "PredictedPath",
+    "Rendezvous",
+    "SearchPlace",
+    "SeekContext",
+    "SeekPolicyError",
+    "Sighting",
+    "TargetList",
+    "TargetTrack",
+    "Tour",
+    "policy_of",
+]
