@@ -16,7 +16,7 @@ PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --n
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -89,9 +89,6 @@ lint: setup
 # The README's animation, and the timeline of the map page, from a record of the shipped mission: make film RECORD=logs/X.mcap
 film: setup
 	$(BIN)/python -m benchmarks.film $(RECORD) docs/images
-
-bench: setup
-	$(BIN)/python -m benchmarks
 
 # Every figure with a goal, beside an anchor; options: make bench-goals BENCH="--busy --json FILE --only NAME"
 bench-goals: $(VENV)/.tools

@@ -1,1 +1,1 @@
-"""Measurements, run by `make bench`; never asserted in tests."""
+"""Measurements: `make bench-goals`, `bench-link`, `bench-route`; never asserted in tests."""

@@ -110,6 +110,17 @@ def circles(edges: set[tuple[object, object]]) -> list[list[object]]:
     return [sorted(map(str, part)) for part in parts if len(part) > 1]
 
 
+def test_benchmarks_stand_below_the_tests():
+    """Tests may use what is measured with; the other way round there would be a circle."""
+    up = [
+        (str(path.relative_to(ROOT)), source)
+        for path in sorted((ROOT / "benchmarks").rglob("*.py"))
+        for source, _ in imports_in(path.read_text("utf-8"), deep=True)
+        if source.split(".")[0] == "tests"
+    ]
+    assert up == []
+
+
 def test_no_arrow_runs_up():
     up = [
         (module, name)

@@ -21,11 +21,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from benchmarks.fleet.network_sim import NEAR_DBM, STEADY_S, Line, NetworkSim, team_of
 from benchmarks.fleet.node import TOPIC
 from benchmarks.fleet.processes import team_text
 from mocha_link.links import Direction, MessageStored, SyncEnded
-from tests.mocha_link.conftest import team_of
-from tests.mocha_link.network_sim import NEAR_DBM, STEADY_S, Line, NetworkSim
 
 DELAY_S = 0.01  # half a round trip
 SETTLE_S, IDLE_S, SPREAD_S = 35.0, 15.0, 3.0

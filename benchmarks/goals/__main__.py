@@ -20,11 +20,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from benchmarks.busy import busy_loops
 from benchmarks.goals import page
 from benchmarks.goals.figure import HEAD, Conditions, Figure, missed
 from benchmarks.goals.groups import GROUPS, figures_of
-from benchmarks.link.load import Load
+from benchmarks.link.load import Load, busy_loops
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -18,8 +18,7 @@ from typing import Any
 from benchmarks.browser import chromium
 from benchmarks.fleet.processes import HERE
 from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError
-from benchmarks.route.maps import made
-from benchmarks.routing import mission_text
+from benchmarks.route.maps import made, mission_text
 from mocha_link.team import Document
 
 WAYPOINTS, ZONES, KEYS = 500, 100, 12

@@ -1,7 +1,9 @@
 """A measured figure, its goal, and what the same run measured beside it."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+import statistics
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -94,6 +96,18 @@ def number(value: float) -> str:
     if not math.isfinite(value):
         return "none"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def median_ms(
+    call: Callable[[], object], times: int, clock: Callable[[], float] = time.perf_counter
+) -> float:
+    """How long a call takes, by the clock."""
+    values = []
+    for _ in range(times):
+        began_s = clock()
+        call()
+        values.append((clock() - began_s) * 1e3)
+    return statistics.median(values)
 
 
 def missed(figures: Iterable[Figure]) -> int:

@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks.database import NOW_S, record
 from benchmarks.fleet.processes import HERE, free_ranges
 from benchmarks.goals import flooded
+from benchmarks.goals.databases import NOW_S, record
 from benchmarks.goals.figure import Conditions, Figure
 from mocha_link.node import ZmtpSession
 from mocha_link.store import Database, Storage

@@ -6,8 +6,8 @@ import traceback
 from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError
 
 GROUPS = (
-    *("contacts", "neighbourhoods", "links", "floods"),
-    *("routes", "flight_loop", "editing"),
+    *("contacts", "neighbourhoods", "links", "floods", "syncs", "databases"),
+    *("routes", "flight_loop", "searches", "reaction", "editing", "live_page"),
 )
 
 

@@ -13,11 +13,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.busy import busy_loops
 from benchmarks.link import links as known
 from benchmarks.link import small, table
 from benchmarks.link.cell import STARVED_NICE, Task
-from benchmarks.link.load import Load
+from benchmarks.link.load import Load, busy_loops
 from benchmarks.link.namespaces import EmulationError, congestion_control
 from benchmarks.link.runner import run
 from benchmarks.link.score import Score

@@ -1,8 +1,13 @@
-"""How busy this machine was with everything, ours and others': results need free cores."""
+"""How busy this machine was with everything, ours and others'; and loops that keep it busy."""
 
+import contextlib
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+LOOPS = 3
 _PRESSURE = Path("/proc/pressure/cpu")
 
 
@@ -32,3 +37,20 @@ def _waited_us() -> int | None:
         return int(some.rpartition("=")[2])
     except (OSError, IndexError, ValueError):
         return None
+
+
+@contextlib.contextmanager
+def busy_loops(count: int = LOOPS) -> Iterator[None]:
+    """Have so many loops run beside what is measured."""
+    # Each ends with the pipe, whatever ends this process.
+    loop = "import os, sys; os.set_blocking(0, False)\nwhile sys.stdin.buffer.read(1) is None: pass"
+    loops = [
+        subprocess.Popen([sys.executable, "-c", loop], stdin=subprocess.PIPE)  # noqa: S603 - ours
+        for _ in range(count)
+    ]
+    try:
+        yield
+    finally:
+        for each in loops:
+            each.kill()
+            each.wait()

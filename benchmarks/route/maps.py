@@ -5,12 +5,13 @@ import math
 import random
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import shapely
 from shapely import Polygon, STRtree
 
 from geo.airspace import Airspace, Zone
-from geo.frame import Point
+from geo.frame import Geodetic, LocalFrame, Point
 
 CLEARANCE_M = 5.0
 _APART_M = 2.4 * CLEARANCE_M
@@ -137,3 +138,29 @@ def _on_square(half_m: float, share: float) -> tuple[float, float]:
     side, along = divmod(4 * share, 1.0)
     run = half_m * (2 * along - 1)
     return [(run, -half_m), (half_m, run), (-run, half_m), (-half_m, -run)][int(side)]
+
+
+def mission_text(map_: Map) -> str:
+    """A mission file of the map."""
+    frame = LocalFrame(Geodetic(39.94, -75.2))
+    (fence,) = map_.airspace.fences
+
+    def degrees(places: Any) -> list[list[float]]:
+        return [[round(value, 7) for value in frame.to_geodetic(place)] for place in places]
+
+    home, *waypoints = degrees(map_.waypoints)
+    zones = [
+        {"name": zone.name, "polygon": degrees(zone.shape.corners)} for zone in map_.airspace.zones
+    ]
+    planner = {"clearance_m": map_.airspace.clearance_m, "max_edge_m": map_.max_edge_m}
+    return "\n".join(
+        f"{key}: {json.dumps(value)}"
+        for key, value in {
+            "home": home,
+            "altitude_m": 40,
+            "planner": planner,
+            "fence": {"polygon": degrees(fence.corners)},
+            "waypoints": waypoints,
+            "no_fly_zones": zones,
+        }.items()
+    )

@@ -1,5 +1,6 @@
 """What `make bench-goals` prints and keeps, and the fleets that it lets live in simulated time."""
 
+import importlib
 import json
 import math
 
@@ -9,6 +10,7 @@ from benchmarks.fleet.simulated import clusters, neighbourhood
 from benchmarks.goals import __main__ as command
 from benchmarks.goals import page
 from benchmarks.goals.figure import Figure
+from benchmarks.goals.groups import GROUPS
 
 DELAY = Figure("delay", 25.0, "ms", 20, anchors={"bare": 10.0, "none": 0.0})
 SHARE = Figure("share", 95.0, "%", 92, at_least=True, anchors={"bare": 100.0})
@@ -73,6 +75,11 @@ def test_figures_of_the_smallest_sizes_are_not_quoted(groups, tmp_path):
     command.main(["--json", str(file), "--only", "routes", "--quick"])
     with pytest.raises(ValueError, match="--quick"):
         command.main(["--json", str(file), "--docs", str(text)])
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_every_group_is_measured_by_the_module_of_its_name(name):
+    assert callable(importlib.import_module(f"benchmarks.goals.{name}").measure)
 
 
 def test_a_group_that_fails_says_why():

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -175,17 +175,13 @@ class Told:
 
     def decide(self, now_s: float, event: Mapping[str, Any]) -> list[Any]:
         """What it asks for when this happens; numbers to two digits, which are centimetres."""
-        return self.heard(self.call(now_s, event)())
-
-    def call(self, now_s: float, event: Mapping[str, Any]) -> Callable[[], list[Any]]:
-        """The call that tells it of this, and nothing else."""
         number = event.get("motion")
         if number is not None:
             event = {**event, "motion": None}
         happened = object_of(event)
         if number is not None:
             happened = dataclasses.replace(happened, action=self._motions[number])
-        return partial(self._controller.handle, happened, now_s)
+        return self.heard(self._controller.handle(happened, now_s))
 
     def heard(self, decided: list[Any]) -> list[Any]:
         """Decisions as plain data."""
@@ -216,11 +212,6 @@ def controller_of(setup: Mapping[str, Any]) -> Told:
     if "run" in setup:
         folder = _folder(json.dumps(setup["files"]))
         return Told(_controller_of_run(setup["run"], setup["name"], folder))
-    return Told(construction_of(setup)())
-
-
-def construction_of(setup: Mapping[str, Any]) -> Callable[[], Controller]:
-    """What puts the controller of a flight together, once mission, plan and routes are there."""
     path = _folder(json.dumps(setup["files"])) / "mission.yaml"
     mission = load_mission(path, uav=setup["name"] or None, start=DAY, in_flight=True)
     flight = FlightSetup(
@@ -231,7 +222,7 @@ def construction_of(setup: Mapping[str, Any]) -> Callable[[], Controller]:
         name=setup["name"],
     )
     router, plan = Router(WaypointGraph(mission)), FlightPlan.of(mission)
-    return partial(Controller, flight, router, plan)
+    return Told(Controller(flight, router, plan))
 
 
 @cache

@@ -7,7 +7,6 @@ all. What it draws at random is the same number every time.
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -74,22 +73,21 @@ class Node:
     def decide(self, now_s: float, call: Mapping[str, Any]) -> list[Any]:
         """What comes of a call: what it answers, wants done, and tells of."""
         with _numbers_of(self._number):
-            answer = self.call(now_s, call)()
+            answer = self._call(now_s, call)
             wanted, told = self._gossip.take()
         answers = []
         if answer is not None and call["kind"] != "tick":  # which says whom to `supply` now
             answers = [{"kind": "answer", "value": _TONGUE.plain_of(answer)}]
         return answers + [_TONGUE.plain_of(each) for each in (*wanted, *told)]
 
-    def call(self, now_s: float, call: Mapping[str, Any]) -> Callable[[], Any]:
-        """The call itself, and nothing else."""
+    def _call(self, now_s: float, call: Mapping[str, Any]) -> Any:
         method, names = CALLS[call["kind"]]
         values = [_TONGUE.object_of(call[name]) for name in names]
         if call["kind"] == "publish":
             values[0] = self._team.topic(self._name, call["topic"])
         if call["kind"] not in TIMELESS:
             values.append(Instant(self._unix_s + now_s, now_s))
-        return partial(getattr(self._gossip, method), *values)
+        return getattr(self._gossip, method)(*values)
 
 
 def ids_of(node: int) -> Callable[[], bytes]:

@@ -21,13 +21,13 @@ from typing import Any
 
 import yaml
 
+from benchmarks.fleet.network_sim import STEADY_S, NetworkSim, T
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.golden import nodes
 from tests.golden.adapter import fly, make_run
 from tests.golden.plain import Tape
 from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, decided, read, write
-from tests.mocha_link.network_sim import STEADY_S, NetworkSim, T
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 

@@ -13,10 +13,10 @@ from typing import TypeVar
 
 import pytest
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 
 E = TypeVar("E")
@@ -25,11 +25,6 @@ _hosts = itertools.count()
 WAIT_S = 60  # a limit against hangs; nothing waits so long unless something is broken
 DATA = Path(__file__).parents[1] / "data" / "mocha"
 TEAM = (DATA / "three.yaml").read_text()
-
-
-def team_of(text: str) -> Team:
-    """The team of a team file's text."""
-    return Team.from_document(Document.from_text(text, Path("team.yaml")))
 
 
 _chance = random.SystemRandom()

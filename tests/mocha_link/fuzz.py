@@ -3,6 +3,7 @@
 import os
 import random
 
+from benchmarks.fleet.network_sim import NetworkSim
 from mocha_link.datagram import packet as wire
 from mocha_link.sync import frames as sync
 from mocha_link.sync.frames import MESSAGE_HEADER_BYTES
@@ -23,7 +24,6 @@ from mocha_link.sync.protocol import (
 )
 from mocha_link.team.team import Team
 from tests.mocha_link.network import mutated as mutated_sync
-from tests.mocha_link.network_sim import NetworkSim
 
 EXPLORE = os.environ.get("HYPOTHESIS_PROFILE") == "explore"  # take the time that it takes
 HEAD_BYTES = ID_BYTES + CODE_BYTES

@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Self
 
+from benchmarks.fleet.network_sim import pulling
 from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded, SyncTimedOut
 from mocha_link.node import zmtp
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.protocol import ID_BYTES
-from tests.mocha_link.network_sim import pulling
 
 WAIT_S = 60.0  # a limit against hangs
 TIMEOUT_S = 3.0

@@ -10,6 +10,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.database import Database
@@ -22,7 +23,6 @@ from mocha_link.sync.peer import NodeContext, Peer
 from mocha_link.sync.sync_receiver import SyncReceiver, read_chunks
 from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.team import Team
-from tests.mocha_link.conftest import team_of
 
 NOW = Instant(1_795_175_900.0, 1.0)
 START_MS = 1_795_175_000_000

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link import (
     Contact,
     LinkEvent,
@@ -28,7 +29,6 @@ from mocha_link.radios.reports import parse_report
 from mocha_link.team.document import Document
 from mocha_link.team.team import Trigger
 from mocha_link.team.team_file import FORMS, RobotModel, TopicModel
-from tests.mocha_link.conftest import team_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 EMBEDDING = (DOCS / "embedding.md").read_text()

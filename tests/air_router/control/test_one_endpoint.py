@@ -13,9 +13,10 @@ import zmq
 
 from air_router.control.command_request import MODELS, json_schema, parse_command
 from air_router.control.control_server import MAX_MESSAGE_BYTES, ControlServer
+from benchmarks.fleet.network_sim import team_of
 from mocha_link import Node
 from mocha_link.radios import ManualRadio
-from tests.mocha_link.conftest import DATA, field, team_of  # noqa: F401 - a fixture
+from tests.mocha_link.conftest import DATA, field  # noqa: F401 - a fixture
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE, SCHEMA = DOCS / "control.md", DOCS / "schemas" / "flight-request.json"

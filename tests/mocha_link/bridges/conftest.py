@@ -4,12 +4,13 @@ import threading
 
 import pytest
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
-from tests.mocha_link.conftest import DATA, team_of
+from tests.mocha_link.conftest import DATA
 
 TEAM = (DATA / "ros_team.yaml").read_text()
 

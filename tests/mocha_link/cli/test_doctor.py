@@ -8,11 +8,12 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.cli import doctor_command
 from mocha_link.cli.cli import main
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from tests.mocha_link.conftest import TEAM, team_of
+from tests.mocha_link.conftest import TEAM
 
 PAIR = """\
 robots:

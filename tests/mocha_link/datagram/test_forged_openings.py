@@ -4,13 +4,13 @@ import random
 
 import pytest
 
+from benchmarks.fleet.network_sim import NetworkSim
 from mocha_link.datagram import packet as wire
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import SyncEnded, SyncTimedOut
 from mocha_link.store.database import Database
 from mocha_link.sync.server import Server
 from tests.mocha_link.network import peer_of
-from tests.mocha_link.network_sim import NetworkSim
 from tests.mocha_link.sync.test_server import TEAM, Asker, at, fill
 
 FAR_S = 0.05

@@ -4,13 +4,13 @@ import random
 
 import pytest
 
+from benchmarks.fleet.network_sim import NAMES, NEAR_DBM, NetworkSim, team_of
 from mocha_link.node.publisher import LEAP_MS
 from mocha_link.store import wire
 from mocha_link.store.record import Record
 from mocha_link.store.wire import FUTURE_MS, STAMPS_MS, UNSAFE_MS, WRAP_MS, Header, as_ms
-from tests.mocha_link.conftest import TEAM, team_of
+from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.fuzz import EXPLORE
-from tests.mocha_link.network_sim import NAMES, NEAR_DBM, NetworkSim
 
 HISTORIES = TEAM.replace("priority: medium}", "priority: medium, history: 3}")
 TEAMS = [team_of(TEAM), team_of(HISTORIES)]

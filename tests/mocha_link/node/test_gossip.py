@@ -4,6 +4,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.fleet.network_sim import NAMES, NetworkSim, T
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import (
     ContactBegan,
@@ -19,7 +20,6 @@ from mocha_link.links.metrics import (
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.sync.protocol import Connect, Disconnect, Send
 from tests.mocha_link.fuzz import EXPLORE
-from tests.mocha_link.network_sim import NAMES, NetworkSim, T
 
 WAYS = ("zmq", "udp", "both", "original", "mixed")
 

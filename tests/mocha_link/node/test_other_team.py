@@ -4,6 +4,7 @@ import logging
 
 import pytest
 
+from benchmarks.fleet.network_sim import NetworkSim, team_of
 from mocha_link.links.link_table import REMIND_S
 from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
 from mocha_link.store.trust import config_hash_of
@@ -11,8 +12,7 @@ from mocha_link.sync import frames as sync
 from mocha_link.sync.protocol import Send
 from mocha_link.sync.sync_messages import Hello, Reception
 from mocha_link.team.team import Team
-from tests.mocha_link.conftest import team_of
-from tests.mocha_link.network_sim import NetworkSim, OldNode
+from tests.mocha_link.old_node import OldNode
 
 TEXT = """\
 robots:

@@ -2,9 +2,8 @@
 
 import pytest
 
+from benchmarks.fleet.network_sim import NetworkSim, team_of
 from mocha_link.sync.protocol import GDATA
-from tests.mocha_link.conftest import team_of
-from tests.mocha_link.network_sim import NetworkSim
 
 A, B, C = range(3)
 TEAM = team_of(

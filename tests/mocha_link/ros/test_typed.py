@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.node.node import Node
 from mocha_link.ros import typed
 from mocha_link.ros.typed import Typed, TypedError
 from tests.mocha_link.bridges.conftest import TEAM
-from tests.mocha_link.conftest import team_of
 
 POSE = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.5}}}
 

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.links.metrics import StorageFailed
 from mocha_link.node import node
 from mocha_link.store.trust import TeamConfig
-from tests.mocha_link.conftest import TEAM, team_of
+from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.node.test_node_storage import running
 
 EUROPA = "  europa: {kind: ground_robot, address: 127.0.0.1, base_port: 40, clients: [io]}\n"

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.fleet.network_sim import NetworkSim, T
 from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
 from mocha_link.store.wire import WRAP_S
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA
 from tests.mocha_link.fuzz import EXPLORE
-from tests.mocha_link.network_sim import NetworkSim, T
 
 NAMES = ("callisto", "europa", "io", "titan")
 TEAM = Team.load(DATA / "days.yaml")

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.fleet.network_sim import pair_of
 from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.wire import Header, PayloadError
 from mocha_link.sync.original import MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.sync.peer import Peer
 from tests.mocha_link.network import peer_of
-from tests.mocha_link.network_sim import pair_of
 from tests.mocha_link.original import packed
 
 NOW_S = 1_795_175_900.0

@@ -6,6 +6,7 @@ import random
 
 import pytest
 
+from benchmarks.fleet.network_sim import NEAR_DBM, NetworkSim
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
 from mocha_link.sync.pull import STANDS_S
@@ -16,7 +17,6 @@ from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA
 from tests.mocha_link.network import peer_of
-from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
 
 FAR_S = 0.05  # half a round trip
 PROMPT_S = 0.02

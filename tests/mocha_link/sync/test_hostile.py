@@ -13,10 +13,11 @@ from collections.abc import Iterator
 import pytest
 import zmq
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.store.wire import Header, as_ms
 from mocha_link.sync.frames import HELLO
 from mocha_link.sync.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
-from tests.mocha_link.conftest import TEAM, team_of
+from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.fuzz import EXPLORE, Fuzzer, Recorder, record
 from tests.mocha_link.load import (
     HANDSHAKE_OF_ROUTER,

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.fleet.network_sim import Carried, NetworkSim, pair_of, pulling
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node.gossip import TIMEOUT_S
 from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import PATIENCE_S, Connect
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import noise
-from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of, pulling
+from tests.mocha_link.old_node import OldNode
 
 FAR_S = 0.05  # half a round trip
 IN, OUT = Direction.IN, Direction.OUT

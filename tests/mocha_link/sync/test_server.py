@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.fleet.network_sim import pair_of
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
 from mocha_link.datagram.packet import only_ack, parse
@@ -22,7 +23,6 @@ from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import MIN_ROOM
 from tests.mocha_link.network import peer_of
-from tests.mocha_link.network_sim import pair_of
 
 NOW_S = 1_795_175_900.0
 TOPICS = 100

@@ -9,15 +9,14 @@ from functools import partial
 
 import pytest
 
+from benchmarks.fleet.network_sim import NEAR_DBM, NetworkSim, team_of
 from mocha_link.links.metrics import MessageStored
 from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import SLOW_S, STALL_S
 from mocha_link.store.record import Record
 from mocha_link.sync import holdings
 from mocha_link.sync.frames import record_id
-from tests.mocha_link.conftest import team_of
 from tests.mocha_link.network import NOW, START_MS, Node, Pull
-from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
 
 SIZE = 1_000_000
 WINDOW = 65_536  # what an unknown peer may send before it hears that it need not

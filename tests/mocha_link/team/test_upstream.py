@@ -5,11 +5,12 @@ import shutil
 import pytest
 import yaml
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.cli.cli import main
 from mocha_link.team import upstream
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
-from tests.mocha_link.conftest import DATA, team_of
+from tests.mocha_link.conftest import DATA
 
 NAMES = ("robots", "topics", "radios")
 TEXTS = {name: (DATA / "odd" / f"{name}.yaml").read_text() for name in NAMES}

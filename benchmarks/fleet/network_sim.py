@@ -1,25 +1,28 @@
-"""Whole nodes without sockets, and a model of what is between them: TCP, UDP, time, cuts."""
+"""Whole nodes without sockets, and a model of what is between them: TCP, UDP, time, cuts.
 
-from __future__ import annotations
+Below the tests, which fly the same network, and the fleets that are measured in it.
+"""
 
 import heapq
 import itertools
+import pathlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.node.gossip import Gossip
-from mocha_link.store import wire
-from mocha_link.sync.protocol import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
-from mocha_link.team.team import Team
-from tests.mocha_link import original
-from tests.mocha_link.conftest import team_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from mocha_link.store.wire import Header
-    from mocha_link.sync.protocol import Action
+from mocha_link.node import Gossip
+from mocha_link.store import Header, wire
+from mocha_link.sync import (
+    Action,
+    Connect,
+    Disconnect,
+    Reply,
+    ReplyDatagram,
+    Send,
+    SendDatagram,
+)
+from mocha_link.team import Document, Team
 
 T = 1_795_175_900.0
 NAMES = ("callisto", "io", "titan")
@@ -34,9 +37,14 @@ QUIET_TURNS = 4
 Path = Literal["zmq", "udp"]
 
 
-def pulling(node: Gossip) -> list[str]:
+def team_of(text: str) -> Team:
+    """The team of a team file's text."""
+    return Team.from_document(Document.from_text(text, pathlib.Path("team.yaml")))
+
+
+def pulling(node: Any) -> list[str]:
     """The peers from which a pull is under way."""
-    return [link.peer.name for link in node._links if link.puller.pull]
+    return [link.peer.name for link in node._links if link.puller.pull]  # noqa: SLF001 - whole nodes
 
 
 def pair_of(topics: int) -> Team:
@@ -102,7 +110,7 @@ class NetworkSim:
         self.time_s = 0.0
         self.offset_s: dict[str, float] = {}  # how wrong clocks are
         self.options = {"by_timer": by_timer, "datagrams": datagrams}
-        self.nodes: dict[str, Gossip | OldNode] = {}
+        self.nodes: dict[str, Any] = {}
         self.events: dict[str, list[object]] = {name: [] for name in names}
         self.refused: dict[str, list[str]] = {name: [] for name in names}
         self.blocked: set[tuple[Path, str, str]] = set()
@@ -133,7 +141,7 @@ class NetworkSim:
         node = Gossip(self.team, name, new_id=lambda: next(self._ids).to_bytes(6), **options)
         self.become(name, node)
 
-    def become(self, name: str, node: Gossip | OldNode) -> None:
+    def become(self, name: str, node: Any) -> None:
         """Another node takes the place of a robot; connections of the old one are gone."""
         self.nodes[name] = node
         for client, server in [key for key in self.lines if name in key]:
@@ -194,7 +202,8 @@ class NetworkSim:
         until_s = self.time_s + LIMIT_S
         self._act()
         while any(map(pulling, self.nodes.values())) or self._due:
-            assert self.time_s < until_s, "a pull that does not end"
+            if self.time_s >= until_s:
+                raise RuntimeError("a pull that does not end")
             self._advance(until_s)
         self._act()
 
@@ -235,7 +244,8 @@ class NetworkSim:
         before_s = self.time_s
         self.time_s = max(min(times), before_s)
         self._busy = self._busy + 1 if self.time_s == before_s else 0
-        assert self._busy < BUSY, "a node that wants to be woken again and again does nothing"
+        if self._busy >= BUSY:
+            raise RuntimeError("a node that wants to be woken again and again does nothing")
         if self._busy:
             self.time_s += 1e-4
         if self._due and self._due[0][0] <= self.time_s:
@@ -355,36 +365,3 @@ class NetworkSim:
     def _cast(self, client: str, server: str, packet: bytes) -> None:
         if self.nodes[server].packet_in(client, packet, self.at(server)):
             self._callers.add((server, client))
-
-
-class OldNode(original.Original):
-    """Stands in for an original node that is asked, in the network instead of on sockets."""
-
-    wake_s = None
-    _links = ()
-
-    def __init__(self, net: NetworkSim, name: str) -> None:
-        super().__init__(net.team, name, now_s=lambda: net.at(name).unix_s)
-        self.me = self.robot
-        self._actions: list[Action] = []
-        net.become(name, self)
-
-    def request(
-        self, peer: str, route: tuple[bytes, ...], parts: Sequence[bytes], _now: Instant
-    ) -> None:
-        answer = self.answer(peer, list(parts))
-        if answer is not None:
-            self._actions.append(Reply(peer, route, answer))
-
-    def take(self) -> tuple[list[Action], list[object]]:
-        actions, self._actions = self._actions, []
-        return actions, []
-
-    def supply(self, _peer: str) -> None:
-        """Nothing comes that was not asked for."""
-
-    def tick(self, _now: Instant) -> None:
-        """Nothing happens by itself."""
-
-    def packet_in(self, _peer: str, _packet: bytes, _now: Instant) -> bool:
-        return False

@@ -1,7 +1,5 @@
 """What a flight costs: from a link's news to the command on the wire, and processor time.
 
-    python -m benchmarks.flight [--samples N] [--cpu S]
-
 Latency: the real flight shell with MAVSDK flies the simulated PX4 through a relay of UDP datagrams
 that notes when a command passes. A robot that is sought is heard of at another place, again and
 again; the time runs from that news, handed over as the gossip node does, to the command's datagram.
@@ -9,13 +7,9 @@ again; the time runs from that news, handed over as the gossip node does, to the
 Processor time: `air-router sim` at real time with three robots; the flight runs in its own process.
 """
 
-from __future__ import annotations
-
-import argparse
 import asyncio
 import dataclasses
 import io
-import json
 import os
 import re
 import select
@@ -26,27 +20,40 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from air_router.controller.model import RobotPose, State
 from air_router.flight import Flight, StatusLine
 from air_router.gossip import Mapper
-from air_router.mission import load_mission
+from air_router.mission import Mission, load_mission
 from air_router.record import Recorder
 from air_router.vehicle import VehicleClock
 from air_router.vehicle.px4 import Px4Vehicle
+from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError, median_ms
 from geo.frame import Point
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from air_router.mission import Mission
-
-MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
+MISSION: Final = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.yaml"
 COMMANDS: Final = frozenset({41, 75, 76})  # MISSION_SET_CURRENT, COMMAND_INT, COMMAND_LONG
 SPEED: Final = 4
 PAUSE_S: Final = 1.5
+SAMPLES: Final = 40
+WATCHED_S: Final = 60.0
+
+
+def measure(conditions: Conditions) -> Iterator[Figure]:
+    """Median and 95th percentile from news to command; the share of a core at real time."""
+    measured_ms = sorted(1e3 * each for each in latencies_s(5 if conditions.quick else SAMPLES))
+    if not measured_ms:
+        raise UnmeasuredError("no command followed in time")
+    p95_ms = measured_ms[int(len(measured_ms) * 0.95)]
+    anchors = {"a datagram through the relay": _relayed_ms()}
+    p50_ms = statistics.median(measured_ms)
+    yield Figure("from news to command, p50", p50_ms, "ms", anchors=anchors)
+    yield Figure("from news to command, p95", p95_ms, "ms", anchors=anchors)
+    share = processor_share(5.0 if conditions.quick else WATCHED_S)
+    yield Figure("a flight with three robots", 100 * share, "% of a core")
 
 
 class Relay:
@@ -200,6 +207,25 @@ async def _news_to_command(news: News, relay: Relay, place: Point, sample: int) 
     return relay.passed_s[before] - began_s if len(relay.passed_s) > before else None
 
 
+def _relayed_ms() -> float:
+    """From one end of the relay to the other, the median."""
+    relay = Relay()
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as companion,
+    ):
+        companion.bind(("127.0.0.1", relay.companion_port))
+        try:
+
+            def relayed() -> None:
+                vehicle.sendto(bytes(40), ("127.0.0.1", relay.vehicle_port))
+                companion.recv(4096)
+
+            return median_ms(relayed, 100)
+        finally:
+            relay.close()
+
+
 def processor_share(over_s: float) -> float:
     """Share of one core that the flight takes at real time, with three robots."""
     with tempfile.TemporaryDirectory() as folder:
@@ -236,25 +262,3 @@ def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
-
-
-def main() -> int:
-    """Measure, and print one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, default=40, help="of the latency (default 40)")
-    parser.add_argument("--cpu", type=float, default=60.0, help="seconds to watch (default 60)")
-    arguments = parser.parse_args()
-    result: dict[str, object] = {"cores": os.cpu_count(), "load": os.getloadavg()[0]}
-    if arguments.samples:
-        measured = sorted(latencies_s(arguments.samples))
-        result["samples"] = len(measured)
-        result["latency_median_ms"] = round(statistics.median(measured) * 1e3, 1)
-        result["latency_p95_ms"] = round(measured[int(len(measured) * 0.95)] * 1e3, 1)
-    if arguments.cpu:
-        result["processor_share"] = round(processor_share(arguments.cpu), 3)
-    sys.stdout.write(json.dumps(result) + "\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

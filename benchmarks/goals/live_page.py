@@ -1,51 +1,44 @@
 """What the live page costs with many robots: frames in a browser, processor time in the flight.
 
-    python -m benchmarks.live_page [--robots N] [--uavs N] [--seconds S]
-
 A process of its own serves the page as a flight does, and is told ten times a second where the
 vehicle and every robot are; for several UAVs it serves the pages of all, and the joint one.
 Chromium (headless, no graphics card) looks on. The share of a core is all that this process takes:
 nothing but the pages, and the programs that feed them.
 """
 
-from __future__ import annotations
-
-import argparse
 import asyncio
+import contextlib
 import dataclasses
-import json
+import importlib.util
 import math
 import multiprocessing
-import os
-import sys
 import time
+from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
-
-from playwright.sync_api import sync_playwright
+from typing import Final
 
 from air_router.controller import Controller
 from air_router.controller.model import FlightSetup, RobotPose
 from air_router.flight import CommandService
 from air_router.gossip import Mapper
 from air_router.live import JointPage, LivePage
-from air_router.mission import load_mission
+from air_router.mission import Mission, load_mission
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import FlightMode, Telemetry
 from air_router.web import PageAddress
 from benchmarks.browser import chromium
+from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError
 from geo.frame import Point
 from mocha_link.links import Direction, LinkMetrics, Reading, SyncEnded, SyncStarted, Unit
 
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-
-    from air_router.mission import Mission
-
-MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
+MISSION: Final = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.yaml"
 STEP_S: Final = 0.1
 SETTLE_S: Final = 3.0
+WATCHED_S: Final = 10.0
+ROBOTS: Final = 50
+UAVS: Final = (1, 3)
 OPTIONS: Final = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 FRAMES: Final = """(ms) => new Promise((done) => {
   const begin = performance.now();
@@ -128,10 +121,52 @@ def _fly(wire: Connection, robots: int, uavs: int) -> None:
     asyncio.run(serve())
 
 
-def measure(robots: int, uavs: int, seconds: float) -> dict[str, Any]:
-    """Frames per second in a browser, and the share of a core that the page takes."""
-    ours, theirs = multiprocessing.get_context("spawn").Pipe()
-    flight = multiprocessing.get_context("spawn").Process(target=_fly, args=(theirs, robots, uavs))
+def measure(conditions: Conditions) -> Iterator[Figure]:
+    """One UAV, and the joint page of three."""
+    path = chromium()
+    if path is None or importlib.util.find_spec("playwright") is None:
+        raise UnmeasuredError("no Chromium, or no playwright")
+    robots, seconds = (5, 2.0) if conditions.quick else (ROBOTS, WATCHED_S)
+    bare, _ = _watched(path, 0, 0, seconds)
+    for uavs in UAVS[: 1 if conditions.quick else None]:
+        frames, share = _watched(path, robots, uavs, seconds)
+        where = f"{robots} robots, {uavs} UAV" + "s" * (uavs > 1)
+        anchors = {"a blank page": bare["frames_per_s"]}
+        yield Figure(f"{where}: frames", frames["frames_per_s"], "1/s", anchors=anchors)
+        anchors = {"a blank page": bare["p95_ms"]}
+        yield Figure(f"{where}: a frame, p95", frames["p95_ms"], "ms", anchors=anchors)
+        yield Figure(f"{where}: the program", 100 * share, "% of a core")
+
+
+def _watched(path: str, robots: int, uavs: int, seconds: float) -> tuple[dict[str, float], float]:
+    """What a browser draws in a second, and the share of a core that the pages take."""
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where installed
+
+    with (
+        sync_playwright() as playwright,
+        contextlib.closing(
+            playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
+        ) as browser,
+    ):
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        if not uavs:
+            return page.evaluate(FRAMES, seconds * 1000), 0.0
+        with _flown(robots, uavs) as (address, processor_s):
+            page.goto(address)
+            page.locator(".vehicle").nth(uavs - 1).wait_for(state="attached")
+            page.locator(".robot").nth(robots - 1).wait_for(state="attached")
+            page.wait_for_timeout(SETTLE_S * 1000)
+            before_s, began_s = processor_s(), time.monotonic()
+            frames = page.evaluate(FRAMES, seconds * 1000)
+            return frames, (processor_s() - before_s) / (time.monotonic() - began_s)
+
+
+@contextlib.contextmanager
+def _flown(robots: int, uavs: int) -> Iterator[tuple[str, Callable[[], float]]]:
+    """A process that serves the pages: the address, and what asks for its processor time."""
+    processes = multiprocessing.get_context("spawn")
+    ours, theirs = processes.Pipe()
+    flight = processes.Process(target=_fly, args=(theirs, robots, uavs))
     flight.start()
 
     def processor_s() -> float:
@@ -139,42 +174,7 @@ def measure(robots: int, uavs: int, seconds: float) -> dict[str, Any]:
         return float(ours.recv())
 
     try:
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=chromium(), args=list(OPTIONS))
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
-            page.goto(ours.recv())
-            page.locator(".vehicle").nth(uavs - 1).wait_for(state="attached")
-            page.locator(".robot").nth(robots - 1).wait_for(state="attached")
-            page.wait_for_timeout(SETTLE_S * 1000)
-            before_s, began_s = processor_s(), time.monotonic()
-            frames = page.evaluate(FRAMES, seconds * 1000)
-            share = (processor_s() - before_s) / (time.monotonic() - began_s)
-            browser.close()
+        yield ours.recv(), processor_s
     finally:
         ours.send("end")
         flight.join(10)
-    return {
-        "uavs": uavs,
-        "robots": robots,
-        "cores": os.cpu_count(),
-        "load": round(os.getloadavg()[0], 1),
-        "frames_per_s": round(frames["frames_per_s"], 1),
-        "frame_p95_ms": round(frames["p95_ms"], 1),
-        "processor_share": round(share, 3),
-    }
-
-
-def main() -> int:
-    """Measure, and print one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robots", type=int, default=50, help="how many (default 50)")
-    parser.add_argument("--uavs", type=int, default=1, help="on one page (default 1)")
-    parser.add_argument("--seconds", type=float, default=10.0, help="to look on (default 10)")
-    arguments = parser.parse_args()
-    measured = measure(arguments.robots, arguments.uavs, arguments.seconds)
-    sys.stdout.write(json.dumps(measured) + "\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -17,16 +17,15 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any
 
 import zmq
 
+from benchmarks.goals.figure import Conditions, Figure
 from benchmarks.link.offer import Offer
 from benchmarks.link.team import PORT, SINK, SOURCE
 from benchmarks.link.ways import ENDED
 from benchmarks.link.ways.node import NodeSink, NodeSource
 from benchmarks.link.ways.original import OriginalSource
-from benchmarks.routing import row
 
 SIZES = ((1000, 100), (100, 10_000), (100, 1_000_000))
 SEED = 1
@@ -37,30 +36,26 @@ ORIGINAL = ("127.77.1.1", "127.77.1.2")
 OURS = ("127.77.2.1", "127.77.2.2")
 
 
-def measure(*, quick: bool) -> Iterator[dict[str, Any]]:
-    for count, size in SIZES:
+def measure(conditions: Conditions) -> Iterator[Figure]:
+    """The median of each size, our node with its like, and with what others have."""
+    for count, size in SIZES[: 1 if conditions.quick else None]:
         offer = Offer.of(count, SEED, size=size)
         cases: dict[str, Callable[[], float]] = {
-            "bare": partial(bare_ms, offer),
-            "a bare loop that keeps what it gets": partial(bare_ms, offer, keep=True),
-            "our node pulls from an original one": partial(pull_ms, offer, ORIGINAL),
-            "our node answers a REQ socket": partial(ask_ms, offer, OURS),
-            "our node pulls from our node": partial(pull_ms, offer, OURS),
+            "a bare REQ/REP loop": partial(bare_ms, offer),
+            "one that keeps what it gets": partial(bare_ms, offer, keep=True),
+            "pulled from an original node": partial(pull_ms, offer, ORIGINAL),
+            "asked by a REQ socket": partial(ask_ms, offer, OURS),
+            "": partial(pull_ms, offer, OURS),
         }
         took: dict[str, list[float]] = {name: [] for name in cases}
         with peer(serve_bare, offer), peer(serve_original, offer), peer(serve_ours, offer):
-            for _ in range(3 if quick else 11):
+            for _ in range(3 if conditions.quick else 11):
                 for name, case in cases.items():
                     gc.collect()  # what a case leaves behind is not the next one's to clear up
                     took[name].append(case())
         medians = {name: statistics.median(values) for name, values in took.items()}
-        bare = medians.pop("bare")
-        keeping = medians["a bare loop that keeps what it gets"]
-        for name, value in medians.items():
-            note = f"{value / bare:.2f} x a bare REQ/REP loop ({bare:.1f} ms)"
-            if value is not keeping:
-                note += f", {value / keeping:.2f} x one that keeps"
-            yield row(f"{count} x {_size(size)}: {name}", value, "ms", note)
+        ours_ms = medians.pop("")
+        yield Figure(f"{count} x {_size(size)} pulled", ours_ms, "ms", anchors=medians)
 
 
 def bare_ms(offer: Offer, *, keep: bool = False) -> float:
