@@ -36,7 +36,7 @@ sim: setup
 test: export PYTHONDONTWRITEBYTECODE =
 test: setup
 	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 5 --dist loadgroup --no-loadscope-reorder
 
 # Every snippet of README and docs; the tutorial as it stands there and what else flies or serves: 4 minutes
 docs-test: setup
@@ -144,7 +144,7 @@ lowest: $(VENV)/.tools
 	$(BIN)/uv venv --quiet --clear --python 3.11 $(LOWEST)
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --no-deps --requirement build/lowest.txt
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --no-deps --no-build-isolation --editable packaging/mocha-link --editable .
-	$(LOWEST)/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -W "ignore:Conversion of an array:DeprecationWarning" $(TESTS)  # of pyproj
+	$(LOWEST)/bin/python -m pytest -n 3 --dist loadgroup --no-loadscope-reorder -W "ignore:Conversion of an array:DeprecationWarning" $(TESTS)  # of pyproj
 
 # Properties with new examples, a thousand each, where the suite has fixed ones
 explore: setup
@@ -153,7 +153,7 @@ explore: setup
 # Which share of the code the suite runs, programs that it starts included
 coverage: setup
 	$(BIN)/coverage erase
-	COVERAGE_PROCESS_START=$(CURDIR)/pyproject.toml $(BIN)/coverage run -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(TESTS)
+	COVERAGE_PROCESS_START=$(CURDIR)/pyproject.toml $(BIN)/coverage run -m pytest -n 3 --dist loadgroup --no-loadscope-reorder $(TESTS)
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --skip-covered --sort=cover | tail -n 40
 

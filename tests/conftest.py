@@ -4,7 +4,6 @@ import gc
 import os
 import signal
 import tempfile
-from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -29,27 +28,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 _STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
 os.environ["XDG_STATE_HOME"] = _STATE.name
 
-PATIENT = {"test_found_faults.py", "test_px4_commands.py", "test_px4_acknowledgements.py"}
-"""Waits most of its time."""
 
-LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
-LANES = (
-    ("test_fly.py", "test_preflight.py", "test_px4.py", "test_sim_px4.py"),
-    ("test_rovers.py", "test_hostile_flight.py", "test_several.py", "test_whole_flight.py"),
-)
-"""Of tests/system: vehicles fly in real time or faster, two at a time and no more.
-
-Those with a browser follow one another: one browser is begun for all of them.
-"""
-
-PAGES = ("test_edit_page.py", "test_map_pages.py", "test_report_page.py")
-"""Of tests/system: the same for pages without a flight."""
-
-FLIGHTS = {name: place for lane in LANES for place, name in enumerate(lane)}
-
-
-def _flies(file):
-    return file.parent.name == "system" and file.name in FLIGHTS
+def _group(item):
+    """The tests that stay on one worker, beside those of its file: vehicles fly two at a time."""
+    mark = item.get_closest_marker("xdist_group")
+    return mark.args[0] if mark else ""
 
 
 def pytest_collection_modifyitems(items):
@@ -58,13 +41,13 @@ def pytest_collection_modifyitems(items):
     Who drives a browser is marked; flights are not, also where a browser looks on.
     """
     for item in items:
-        if "browser" in item.fixturenames and not _flies(item.path):
+        if "browser" in item.fixturenames and not _group(item).startswith("flights"):
             item.add_marker("browser")
 
     def rank(item):
-        if _flies(item.path) or item.path.name in PATIENT:
-            return 0, FLIGHTS.get(item.path.name, 0)
-        return (1 if item.path.parent.name == "system" or item.path.name in LONG else 2), 0
+        if _group(item).startswith("flights") or item.get_closest_marker("patient"):
+            return 0
+        return 1 if item.path.parent.name == "system" or item.get_closest_marker("long") else 2
 
     items.sort(key=rank)
 
@@ -81,22 +64,22 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Every file stays on one worker, as with `--dist loadfile`; the flights on two, pages on one.
+    """Every file stays on one worker, and so does every group (`--dist loadgroup`)."""
+    from xdist.scheduler import LoadGroupScheduling  # noqa: PLC0415 - there if it asks for this
 
-    So do the single orders, which take long and leave the processor to the others.
-    """
-    from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - there if it asks for this
-
-    class TwoFlightsAtATime(LoadFileScheduling):
+    class FilesAndGroups(LoadGroupScheduling):
         def _split_scope(self, nodeid):
-            file = Path(super()._split_scope(nodeid))
-            if file.parent.name == "system":
-                for n, lane in enumerate((*LANES, PAGES)):
-                    if file.name in lane:
-                        return f"lane {n}"
-            return str(file.parent if file.parent.name == "orders" else file)
+            return super()._split_scope(nodeid).partition("::")[0]
 
-    return TwoFlightsAtATime(config, log)
+    return FilesAndGroups(config, log)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """By its own name, without the group: `--last-failed` finds it again without workers too."""
+    report = yield
+    report.nodeid = report.nodeid.removesuffix(f"@{_group(item)}")
+    return report
 
 
 @pytest.fixture

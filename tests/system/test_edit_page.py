@@ -20,6 +20,8 @@ from air_router.editor.session import EditSession, MissionFile
 from tests.air_router.tile_maker import around, colour_of, tile_at, write_tiles
 from tests.system.looker import Looker, expect, served
 
+pytestmark = pytest.mark.xdist_group("pages")
+
 ROOT = Path(__file__).parents[2]
 # Answers of the program can be held back, as a busy machine does.
 SLOW_ANSWERS = """

@@ -17,6 +17,8 @@ from air_router.record.replay import replay_record
 from mocha_link import Team
 from tests.system.conftest import program
 
+pytestmark = pytest.mark.xdist_group("flights 1")
+
 HOLD, MISSION = 0x03040000, 0x04040000
 
 

@@ -27,6 +27,8 @@ from tests.system.conftest import LIMIT_S, ROOT, UNDER_TEST, commands
 from tests.system.operated import Operated, draw_zone
 from tests.system.test_hostile_flight import without_relays
 
+pytestmark = pytest.mark.patient
+
 CORNER = "39.9419367"
 HOLD = FlightMode.AUTO_LOITER.custom_mode
 POSITIONS = "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"

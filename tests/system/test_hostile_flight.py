@@ -21,6 +21,8 @@ from mocha_link import ManualRadio, Node, Team
 from mocha_link.links.metrics import Direction, SyncEnded
 from tests.stray_post import SIZE, body, post
 
+pytestmark = pytest.mark.xdist_group("flights 2")
+
 HOME = b'{"request":"home"}'
 POSITION_MODE, RETURN_MODE = 3 << 16, 0x05040000
 POST = """async ([url, bytes]) => {

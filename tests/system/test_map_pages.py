@@ -23,6 +23,8 @@ from mocha_link.links.reading import Reading, Unit
 from tests.system.looker import Looker, served
 from tests.system.page_checks import CROWDED, FITS, HIDDEN, IS_PLOTTED, PALE
 
+pytestmark = pytest.mark.xdist_group("pages")
+
 SIZES = ((1280, 720), (844, 390), (390, 844))
 END_S = 300.0
 HOME = Geodetic(39.9421, -75.1998)

@@ -12,6 +12,8 @@ from mocha_link import Team
 from tests.system.conftest import answer, hurry
 from tests.system.simulated import simulated_vehicle
 
+pytestmark = pytest.mark.xdist_group("flights 1")
+
 
 @pytest.fixture
 def preflight(answered, udp_port, short_mission):

@@ -26,6 +26,8 @@ from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
 from tests.system.simulated import simulated_vehicle
 
+pytestmark = pytest.mark.xdist_group("flights 1")
+
 LIMIT_S = 240  # against hangs only
 
 

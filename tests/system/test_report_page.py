@@ -20,6 +20,8 @@ from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded
 from tests.system.looker import Looker
 
+pytestmark = pytest.mark.xdist_group("pages")
+
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"
 

@@ -14,6 +14,8 @@ pytest.importorskip("cyclonedds", reason="CycloneDDS has no wheel for this machi
 
 from tests.docs.blocks import blocks
 
+pytestmark = pytest.mark.xdist_group("flights 2")
+
 NEARER = {"47.3985995,8.5456": "47.3981,8.5456", "47.3977,8.5469247": "47.3977,8.5462"}
 
 

@@ -14,6 +14,8 @@ import pytest
 from air_router.control.control import ControlClient
 from tests.system.looker import CHROMIUM, Looker
 
+pytestmark = pytest.mark.xdist_group("flights 2")
+
 PICTURED = "DOCS_IMAGES" in os.environ
 PAIR = Path(__file__).parents[2] / "missions" / "pair" / "mission.yaml"
 SPEED = 3  # the page is looked at in real time, and what is flown meanwhile costs as well

@@ -14,6 +14,8 @@ from air_router.vehicle.limits import PACE_ALLOWANCE_S
 from sitl.process.pace import STALLED_SPEED
 from tests.system.real_px4 import PLACES, found
 
+pytestmark = pytest.mark.xdist_group("flights 1")
+
 ON_LINUX = pytest.mark.skipif(
     sys.platform != "linux", reason="looks at processes as Linux has them"
 )

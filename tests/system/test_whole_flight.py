@@ -27,6 +27,8 @@ from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker
 from tests.system.page_checks import PIXELS
 
+pytestmark = pytest.mark.xdist_group("flights 2")
+
 PICTURED = "DOCS_IMAGES" in os.environ
 SPEED = 12
 ROBOTS = {"callisto", "europa", "io"}

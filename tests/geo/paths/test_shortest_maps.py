@@ -19,6 +19,8 @@ from geo.paths.polyanya import Source
 from geo.paths.shortest import ShortestPaths, path_length_m, shortest_path
 from tests.geo.optimum import BruteForce, gridded, least_m, places, ring, scattered
 
+pytestmark = pytest.mark.long
+
 MAPS = sorted((Path(__file__).parents[2] / "data" / "maps").glob("*.json"))
 
 

@@ -20,6 +20,8 @@ from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA
 from tests.mocha_link.fuzz import EXPLORE
 
+pytestmark = pytest.mark.long
+
 NAMES = ("callisto", "europa", "io", "titan")
 TEAM = Team.load(DATA / "days.yaml")
 HOUR_S = 3600.0

@@ -28,6 +28,8 @@ from tests.mocha_link.load import (
     say,
 )
 
+pytestmark = pytest.mark.long
+
 SHARE = 8 if EXPLORE else 1
 CHECK_EVERY = 500
 BATCH = 50  # frames after which the node has to have dealt with all of them

@@ -25,6 +25,8 @@ from sitl.process.vehicle import End, Ports, VehicleProcess
 from sitl.px4sim.versions import BEHAVIOURS, RECORDED, USUAL
 from tests.sitl.prepared import HOME, local_line, ready_for, ready_to_hold
 
+pytestmark = pytest.mark.long
+
 CONVERSATIONS = conversations()
 
 

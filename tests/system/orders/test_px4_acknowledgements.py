@@ -50,6 +50,8 @@ from tests.system.scripted_px4 import (
     REPOSITION,
 )
 
+pytestmark = [pytest.mark.patient, pytest.mark.xdist_group("orders")]
+
 OURS = frozenset({FlightMode.HOLD, FlightMode.MISSION})
 
 

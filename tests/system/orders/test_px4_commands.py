@@ -29,6 +29,8 @@ from tests.system.orders.verbs import (
 )
 from tests.system.scripted_px4 import POSITION
 
+pytestmark = [pytest.mark.patient, pytest.mark.xdist_group("orders")]
+
 
 @pytest.mark.parametrize("verb", ORDERS)
 def test_an_order_arrives_once_when_nothing_answers(run, verb):

@@ -11,6 +11,8 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry
 from sitl.rehearsal.stand_ins.stations import FOREIGN, foreign_words
 from tests.system.orders.verbs import ORDERS, follows, hold
 
+pytestmark = pytest.mark.xdist_group("orders")
+
 TURNS = 30  # of the vehicle's, in which all of them speak
 
 
