@@ -289,8 +289,8 @@ def _tapped(about: Callable[[], dict[str, Any]]) -> Iterator[list[Tape]]:
     taps: dict[int, tuple[Told, Tape]] = {}
     make, handle = Controller.__init__, Controller.handle
 
-    def made(self: Controller, flight: FlightSetup, *parts: Any) -> None:
-        make(self, flight, *parts)
+    def made(self: Controller, flight: FlightSetup, *parts: Any, **options: Any) -> None:
+        make(self, flight, *parts, **options)
         setup = {
             **about(),
             "name": flight.name,

@@ -7,6 +7,10 @@ All of them, or those of which NAME is a part. The second is for a change that i
 otherwise: `git diff` shows which streams it concerns, the failed test what it changes in them, and
 the commit says why.
 
+These twenty tell most: chosen one after the other by how many pairs of state and event with a
+decision, a signal or a policy no stream before them has; together they have 614 of the 646 that 61
+streams had.
+
 Numbers are rounded when they are written. What is kept are the decisions on the rounded events;
 where the flight itself decided otherwise, that is said.
 """
@@ -32,52 +36,28 @@ from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, decided, read, wr
 MISSIONS = Path(__file__).parents[2] / "missions"
 
 FLIGHTS = (
-    ("pennovation", "NONE", 0),
     ("pennovation", "PILOT", 3),
     ("pennovation", "HAND_BACK", 3),
-    ("pennovation", "STICKS", 4),
     ("pennovation", "REQUESTS", 1),
     ("pennovation", "REQUESTS", 5),
-    ("pennovation", "RELOAD", 1),
     ("pennovation", "WALL", 14),
-    ("pennovation", "NO_FIX", 1),
     ("pennovation", "BATTERY", 24),
-    ("pennovation", "LOSS_20", 2),
     ("pennovation", "RESTART", 3),
     ("pennovation", "PLAN_REPLACED", 2),
     ("pennovation", "HOME_MOVED", 1),
-    ("pennovation", "SILENCE", 6),
     ("urban", "REQUESTS", 2),
     ("urban", "RELOAD", 3),
     ("urban", "TWO_STATIONS", 2),
     ("large", "REQUESTS", 0),
-    ("pair", "ONE_DEAD", 1),
     ("pair", "REQUESTS", 6),
-    ("atlas", "ONE_DEAD", 0),
 )
-"""Mission, what goes wrong, and seed. In `pair` titan is flown and in `atlas` the other UAV, which
-only searches."""
+"""Mission, what goes wrong, and seed."""
 
 _SHORT = {
     "duration_s": 240,
     "timers": {"init_s": 50, "explore_s": 25, "search_s": 5, "communicate_s": 20},
 }
-RUNS: Mapping[str, dict[str, Any]] = {
-    "original": {},
-    "ours": {"protocol": "ours"},
-    "two-uavs": {"uavs": 2, "protocol": "ours"},
-    "two-uavs-original": {"uavs": 2, "ugvs": 5, "radius_m": 20},
-    "freshest": {"policy": "freshest", "ugvs": 5},
-    "rendezvous": {"policy": "rendezvous", "ugvs": 5},
-    "rendezvous-ours": {"policy": "rendezvous", "protocol": "ours", "uavs": 2},
-    "near": {"radius_m": 10, "goals": "seed", "starts": "seed"},
-    "many": {"ugvs": 10, "protocol": "ours", "starts": "seed"},
-    "path-loss": {"channel": "path_loss", "protocol": "ours", "uav_altitude_m": 70},
-    "path-loss-original": {"channel": "path_loss", "uavs": 2, "uav_altitude_m": 70},
-    "passive": {"passive": True, "protocol": "ours"},
-    "no-base": {"base_station": False, "paper": {"cut": "drop", "order": "random"}},
-    "high": {"uav_altitude_m": 80, "uav_speed_m_s": 6.5, "protocol": "ours"},
-}
+RUNS: Mapping[str, dict[str, Any]] = {"two-uavs": {"uavs": 2, "protocol": "ours"}}
 """Runs of experiments in the town of missions/urban: what is not as usual."""
 
 SYNCS: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
@@ -87,6 +67,15 @@ SYNCS: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "original": ({"delay_s": 0.02}, {"titan": {"original": True}, "io": {"original": True}}),
 }
 """Nodes that meet: what is between them, and what of the team is not as usual."""
+
+ONLY: Mapping[str, int] = {
+    "pennovation-restart-3": 2,
+    "sync-connections": 4,
+    "sync-datagrams": 4,
+    "sync-by-timer": 4,
+    "sync-original": 2,
+}
+"""Which companion or node is kept of several; the others tell no more."""
 
 
 def main() -> None:
@@ -131,10 +120,6 @@ def flown(mission: str, fault: str, seed: int) -> list[Tape]:
         if mission == "large":  # it names no team
             team = {"team": str(MISSIONS / "urban" / "team.yaml")}
             path = _changed(path, team, Path(folder))
-        if mission == "atlas":  # the first UAV of a mission is flown
-            path = MISSIONS / "pair" / "mission.yaml"
-            uavs = yaml.safe_load(path.read_text("utf-8"))["uavs"]
-            path = _changed(path, {"uavs": dict(reversed(uavs.items()))}, Path(folder))
         return fly(path, fault, seed)
 
 
@@ -193,6 +178,8 @@ def synced(options: Mapping[str, Any], changes: Mapping[str, Any]) -> list[Tape]
 def keep_tapes(name: str, tapes: Iterable[Tape]) -> None:
     """Write what was recorded: of a UAV's second companion, or a run's second UAV, beside it."""
     for number, tape in enumerate(tapes, 1):
+        if ONLY.get(name, number) != number:
+            continue
         stream = Stream(tape.setup, [Step(*step) for step in tape.steps])
         keep(name if number == 1 else f"{name}-{number}", stream)
 
