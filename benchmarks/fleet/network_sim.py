@@ -260,7 +260,7 @@ class NetworkSim:
         arrive()
         self._act()
 
-    def _later(self, arrive: Callable[[], None], at_s: float | None = None) -> None:
+    def later(self, arrive: Callable[[], None], at_s: float | None = None) -> None:
         when_s = self.time_s + self.delay_s if at_s is None else at_s
         heapq.heappush(self._due, (when_s, next(self._order), arrive))
 
@@ -299,12 +299,12 @@ class NetworkSim:
             case SendDatagram():
                 piece = Carried("udp", name, peer, action.packet)
                 if self._lets(piece):
-                    self._later(lambda: self._cast(name, peer, self.alter(piece)))
+                    self.later(lambda: self._cast(name, peer, self.alter(piece)))
             case ReplyDatagram():
                 piece = Carried("udp", name, peer, action.packet)
                 if (name, peer) in self._callers and self._lets(piece):
                     back = self.nodes[peer].packet_back
-                    self._later(lambda: back(name, self.alter(piece), self.at(peer)))
+                    self.later(lambda: back(name, self.alter(piece), self.at(peer)))
 
     def dial(self, client: str, server: str) -> Line:
         """A connection of one robot to another, in place of any that there was."""
@@ -312,7 +312,7 @@ class NetworkSim:
         line = Line(next(self._lines), client, server, stands_s)
         self.lines[client, server] = line
         self._served[server, line.route[0]] = line
-        self._later(lambda: self._stand(line), stands_s)
+        self.later(lambda: self._stand(line), stands_s)
         return line
 
     def _lets(self, piece: Carried) -> bool:
@@ -340,7 +340,7 @@ class NetworkSim:
         for frame in line.waiting:
             piece = Carried("zmq", line.client, line.server, frame)
             if not line.dead and self._lets(piece):
-                self._later(lambda p=piece: self._ask(line, self.alter(p)))
+                self.later(lambda p=piece: self._ask(line, self.alter(p)))
             else:
                 line.dead = True
         line.waiting.clear()
@@ -354,7 +354,7 @@ class NetworkSim:
             return
         piece = Carried("zmq", server, line.client, frame)
         if self._lets(piece):
-            self._later(lambda: self._reply(line, self.alter(piece)))
+            self.later(lambda: self._reply(line, self.alter(piece)))
         else:
             line.dead = True
 

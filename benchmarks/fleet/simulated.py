@@ -82,7 +82,7 @@ class FleetSim(NetworkSim):
 
     def at_time(self, at_s: float, call: Callable[[], object]) -> None:
         """Have something happen later, in simulated seconds."""
-        self._later(call, at_s)
+        self.later(call, at_s)
 
     def hear(self, name: str, peer: str, reading: float | None) -> None:
         """A radio says something of a peer."""

@@ -95,7 +95,7 @@ class Airframe:
 
     def move(self):
         self.now_s += self.step_s
-        wanted = self._wanted()
+        wanted = self.wanted()
         change = (wanted[0] - self.velocity[0], wanted[1] - self.velocity[1])
         size, limit = math.hypot(*change), ACCELERATION_M_S2 * self.step_s
         if size > limit:
@@ -145,7 +145,7 @@ class Airframe:
             return self.position
         return Point(*(self._chance.gauss(x, self.noise_m) for x in self.position))
 
-    def _wanted(self):
+    def wanted(self):
         if self.target is None:
             return (0.0, 0.0)
         east, north = self.target[0] - self.position[0], self.target[1] - self.position[1]
@@ -275,9 +275,9 @@ class PretendFlight(Airframe):
         self.events.append((event, self.now_s))
         for action in self.controller.handle(event, self.now_s):
             self.actions.append(action)
-            self._act(action)
+            self.act(action)
 
-    def _act(self, action):
+    def act(self, action):
         match action:
             case StateChanged() | Announce() | PublishMap() | Seeking() | ReadAgain() | RenewPlan():
                 return
@@ -415,7 +415,7 @@ class PretendVehicle(Vehicle):
         self.failures = {}  # verb -> errors to raise, one after the other
         self.on_step = lambda: None
         self.lasts_too_long = lambda: None  # called after an hour in the air
-        self._running = None
+        self.running = None
 
     async def connect(self):
         self._fail("connect")
@@ -424,7 +424,7 @@ class PretendVehicle(Vehicle):
 
     def subscribe(self, callback):
         self.callback = callback
-        self._running = asyncio.get_running_loop().create_task(self._run())
+        self.running = asyncio.get_running_loop().create_task(self.stream())
 
     async def inspect(self, parameters):
         self._fail("inspect")
@@ -478,15 +478,15 @@ class PretendVehicle(Vehicle):
 
     async def close(self):
         self.verbs.append("close")
-        if self._running is not None:
-            self._running.cancel()
+        if self.running is not None:
+            self.running.cancel()
 
     def _fail(self, verb):
         self.verbs.append(verb)
         if self.failures.get(verb):
             raise self.failures[verb].pop(0)
 
-    async def _run(self):
+    async def stream(self):
         while True:
             self.airframe.move()
             if self.airframe.now_s > LONGEST_S:

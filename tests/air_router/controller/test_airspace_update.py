@@ -179,7 +179,7 @@ def test_an_order_before_zones_go_on_board_leaves_no_leg_that_is_not_flown(prete
 def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
     flight, _ = drawn_over(pretend)
     flight.fly_until(lambda: "leaving no-fly zone 'new'" in flight.said, 5.0)
-    flight._act = lambda _: None
+    flight.act = lambda _: None
     flight.give(HoldNow())
     assert isinstance(flight.motions[-1], HoldHere)
     flight.step()

@@ -64,12 +64,12 @@ def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
     assert holding.operator_asks(ChangeAltitude(30.0)).accepted
     holding.fly_for(10.0)
     assert holding.operator_asks(GoOn()).accepted
-    moves, holding._wanted = holding._wanted, lambda: (0.0, 0.0)
+    moves, holding.wanted = holding.wanted, lambda: (0.0, 0.0)
     while holding.altitude_m < 38.0:
         holding.altitude_m += 1.0 * holding.step_s
         holding.step()
     assert math.dist(holding.position, holding.target) > UNDERSPEED_LEG_M
-    holding._wanted = moves
+    holding.wanted = moves
     holding.fly_for(5.0)
     assert not [said for said in holding.said if "it flies only" in said]
 

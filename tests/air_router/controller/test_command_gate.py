@@ -22,8 +22,13 @@ MOTIONS = [
 
 
 @pytest.fixture
-def gate(pennovation):
-    gate = CommandGate(MissionContext(pennovation, None), None)
+def context(pennovation):
+    return MissionContext(pennovation, None)
+
+
+@pytest.fixture
+def gate(context):
+    gate = CommandGate(context, None)
     gate.assume(FlightMode.MISSION)
     return gate
 
@@ -77,8 +82,10 @@ def test_jumps_that_were_objected_to_say_nothing_of_the_plan_on_board(gate, sent
     ("sent", "said", "pause_s"),
     [(True, "the vehicle did not follow", 3.0), (False, "not sent", 1.5)],
 )
-def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(gate, sent, said, pause_s):
-    jump, context = FlyToNode(1, HERE), gate._context
+def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(
+    context, gate, sent, said, pause_s
+):
+    jump = FlyToNode(1, HERE)
     gate.send(jump)
     gate.failed(CommandFailed(jump, "the leg was no longer clear in its turn", sent=sent))
     assert context.actions[-1].text == f"{said}: the leg was no longer clear in its turn"
@@ -88,8 +95,8 @@ def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(gate, sen
 # What stands against a motion.
 
 
-def test_what_became_of_a_motion_has_a_name(gate):
-    leg, context = FlyToPoint(HERE, 40.0), gate._context
+def test_what_became_of_a_motion_has_a_name(context, gate):
+    leg = FlyToPoint(HERE, 40.0)
     assert gate.command(leg) is MotionOutcome.SENT
     assert gate.command(leg) is MotionOutcome.UNDER_WAY
     context.silent_for(1.0)
@@ -103,20 +110,20 @@ def test_what_became_of_a_motion_has_a_name(gate):
     assert gate.command(NODE) is MotionOutcome.INSTEAD
 
 
-def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(gate):
+def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(context, gate):
     out = FlyToPoint(Point(0.0, 100.0), 40.0)
     gate.send(NODE)  # given up, and may come late
     gate.send(out)
-    gate._context.airspace.change = ZoneChange.LEAVING
+    context.airspace.change = ZoneChange.LEAVING
     gate.command(NODE)
     assert gate.last is out
-    gate._context.airspace.change = None
+    context.airspace.change = None
     gate.command(NODE)
     assert isinstance(gate.last, HoldHere)
 
 
-def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(gate):
-    context, hold = gate._context, HoldHere("why")
+def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(context, gate):
+    hold = HoldHere("why")
     context.inputs.silent = True
     gate.command(hold)
     assert context.actions == []
@@ -126,12 +133,12 @@ def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(ga
 
 
 @pytest.mark.parametrize("zones", [ZoneChange.CLEARING, ZoneChange.UPLOADING])
-def test_a_leg_while_zones_are_changed_has_it_hold(gate, zones):
+def test_a_leg_while_zones_are_changed_has_it_hold(context, gate, zones):
     gate.send(PLACE)
-    gate._context.airspace.change = zones
+    context.airspace.change = zones
     gate.command(FlyToPoint(HERE, 40.0))
-    assert [*map(type, gate._context.actions)] == [FlyToPoint, HoldHere]
-    assert gate._context.airspace.must_stop
+    assert [*map(type, context.actions)] == [FlyToPoint, HoldHere]
+    assert context.airspace.must_stop
 
 
 # What it may be flying to.

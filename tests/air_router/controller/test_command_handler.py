@@ -652,13 +652,13 @@ def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state
 
 def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(airborne):
     flight = airborne()
-    late, act = [], flight._act
-    flight._act = lambda a: late.append(a) if isinstance(a, MOVES | HoldHere) else act(a)
+    late, act = [], flight.act
+    flight.act = lambda a: late.append(a) if isinstance(a, MOVES | HoldHere) else act(a)
     assert ask(flight, GoTo(FAR))[0].accepted
     assert ask(flight, ComeHome())[0].accepted
     flight.fly_for(0.3)
     assert flight.controller.state is State.HOME
-    flight._act = act
+    flight.act = act
     for motion in late:
         act(motion)
         flight.fly_for(1.5)

@@ -615,8 +615,8 @@ def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(airb
 
 def test_much_slower_than_commanded_is_told_once_and_flown_on(cruising):
     pace_m_s, before = 2.0 / 5.0, len(cruising.motions)
-    wanted = cruising._wanted
-    cruising._wanted = lambda: tuple(pace_m_s * component for component in wanted())
+    wanted = cruising.wanted
+    cruising.wanted = lambda: tuple(pace_m_s * component for component in wanted())
     fly(cruising, 40.0)
     assert len(told(cruising, "it flies only")) == 1
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])

@@ -90,7 +90,7 @@ def test_while_a_jump_is_under_way_a_report_of_an_item_is_of_the_one_before(airb
     """The race that leads a vehicle past a waypoint: its report comes after the next jump."""
     flight = airborne()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 20.0)
-    flight._act = flight.actions.append  # neither confirmed nor failed
+    flight.act = flight.actions.append  # neither confirmed nor failed
     flight.fly_until(lambda: isinstance(flight.controller.gate.pending, FlyToNode))
     jump, commanded = flight.controller.gate.pending, len(flight.motions)
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(jump.node)))
@@ -100,7 +100,7 @@ def test_while_a_jump_is_under_way_a_report_of_an_item_is_of_the_one_before(airb
 
 def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
     flight = pretend(duration_s=100.0)
-    act = flight._act
+    act = flight.act
 
     def no_jumps(action):
         if isinstance(action, FlyToNode):
@@ -108,7 +108,7 @@ def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
         else:
             act(action)
 
-    flight._act = no_jumps
+    flight.act = no_jumps
     flight.take_off()
     flight.lands()
     first_point = next(m for m in flight.motions if isinstance(m, FlyToPoint))

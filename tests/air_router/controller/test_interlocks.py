@@ -55,15 +55,20 @@ NAMES = [row.name for row in INTERLOCKS]
 
 
 @pytest.fixture
-def gate(pennovation):
-    gate = CommandGate(MissionContext(pennovation, None), None)
+def context(pennovation):
+    return MissionContext(pennovation, None)
+
+
+@pytest.fixture
+def gate(context):
+    gate = CommandGate(context, None)
     gate.assume(FlightMode.HOLD)
     return gate
 
 
-def raise_(gate, *names):
+def raise_(context, *names):
     for name in names:
-        RAISED[name][0](gate._context)
+        RAISED[name][0](context)
 
 
 def test_every_row_is_raised_by_something_and_flown_in_a_scene():
@@ -72,9 +77,8 @@ def test_every_row_is_raised_by_something_and_flown_in_a_scene():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_row_keeps_legs_and_landings_back_and_is_shown_until_it_clears(gate, name):
-    context = gate._context
-    raise_(gate, name)
+def test_a_row_keeps_legs_and_landings_back_and_is_shown_until_it_clears(context, gate, name):
+    raise_(context, name)
     context.begin(7.0)
     gate.command(LEG)
     gate.command(LandHere())
@@ -87,53 +91,55 @@ def test_a_row_keeps_legs_and_landings_back_and_is_shown_until_it_clears(gate, n
     assert gate.blocked is None
 
 
-def test_a_hold_leaves_whatever_is_raised_while_the_vehicle_is_received(gate):
+def test_a_hold_leaves_whatever_is_raised_while_the_vehicle_is_received(context, gate):
     hold = HoldHere("why")
-    raise_(gate, *(name for name in NAMES if name != "LINK_SILENT"))
+    raise_(context, *(name for name in NAMES if name != "LINK_SILENT"))
     gate.command(hold)
-    assert gate._context.actions == [hold]
+    assert context.actions == [hold]
 
 
 @pytest.mark.parametrize("names", list(combinations(NAMES, 2)))
-def test_of_two_rows_the_first_decides(gate, names):
-    raise_(gate, *names)
+def test_of_two_rows_the_first_decides(context, gate, names):
+    raise_(context, *names)
     gate.command(LEG)
-    assert [row.name for row in raised(gate._context)] == [*names]
+    assert [row.name for row in raised(context)] == [*names]
     assert gate.waits_for().by.name == names[0]
-    assert not [a for a in gate._context.actions if not isinstance(a, HoldHere)]
+    assert not [a for a in context.actions if not isinstance(a, HoldHere)]
 
 
 @pytest.mark.parametrize("names", [["FOREIGN_ORDER"], ["INPUT_MISSING", "LINK_SILENT"]])
-def test_what_is_in_doubt_is_planned_anew_whichever_row_decides(gate, names):
-    raise_(gate, *names)
+def test_what_is_in_doubt_is_planned_anew_whichever_row_decides(context, gate, names):
+    raise_(context, *names)
     gate.command(LEG)
-    assert gate._context.interlocks.motion_deferred
+    assert context.interlocks.motion_deferred
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_landing_that_is_kept_back_is_commanded_again_where_nothing_else_does_it(gate, name):
-    raise_(gate, name)
+def test_a_landing_that_is_kept_back_is_commanded_again_where_nothing_else_does_it(
+    context, gate, name
+):
+    raise_(context, name)
     gate.command(LandHere())
     (row,) = (row for row in INTERLOCKS if row.name == name)
-    assert (gate._context.task.retry_at_s is not None) == row.repeats_landing
+    assert (context.task.retry_at_s is not None) == row.repeats_landing
 
 
-def test_what_is_missing_is_named(gate):
-    raise_(gate, "INPUT_MISSING")
+def test_what_is_missing_is_named(context, gate):
+    raise_(context, "INPUT_MISSING")
     gate.command(LEG)
-    assert gate.waits_for().why(gate._context) == "position not heard"
-    RAISED["INPUT_MISSING"][1](gate._context)
-    gate._context.telemetry = Telemetry(1.0, HERE, 40.0, fix=False)
-    assert gate.waits_for().why(gate._context) == "GPS has no fix"
+    assert gate.waits_for().why(context) == "position not heard"
+    RAISED["INPUT_MISSING"][1](context)
+    context.telemetry = Telemetry(1.0, HERE, 40.0, fix=False)
+    assert gate.waits_for().why(context) == "GPS has no fix"
 
 
-def test_how_long_it_waits_counts_from_the_row_that_decides_now(gate):
-    raise_(gate, "ZONE_UPDATE")
+def test_how_long_it_waits_counts_from_the_row_that_decides_now(context, gate):
+    raise_(context, "ZONE_UPDATE")
     gate.command(LEG)
-    gate._context.now_s = 5.0
-    raise_(gate, "ALTITUDE_JUMP")
+    context.now_s = 5.0
+    raise_(context, "ALTITUDE_JUMP")
     gate.command(LEG)
-    gate._context.now_s = 8.0
+    context.now_s = 8.0
     gate.command(LEG)
     assert (gate.waits_for().by.name, gate.waits_for().since_s) == ("ALTITUDE_JUMP", 5.0)
 

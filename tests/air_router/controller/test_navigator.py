@@ -92,7 +92,7 @@ class LateFlight:
         self.chance = random.Random(seed)
         self.waiting = self.sending = None
         self.under_way = []
-        flight._act = self.act
+        flight.act = self.act
         flight.take_off()
         flight.mode = FlightMode.MISSION
 
@@ -180,9 +180,8 @@ def test_below_the_cruise_altitudes_it_is_reckoned_with_that_it_swings_beyond_it
     low = at(190.0, 0.0, velocity_m_s=(3.5, 0.0), target=Point(200.0, 0.0))
     flight = type(bend)(mission)
     for altitude_m, clear in ((40.0, True), (30.0, True), (22.0, False)):
-        _, _, navigator = navigating(flight, dataclasses.replace(low, altitude_m=altitude_m))
-        telemetry = navigator._context.heard
-        assert navigator.clear(telemetry, Point(190.0, 60.0)) is clear
+        context, _, navigator = navigating(flight, dataclasses.replace(low, altitude_m=altitude_m))
+        assert navigator.clear(context.heard, Point(190.0, 60.0)) is clear
 
 
 def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):

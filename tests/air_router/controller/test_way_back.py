@@ -241,11 +241,11 @@ def test_what_is_asked_for_before_it_climbs_is_flown_once_it_is_up(flight_in, re
     """At once after `resume`, while the climb is under way to the vehicle, or was lost."""
     flight = flight_in(State.EXPL)
     given_back_low(flight, 6.0)
-    act, decided = flight._act, []
-    flight._act, flight.deaf = act if lost else decided.append, lost
+    act, decided = flight.act, []
+    flight.act, flight.deaf = act if lost else decided.append, lost
     for request in (GoOn(), request_):
         flight.operator_asks(request)
-    flight._act, flight.deaf = act, False
+    flight.act, flight.deaf = act, False
     for action in decided:
         act(action)
     state, context = flight.controller.state, flight.controller.context

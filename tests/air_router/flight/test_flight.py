@@ -189,7 +189,7 @@ def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):
         pass
 
     flight = rig()
-    flight.vehicle._run = mute
+    flight.vehicle.stream = mute
     monkeypatch.setattr("air_router.flight.flight.VEHICLE_LOST_S", 0.05)
     with pytest.raises(NoVehicleError, match="told no position"):
         flight.run()
@@ -595,7 +595,7 @@ def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unhear
     told = airframe.telemetry
 
     def lose_all():
-        flight.vehicle._running.cancel()
+        flight.vehicle.running.cancel()
         asyncio.get_running_loop().call_soon(then)
 
     def then():

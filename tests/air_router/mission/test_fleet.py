@@ -114,6 +114,13 @@ def test_layers_and_homes_that_are_too_close(tmp_path):
     assert "the homes of 'atlas' and 'titan' are 18.0 m apart, it takes 20 m" in words
 
 
+def test_layers_and_homes_may_be_as_close_as_they_have_to_be_apart(tmp_path):
+    path = write(tmp_path, PAIR, ("48", "50"), ("[-40, 0]", "[-20, 0]"))
+    atlas, titan = load_mission(path).layers
+    assert titan.altitude_m - atlas.altitude_m == 10
+    assert math.dist(titan.home, atlas.home) == 20
+
+
 def test_the_separation_is_a_key(tmp_path):
     path = write(tmp_path, PAIR + "planner: {vertical_separation_m: 5}\n", ("48", "54"))
     assert load_mission(path).layers[0].altitude_m == 54

@@ -15,6 +15,9 @@ from air_router.mission.flight_plan import (
     fence_plan,
 )
 from air_router.mission.loading import load_mission
+from air_router.preflight.check_facts import summary
+from air_router.preflight.survey import MissionSurvey
+from air_router.routing.graph import WaypointGraph
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Geodetic, Point
 from sitl.px4sim.fence import fence_areas
@@ -180,10 +183,29 @@ def test_on_the_antimeridian_px4_is_not_told_what_it_cannot_test(tmp_path):
     assert len(fence_plan(mission_of(tmp_path, areas, origin=(-16.5, 179.9))).items) == 5
 
 
-def test_more_points_than_px4_stores_are_noted(tmp_path):
+def fenced(folder, circles):
+    """A fence of 56 points with some zones of one."""
     ring = [[round(150 * math.sin(a / 9), 2), round(150 * math.cos(a / 9), 2)] for a in range(56)]
-    zones = ", ".join(f"{{circle: {{centre: [{9 + n}, 90], radius_m: 5}}}}" for n in range(9))
-    mission = mission_of(tmp_path, f"fence: {{polygon: {ring}}}\nno_fly_zones: [{zones}]\n")
+    zones = ", ".join(f"{{circle: {{centre: [{9 + n}, 90], radius_m: 5}}}}" for n in range(circles))
+    return mission_of(folder, f"fence: {{polygon: {ring}}}\nno_fly_zones: [{zones}]\n")
+
+
+def said_of(mission):
+    return "\n".join(summary(MissionSurvey(WaypointGraph(mission))))
+
+
+def test_as_many_points_as_px4_stores_are_in_order(tmp_path):
+    mission = fenced(tmp_path, 8)
+    assert len(fence_plan(mission).items) == FENCE_POINTS
+    assert mission.notes == ()
+    assert "64 fence points of 64 that a PX4 stores" in "\n".join(
+        summary(MissionSurvey(WaypointGraph(mission)))
+    )
+
+
+def test_more_points_than_px4_stores_are_noted(tmp_path):
+    mission = fenced(tmp_path, 9)
+    assert "MORE THAN THE 64" in said_of(mission)
     assert len(fence_plan(mission).items) == 65 == FENCE_POINTS + 1
     (note,) = mission.notes
     assert (note.code, note.line) == ("fence-points", 6)
@@ -306,3 +328,11 @@ def test_above_its_altitudes_the_zones_that_begin_there_count(pennovation):
     assert list(mission.airspace_at(mission.altitude_above_home_m).holders(place)) == []
     assert list(mission.airspace_at(79.0).holders(place)) == []  # it begins higher
     assert list(mission.airspace_at(90.0).holders(place)) == ["gliders"]
+
+
+def test_at_the_highest_altitude_it_cruises_still_and_no_zone_far_below_counts(pennovation):
+    place, top_m = pennovation.waypoints[3].position, pennovation.cruise.upper_m
+    shed = Zone("shed", Circle(place, 30.0), band=Band(0.0, 5.0))
+    mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, shed))
+    assert mission.airspace_at(top_m) is mission.airspace
+    assert mission.airspace_at(top_m).holders(place) == ()

@@ -1,6 +1,6 @@
 """`air-router new` makes what can be checked and flown, from options or answers."""
 
-import builtins
+import io
 import re
 import sys
 from types import SimpleNamespace
@@ -46,16 +46,21 @@ def test_what_it_makes_is_in_order(robots, altitude, found, tmp_path, capsys):
         assert "titan" not in file.read_text()
 
 
+class Terminal(io.StringIO):
+    """What a user types."""
+
+    def isatty(self):
+        return True
+
+
 def test_it_asks_on_a_terminal_until_it_can_read_the_answer(tmp_path, monkeypatch, capsys):
-    given = iter([str(tmp_path / "asked"), "", "147,8", HOME, "", "", "on", "husky=ros1"])
-    asked = []
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr(builtins, "input", lambda text: asked.append(text) or next(given))
+    given = [str(tmp_path / "asked"), "", "147,8", HOME, "", "", "on", "husky=ros1"]
+    monkeypatch.setattr(sys, "stdin", Terminal("".join(f"{line}\n" for line in given)))
     assert main(["new"]) == 0
-    assert [text.split()[0] for text in asked] == [
+    out, said = capsys.readouterr()
+    assert re.findall(r"Folder|Where|Cruise|Name|Robots", out) == [
         *("Folder", "Where", "Where", "Where", "Cruise", "Name", "Robots", "Robots")
     ]
-    said = capsys.readouterr().err
     assert "latitude 147.0 is not within" in said
     assert "'on' is no name" in said
     assert load_mission(tmp_path / "asked" / "mission.yaml").seek == ("husky",)

@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
-from geo.coverage.visibility import Border, Sweep, common, merged
+from geo.coverage.visibility import (
+    Border,
+    CoverageError,
+    Swath,
+    Sweep,
+    Visibility,
+    common,
+    merged,
+)
 from geo.frame import Point
 from tests.geo.shapes import star
 
@@ -38,6 +46,8 @@ def test_corners_and_sides_count_once():
     assert spans[0] == spans[4] == []
     assert spans[2] == [(0.0, 10.0)]
     pointed = Polygon([(0, 0), (5, 5), (10, 0), (10, 10), (0, 10)])
+    diamond = Polygon([(0, 0), (5, 5), (0, 10), (-5, 5)])
+    assert Border(diamond).spans(np.array([5.0])) == [[(-5.0, 5.0)]]
     assert Border(pointed).spans(np.array([5.0]))[0] in ([(0.0, 10.0)], [(0.0, 5.0), (5.0, 10.0)])
 
 
@@ -71,7 +81,20 @@ def test_pieces_are_those_of_shapely(outer, inner, bearing_deg):
             assert Point(*middle) == middle
 
 
+@pytest.mark.parametrize(("depth_m", "count"), [(5_000.0, 5_000), (5_000.5, None)])
+def test_as_many_rows_as_may_be(depth_m, count):
+    strip = shapely.box(0.0, 0.0, 10.0, depth_m)
+    sight = Visibility(strip, strip, Swath(1.0, 1.0, 1.0))
+    if count is None:
+        with pytest.raises(CoverageError, match="would take 5001 rows"):
+            sight.levels(strip, strip)
+    else:
+        assert len(sight.levels(strip, strip)) == count
+
+
 def test_spans_merge_and_meet():
     assert merged([(5, 6), (0, 2), (1, 3), (3, 4)]) == [(0, 4), (5, 6)]
     assert common([(0, 4), (5, 9)], [(3, 6), (8, 20)]) == [(3, 4), (5, 6), (8, 9)]
+    assert merged([(0, 10), (2, 3), (9, 10)]) == [(0, 10)]  # one within another
     assert common([(0, 1)], [(2, 3)]) == []
+    assert common([(0, 1)], [(1, 3)]) == [(1, 1)]  # a look is enough

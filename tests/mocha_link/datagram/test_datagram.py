@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.datagram import packet as wire
-from mocha_link.datagram.datagram import PACKET_BYTES, Flow
+from mocha_link.datagram.datagram import MAX_PROBE_S, PACKET_BYTES, Flow
 
 TOKEN = b"token1"
 OVER_UDP = 28  # bytes of IPv4 and UDP headers
@@ -367,6 +367,14 @@ def test_the_window_is_bounded():
     sent = sum(len(sender.transmit(k / 1000)) for k in range(500))
     assert sent == wire.WINDOW
     assert sender._outbox.full
+
+
+def test_a_peer_that_is_gone_is_tried_rarely_and_never_less_than_once_a_second():
+    flow = Flow(TOKEN, endless)
+    left_s = [tick / 50 for tick in range(1, 3_000) if flow.transmit(tick / 50)]
+    gaps_s = [later - sooner for sooner, later in itertools.pairwise(left_s)]
+    assert gaps_s[-10:] == pytest.approx([MAX_PROBE_S] * 10)
+    assert max(gaps_s) < MAX_PROBE_S + 0.021
 
 
 def test_a_flow_ends_with_its_numbers():

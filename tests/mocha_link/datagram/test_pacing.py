@@ -4,7 +4,14 @@ from collections import deque
 
 import pytest
 
-from mocha_link.datagram.pacing import BURST_S, START_PACKETS, Pacing, Phase
+from mocha_link.datagram.pacing import (
+    BURST_S,
+    MAX_LEAP,
+    MAX_LOSS,
+    START_PACKETS,
+    Pacing,
+    Phase,
+)
 
 PACKET = 1_000
 MBIT = 125_000
@@ -27,15 +34,15 @@ class Bench:
         while self.now_s < end_s:
             while self._back and self._back[0][0] <= self.now_s:
                 self._heard(*self._back.popleft()[1:])
-            while self._may_send():
-                self._send()
+            while self.may_send():
+                self.send()
             self.now_s += 0.0005
         return self
 
-    def _may_send(self):
+    def may_send(self):
         return self.pacing.room(self.in_flight) and self.pacing.due_s <= self.now_s
 
-    def _send(self):
+    def send(self):
         stamp = self.pacing.sent(PACKET, self.now_s, self.in_flight)
         self.in_flight += PACKET
         self.count += 1
@@ -96,6 +103,27 @@ def test_a_late_call_does_not_make_a_flood():
     bench = Bench(8 * MBIT, rate_bytes_s=8 * MBIT, rtt_s=0.3).run(1)
     bench.now_s += 0.2
     before = bench.count
-    while bench._may_send():
-        bench._send()
+    while bench.may_send():
+        bench.send()
     assert bench.count - before <= BURST_S * 8 * MBIT / PACKET + 1
+
+
+def test_there_is_room_for_all_packets_of_the_start_and_for_no_more():
+    pacing = Pacing(PACKET)
+    assert pacing.room((START_PACKETS - 1) * PACKET)
+    assert not pacing.room((START_PACKETS - 1) * PACKET + 1)
+
+
+@pytest.mark.parametrize(("loss", "made_up"), [(0.2, 0.2), (0.9, MAX_LOSS)])
+def test_of_losses_that_stay_a_share_is_made_up_for(loss, made_up):
+    pacing = Pacing(PACKET, rate_bytes_s=MBIT, rtt_s=0.05)
+    pacing.link.base_loss = loss
+    pacing.resume(0.0)
+    assert pacing.pace == pytest.approx(MBIT / (1 - made_up))
+
+
+def test_a_fast_link_that_is_far_is_tried_by_leaps_that_are_bounded():
+    bench = Bench(800 * MBIT, rtt_s=0.3).run(0.31)
+    assert bench.pacing.phase is Phase.START
+    assert bench.link.spread > 2 * MAX_LEAP * bench.link.rate
+    assert bench.pacing.pace == pytest.approx(MAX_LEAP * bench.link.rate)

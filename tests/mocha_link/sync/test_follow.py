@@ -106,7 +106,7 @@ class ManualContact:
     def say(self):
         net = self._net
         net.nodes[self._name].heard(self._peer, NEAR_DBM, net.at(self._name))
-        net._later(self.say, net.time_s + 1)
+        net.later(self.say, net.time_s + 1)
 
 
 def test_an_idle_contact_is_quiet(net):

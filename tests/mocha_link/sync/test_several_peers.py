@@ -111,7 +111,7 @@ def test_where_the_one_that_brings_it_goes_another_one_goes_on(told):
     again_s = 0.0 if told else STALL_S + 0.1
     for relay in relays_of(net):
         ask = partial(net.nodes["io"].sync, relay)
-        net._later(lambda ask=ask: ask(net.at("io")), net.time_s + again_s)
+        net.later(lambda ask=ask: ask(net.at("io")), net.time_s + again_s)
     until_it_came(net, limit_s=again_s + STALL_S / 2)
     assert crossed(net, "r1", "r2") < 0.6 + 2 * WINDOW / SIZE
 

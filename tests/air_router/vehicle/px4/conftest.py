@@ -39,7 +39,7 @@ class Px4:
         self.events = []
         self.off = set()
         self._handlers = {}
-        self._mission = mission
+        self.mission = mission
         self.east_m, self.height_m, self.speed_m_s, self.climb_m_s = 0.0, 40.0, 0.0, 0.0
         self.mode, self.intended, self.armed, self.status = MISSION, MISSION, True, ACTIVE
         self.landed, self.item, self.battery, self.fix = IN_AIR, 3, battery, 3
@@ -73,8 +73,8 @@ class Px4:
         return [event for event in self.events if isinstance(event, Telemetry)][-1]
 
     def _fields(self, name):
-        home = self._mission.home
-        lat, lon = self._mission.frame.to_geodetic(home._replace(east_m=home.east_m + self.east_m))
+        home = self.mission.home
+        lat, lon = self.mission.frame.to_geodetic(home._replace(east_m=home.east_m + self.east_m))
         place = {"lat": round(lat * 1e7), "lon": round(lon * 1e7)}
         boot_ms = round(self.boot_s * 1e3)
         height_mm = round(self.height_m * 1e3)

@@ -33,7 +33,7 @@ class Wire:
         monkeypatch.setattr(px4.telemetry, "send", self.take)
         self.commands = Px4Commands(px4.telemetry)
         self.commands.listen()
-        self.motions = Px4Motions(px4._mission, px4.telemetry, self.commands)
+        self.motions = Px4Motions(px4.mission, px4.telemetry, self.commands)
 
     def take(self, name, fields, *, to_all=False):
         command = fields.get("command")

@@ -46,9 +46,9 @@ def test_a_position_that_is_none_is_left_out(px4):
 
 
 def moves_home(px4, east_m):
-    home = px4._mission.home
+    home = px4.mission.home
     place = home._replace(east_m=home.east_m + east_m)
-    latitude_deg, longitude_deg = px4._mission.frame.to_geodetic(place)
+    latitude_deg, longitude_deg = px4.mission.frame.to_geodetic(place)
     degrees = {"latitude": round(latitude_deg * 1e7), "longitude": round(longitude_deg * 1e7)}
     px4.says("HOME_POSITION", **degrees, altitude=round(HOME_AMSL_M * 1000))
 
