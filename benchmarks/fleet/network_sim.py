@@ -222,6 +222,14 @@ class NetworkSim:
             held[robot.name, topic.name] = wire.unpack(record.body)
         return held
 
+    def links(self, name: str) -> Any:
+        """What a node knows of each of its peers."""
+        return self.nodes[name]._links  # noqa: SLF001 - whole nodes
+
+    def link(self, name: str, peer: str) -> Any:
+        """What a node knows of a peer, and the parts that talk with it."""
+        return self.links(name).by_peer[peer]
+
     def told(self, name: str, kind: type) -> list:
         """The events of a kind that a node told."""
         return [event for event in self.events[name] if isinstance(event, kind)]

@@ -50,6 +50,41 @@ def gossip(pennovation):
     made.close()
 
 
+@pytest.fixture
+def events(gossip, monkeypatch):
+    """What the flight is given of events of its node; `latest` is what that holds."""
+    node, listeners = gossip.node, []
+    monkeypatch.setattr(node, "start", lambda: None)
+    monkeypatch.setattr(node, "subscribe", listeners.append)
+
+    def given(*happened, latest=lambda *_: None):
+        monkeypatch.setattr(node, "latest", latest)
+        found = []
+
+        async def script():
+            gossip.start(found.append)
+            for event in happened:
+                listeners[-1](event)
+            await asyncio.sleep(0)
+
+        asyncio.run(script())
+        return found
+
+    return given
+
+
+@pytest.fixture
+def event_of(events):
+    """What the flight is given of a message that a peer has brought; None: nothing."""
+
+    def found(message, peer):
+        stored = MessageStored(peer, 10.0, message.robot, message.topic, message.header, 1)
+        more = [event for event in events(stored, latest=lambda *_: message) if event is not stored]
+        return more[0] if more else None
+
+    return found
+
+
 def heard(topic, data):
     return Message("io", topic, Header(2, 0, 10, 0), Priority.HIGH, data, 10.0, 10.0)
 
@@ -63,23 +98,23 @@ def path(frame, way):
     return PathMessage(stamp_s=9.0, points=tuple(map(frame.to_geodetic, way))).encode()
 
 
-def test_a_pose_and_a_path_are_news(gossip, pennovation):
+def test_a_pose_and_a_path_are_news(event_of, pennovation):
     place = Point(30.0, -20.0)
     message = pose(pennovation.frame, place)
-    news = gossip._news(heard("/pose", message.encode()), "europa")
+    news = event_of(heard("/pose", message.encode()), "europa")
     assert isinstance(news, RobotPose)
     assert (news.robot, news.peer, news.stamp_s) == ("io", "europa", 9.0)
     assert news.position == pytest.approx(place, abs=1e-3)
     way = (Point(0.0, 0.0), place)
-    news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
+    news = event_of(heard("/path", path(pennovation.frame, way)), "io")
     assert isinstance(news, RobotPath)
     assert (news.robot, news.stamp_s) == ("io", 9.0)
     assert [*map(tuple, news.points)] == [pytest.approx(p, abs=1e-3) for p in way]
 
 
-def test_a_path_of_many_points_is_told_with_less_detail(gossip, pennovation):
+def test_a_path_of_many_points_is_told_with_less_detail(event_of, pennovation):
     way = [Point(i / 10, 40 * math.sin(i / 1000)) for i in range(8000)]
-    news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
+    news = event_of(heard("/path", path(pennovation.frame, way)), "io")
     assert len(news.points) <= PATH_POINTS
     assert news.points[0] == pytest.approx(way[0], abs=1e-3)
     assert news.points[-1] == pytest.approx(way[-1], abs=1e-3)
@@ -87,7 +122,7 @@ def test_a_path_of_many_points_is_told_with_less_detail(gossip, pennovation):
     assert max(line.distance(ShapelyPoint(p)) for p in way[::50]) <= 2.1
 
 
-def test_a_path_that_no_robot_drives_takes_no_longer_to_read(gossip, pennovation, monkeypatch):
+def test_a_path_that_no_robot_drives_takes_no_longer_to_read(event_of, pennovation, monkeypatch):
     """Of ten thousand points to and fro none can be left out: that took five seconds."""
     looked_at = []
 
@@ -97,7 +132,7 @@ def test_a_path_that_no_robot_drives_takes_no_longer_to_read(gossip, pennovation
 
     monkeypatch.setattr("air_router.gossip.team_messages.LineString", line)
     way = [Point(i / 2, 4000.0 * (i % 2)) for i in range(10_000)]
-    news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
+    news = event_of(heard("/path", path(pennovation.frame, way)), "io")
     assert max(looked_at) <= PATH_READ + 1
     assert len(news.points) <= PATH_POINTS
     assert news.points[-1] == pytest.approx(way[-1], abs=1e-3)
@@ -122,13 +157,16 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
     assert [number for number in given if number is not None] == ["0", "1", "49"]
 
 
-def test_only_what_the_mission_may_use_is_decompressed(gossip, pennovation, monkeypatch):
-    read, given = [], []
+def test_only_what_the_mission_may_use_is_decompressed(events, pennovation):
+    read = []
     message = heard("/pose", pose(pennovation.frame, Point(30.0, -20.0)).encode())
-    monkeypatch.setattr(gossip.node, "latest", lambda _, topic: read.append(topic) or message)
-    gossip._deliver = given.append
-    for topic in ("/map", "/goals", "/answers", "/pose"):
-        gossip._translate(MessageStored("europa", 10.0, "io", topic, Header(2, 0, 10, 0), 1))
+    given = events(
+        *(
+            MessageStored("europa", 10.0, "io", topic, Header(2, 0, 10, 0), 1)
+            for topic in ("/map", "/goals", "/answers", "/pose")
+        ),
+        latest=lambda _, topic: read.append(topic) or message,
+    )
     assert read == ["/pose"]
     assert len(given) == 5
 
@@ -150,16 +188,16 @@ def test_nothing_is_said_later_than_it_is_heard(pennovation):
     "data",
     [b"", b"{}", b"\xff\x00", b'{"stamp_s": 1, "latitude_deg": 95, "longitude_deg": 0}'],
 )
-def test_junk_is_no_news_of_the_robot(gossip, data):
-    assert isinstance(gossip._news(heard("/pose", data), "io"), PeerFault)
-    assert isinstance(gossip._news(heard("/path", data), "io"), PeerFault)
+def test_junk_is_no_news_of_the_robot(event_of, data):
+    assert isinstance(event_of(heard("/pose", data), "io"), PeerFault)
+    assert isinstance(event_of(heard("/path", data), "io"), PeerFault)
 
 
-def test_what_cannot_be_read_is_told_once_for_each_topic(gossip):
+def test_what_cannot_be_read_is_told_once_for_each_topic(event_of):
     told = []
     for _ in range(3):
-        told.append(gossip._news(heard("/pose", b"{}"), "io"))
-        told.append(gossip._news(heard("/path", b"{}"), "europa"))
+        told.append(event_of(heard("/pose", b"{}"), "io"))
+        told.append(event_of(heard("/path", b"{}"), "europa"))
     assert told[2:] == [None] * 4
     assert [fault.words.partition(" cannot")[0] for fault in told[:2]] == [
         "/pose of io",
@@ -167,38 +205,40 @@ def test_what_cannot_be_read_is_told_once_for_each_topic(gossip):
     ]
 
 
-def test_a_robot_that_is_met_and_says_nothing_is_told_once(gossip, monkeypatch):
+def test_a_robot_that_is_met_and_says_nothing_is_told_once(events):
     """Not one that does, and not one that is met but a few times."""
-    delivered = []
-    gossip._deliver = delivered.append
-    monkeypatch.setattr(gossip.node, "latest", lambda robot, _: robot == "europa" or None)
-    for peer, times in (("io", 12), ("europa", 12), ("callisto", 4)):
-        for _ in range(times):
-            gossip._translate(SyncEnded(peer, 1.0, Direction.IN, 0, 10, 0.1))
-            gossip._translate(SyncEnded(peer, 1.0, Direction.OUT, 0, 10, 0.1))
+    delivered = events(
+        *(
+            SyncEnded(peer, 1.0, direction, 0, 10, 0.1)
+            for peer, times in (("io", 12), ("europa", 12), ("callisto", 4))
+            for _ in range(times)
+            for direction in (Direction.IN, Direction.OUT)
+        ),
+        latest=lambda robot, _: robot == "europa" or None,
+    )
     (told,) = [event.words for event in delivered if isinstance(event, PeerFault)]
     assert told.startswith("io was synced with 5 times and has said nothing on /pose (json/Pose)")
 
 
-def test_of_several_messages_in_one_the_newest_is_read(gossip, pennovation):
+def test_of_several_messages_in_one_the_newest_is_read(event_of, pennovation):
     """As a topic with `aggregate` brings them."""
     old, new = (pose(pennovation.frame, Point(3.0, north)).encode() for north in (4.0, 5.0))
     several = dataclasses.replace(heard("/pose", b"packed"), parts=(old, new))
-    assert gossip._news(several, "io").position == pytest.approx((3.0, 5.0), abs=1e-3)
+    assert event_of(several, "io").position == pytest.approx((3.0, 5.0), abs=1e-3)
 
 
-def test_a_message_without_a_stamp_is_as_old_as_when_its_node_took_it(gossip, pennovation):
+def test_a_message_without_a_stamp_is_as_old_as_when_its_node_took_it(event_of, pennovation):
     unstamped = pose(pennovation.frame, Point(3.0, 4.0)).model_copy(update={"stamp_s": 0.0})
-    assert gossip._news(heard("/pose", unstamped.encode()), "io").stamp_s == 10.0
+    assert event_of(heard("/pose", unstamped.encode()), "io").stamp_s == 10.0
 
 
-def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
+def test_a_place_beyond_every_mission_is_not_sought(event_of, pennovation):
     far = pose(pennovation.frame, Point(0.0, FARTHEST_M + 10.0))
-    assert isinstance(gossip._news(heard("/pose", far.encode()), "io"), PeerFault)
+    assert isinstance(event_of(heard("/pose", far.encode()), "io"), PeerFault)
     way = path(pennovation.frame, (Point(0.0, 0.0), Point(0.0, FARTHEST_M + 10.0)))
-    assert isinstance(gossip._news(heard("/path", way), "io"), PeerFault)
+    assert isinstance(event_of(heard("/path", way), "io"), PeerFault)
     antipode = b'{"stamp_s": 1, "latitude_deg": -39.9, "longitude_deg": 104.8}'
-    assert gossip._news(heard("/pose", antipode), "io") is None
+    assert event_of(heard("/pose", antipode), "io") is None
 
 
 @pytest.mark.parametrize("corner", [Point(9_000.0, 7_000.0), Point(-2_000.0, 2_100.0)])

@@ -328,11 +328,3 @@ def test_above_its_altitudes_the_zones_that_begin_there_count(pennovation):
     assert list(mission.airspace_at(mission.altitude_above_home_m).holders(place)) == []
     assert list(mission.airspace_at(79.0).holders(place)) == []  # it begins higher
     assert list(mission.airspace_at(90.0).holders(place)) == ["gliders"]
-
-
-def test_at_the_highest_altitude_it_cruises_still_and_no_zone_far_below_counts(pennovation):
-    place, top_m = pennovation.waypoints[3].position, pennovation.cruise.upper_m
-    shed = Zone("shed", Circle(place, 30.0), band=Band(0.0, 5.0))
-    mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, shed))
-    assert mission.airspace_at(top_m) is mission.airspace
-    assert mission.airspace_at(top_m).holders(place) == ()

@@ -102,6 +102,17 @@ def test_names_at_one_place_stand_beside_each_other(map_sheet):
     assert not any(box.contains(east, north) for box in boxes)
 
 
+@pytest.mark.parametrize("side_m", [90, 400, 4000])
+def test_the_scale_takes_a_fifth_of_the_sheet_at_most(map_sheet, tmp_path, side_m):
+    sheet = map_sheet.MapSheet([Point(0, 0), Point(side_m, side_m)], "white")
+    west, east = sheet.axes.get_xlim()
+    sheet.marks([(0.0, 0.0)], "o", 60, "red", "home")
+    sheet.save(tmp_path / "sheet.svg", "title", "subtitle")
+    (text,) = (each.get_text() for each in sheet.axes.texts if each.get_text().endswith(" m"))
+    length_m = float(text.removesuffix(" m"))
+    assert (east - west) / 12.5 < length_m <= (east - west) / 5
+
+
 # One set of colours: the pages', the pictures', the report's.
 
 

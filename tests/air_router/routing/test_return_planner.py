@@ -6,7 +6,7 @@ import random
 import pytest
 
 from air_router.routing.graph import WaypointGraph
-from air_router.routing.limits import LANDING_M_S, LANDING_MARGIN
+from air_router.routing.limits import LANDING_M_S, LANDING_MARGIN, WAY_HOME_MOVED_M
 from air_router.routing.return_planner import Pace, ReturnPlanner, Way, WayHome, straight_returns
 from air_router.routing.router import Route, Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -183,6 +183,20 @@ def test_in_flight_the_way_home_is_planned_now_and_then(tmp_path):
     among_other_zones = CountingRouter(mission)
     way.need(telemetry(mission, Point(80, 0.3), 8.0), among_other_zones)
     assert among_other_zones.asked == 1
+
+
+def test_in_flight_the_way_home_has_a_leg_more_for_it_brakes_first(tmp_path):
+    mission = made(tmp_path, endurance_s=1000)
+    need = WayHome().need(telemetry(mission, Point(80, 0)), CountingRouter(mission))
+    assert need == pytest.approx(Pace.of(mission).need(Way(80.0, 2)))
+
+
+def test_the_way_home_is_planned_anew_as_soon_as_it_has_moved_so_far(tmp_path):
+    mission = made(tmp_path, endurance_s=1000)
+    way, router = WayHome(), CountingRouter(mission)
+    for north_m, asked in ((0.0, 1), (WAY_HOME_MOVED_M - 0.1, 1), (WAY_HOME_MOVED_M, 2)):
+        way.need(telemetry(mission, Point(80, north_m), 2.0), router)
+        assert router.asked == asked
 
 
 def test_without_a_way_the_last_one_counts_and_the_distance_since(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from air_router.controller.model.states import State
 from air_router.vehicle.battery import BatteryWatch
 from air_router.vehicle.instructions import WATCH_BATTERY
-from air_router.vehicle.limits import CHARGE_BELIEVED_S
+from air_router.vehicle.limits import CHARGE_BELIEVED_S, CHARGE_JUMP, VOLTAGE_DROP
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -45,6 +45,15 @@ def test_one_that_jumps_with_its_voltage_is_believed_at_once():
     watch = BatteryWatch()
     told(watch, 0.0, 0.6)
     assert told(watch, 1.0, 0.1, voltage_v=14.9) == 0.1
+
+
+def test_what_is_allowed_at_most_is_believed_at_once():
+    watch = BatteryWatch()
+    told(watch, 0.0, 2 * CHARGE_JUMP)
+    assert told(watch, 1.0, CHARGE_JUMP) == CHARGE_JUMP
+    watch = BatteryWatch()
+    told(watch, 0.0, 0.6, voltage_v=16.0)
+    assert told(watch, 1.0, 0.1, voltage_v=16.0 * (1.0 - VOLTAGE_DROP)) == 0.1
 
 
 def test_one_that_is_unknown_is_not_known_from_before():

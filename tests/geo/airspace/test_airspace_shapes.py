@@ -311,3 +311,12 @@ def test_shapes_of_many_corners_are_judged_alike():
     assert not space.leg_clear(P(0, 0), P(1, 1))
     assert not space.leg_clear(P(0, 140), P(0, 160))
     assert space.legs_clear(P(0, 36), [P(0, 36), P(0, 40), P(0, 34)]) == [True, True, False]
+
+
+def test_what_is_at_the_reach_itself_is_around_and_a_fence_is_left_by_who_is_beyond_it():
+    mast = Zone("mast", Circle(P(0, 20), 10))
+    space = Airspace(FENCED, [mast], 5)
+    assert space.around(P(0, 0), 10.0).zones == (mast,)
+    assert space.around(P(0, 0), 9.999).zones == ()
+    for east, fences in ((99.999, 1), (100.0, 1), (100.001, 0)):
+        assert len(space.leaving(P(east, 0)).fences) == fences

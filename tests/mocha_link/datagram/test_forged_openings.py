@@ -108,7 +108,7 @@ def test_only_syncs_that_got_through_use_tokens_up(server):
 @pytest.fixture
 def net(team) -> NetworkSim:
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
-    net.nodes["io"]._links.by_peer["titan"].peer.rtt_s = 2 * FAR_S  # so that datagrams go at once
+    net.link("io", "titan").peer.rtt_s = 2 * FAR_S  # so that datagrams go at once
     return net
 
 

@@ -95,6 +95,11 @@ def nothing_to_read(connection: socket.socket) -> bool:
     return False
 
 
+def greeted_by(line: Connection) -> Callable[[], bool]:
+    """Whether the peer's side of the handshake has come."""
+    return lambda: line._protocol is not None and line._protocol.ready
+
+
 def turn_until(line: Connection, done: Callable[[], object], now_s: float | None = None) -> None:
     """What the transport does with it, by the real time or at a moment that stands still."""
     limit_s = time.monotonic() + WAIT_S
@@ -146,7 +151,7 @@ def test_the_handshake_leaves_at_once_the_requests_a_moment_later(line, peer):
     line.turn(200.0)
     assert nothing_to_read(connection)
     connection.sendall(GREETING + READY)
-    turn_until(line, lambda: line._protocol.ready, 201.0)
+    turn_until(line, greeted_by(line), 201.0)
     assert read(connection, len(request(b"three"))) == request(b"three")
     line.send(b"four")  # from now on at once
     assert read(connection, len(request(b"four"))) == request(b"four")
@@ -170,7 +175,7 @@ def test_requests_that_came_together_with_the_handshake_are_sent_again(line, pee
     line.turn(500.0)
     assert nothing_to_read(second)
     second.sendall(GREETING + READY)
-    turn_until(line, lambda: line._protocol.ready, 501.0)
+    turn_until(line, greeted_by(line), 501.0)
     both = request(b"one") + request(b"two")
     assert read(second, len(both)) == both
     second.sendall(b"\1\0\0\5reply")
@@ -245,7 +250,7 @@ def test_a_reply_that_is_too_large_ends_it(line, greeted):
 
 def test_what_a_peer_does_not_read_waits(line, greeted):
     """A request larger than all buffers leaves as the peer reads it."""
-    turn_until(line, lambda: line._protocol.ready, 100.0)
+    turn_until(line, greeted_by(line), 100.0)
     body = os.urandom(20_000_000)
     line.send(body)
     assert line._out

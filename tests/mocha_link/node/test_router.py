@@ -16,7 +16,7 @@ import zmq
 from mocha_link.node import router
 from mocha_link.node.kernel import Poller
 from mocha_link.node.port import MAX_REQUEST_BYTES, Port
-from mocha_link.node.router import HANDSHAKE_S, Callers
+from mocha_link.node.router import HANDSHAKE_S, Caller, Callers
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.team import Robot
@@ -169,13 +169,18 @@ def test_what_was_asked_before_the_end_is_still_a_request(shell, titan):
     while len(got) < 3:
         got += [request for _, (request,) in shell.turn(20)]
     assert got == [b"0", b"1", b"2"]
-    while shell.port._router._inside:
+    while inside_of(shell.port):
         shell.turn(20)
+
+
+def inside_of(port: Port) -> dict[bytes, Caller]:
+    """The connections that a port has taken, by name."""
+    return port._router._inside
 
 
 def inside(shell: Shell, count: int) -> None:
     """Until so many connections have made their handshake."""
-    while sum(caller.ready for caller in shell.port._router._inside.values()) != count:
+    while sum(caller.ready for caller in inside_of(shell.port).values()) != count:
         shell.turn(20)
 
 
@@ -251,18 +256,18 @@ def test_without_descriptors_a_client_waits_and_the_node_sleeps(shell, titan, mo
         assert port.look(0.0) == []
         assert listener.fileno() in shell.poller.poll(WAIT_MS)
         shell.turn()
-        assert len(port._router._inside) == 1
+        assert len(inside_of(port)) == 1
 
 
 def test_who_says_nothing_at_all_does_not_stay(shell, titan):
     with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20):
-        while not shell.port._router._inside:
+        while not inside_of(shell.port):
             shell.turn(20)
-        (caller,) = shell.port._router._inside.values()
+        (caller,) = inside_of(shell.port).values()
         shell.port.look(caller.began_s + HANDSHAKE_S - 1)
-        assert shell.port._router._inside
+        assert inside_of(shell.port)
         shell.port.look(caller.began_s + HANDSHAKE_S + 1)
-        assert not shell.port._router._inside
+        assert not inside_of(shell.port)
 
 
 @pytest.mark.parametrize("client_type", [zmq.REQ, zmq.DEALER])
@@ -276,6 +281,6 @@ def test_who_comes_and_goes_leaves_nothing(shell, titan, clients, client_type):
         assert client.poll(WAIT_MS)
         client.recv_multipart()
         client.close(0)
-    while shell.port._router._inside:
+    while inside_of(shell.port):
         shell.turn(20)
     assert set(shell.poller._selector.get_map()) == before

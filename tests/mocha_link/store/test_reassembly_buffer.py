@@ -213,3 +213,12 @@ def test_who_brings_what_is_forgotten_before_it_takes_memory():
     for message_id in range(10_000):
         assert reassembly.comes_from(message_id, "io", 0.0)
     assert len(reassembly.elsewhere("titan", 0.0)) <= 1_024
+
+
+def test_as_much_as_may_be_kept_is_kept():
+    needs = ReassemblyBuffer()
+    needs.add(7, 5000, 0, memoryview(bytes(1000)))
+    for limit, kept in ((needs.cost, 1), (needs.cost - 1, 0)):
+        buffer = ReassemblyBuffer(limit)
+        buffer.add(7, 5000, 0, memoryview(bytes(1000)))
+        assert len(buffer) == kept

@@ -362,7 +362,7 @@ def test_what_a_lost_peer_stores_comes_by_another_at_once(team):
     """A peer that is asked rarely leaves out what is followed elsewhere; that is over now."""
     net = NetworkSim(team, by_timer=True, delay_s=0.01)
     net.wait(50)
-    callisto = net.nodes["callisto"]._links.by_peer["titan"].puller
+    callisto = net.link("callisto", "titan").puller
     publish(net, "titan", "/map", random.Random(1).randbytes(PUSH_BYTES + 1))
     while callisto.has_all:
         net.wait(0.001)

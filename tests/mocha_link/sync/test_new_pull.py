@@ -23,6 +23,7 @@ from tests.mocha_link.node.test_connection import (
     TITAN,
     Hall,
     Peer,
+    greeted_by,
     turn_until,
 )
 
@@ -43,7 +44,7 @@ def sleeping_peer(peer: Peer, line: Connection) -> socket.socket:
     connection = peer.accept()
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SMALL)
     connection.sendall(GREETING + READY)
-    turn_until(line, lambda: line._protocol.ready, 100.0)
+    turn_until(line, greeted_by(line), 100.0)
     line.send(os.urandom(20_000_000))
     assert line._out
     return connection
@@ -72,7 +73,7 @@ def test_an_end_still_gets_out():
         line.turn(100.0)
         connection = peer.accept()
         connection.sendall(GREETING + READY)
-        turn_until(line, lambda: line._protocol.ready, 100.0)
+        turn_until(line, greeted_by(line), 100.0)
         line.send(b"the end")
         line.close()
         assert rest(connection)[HELLO_BYTES:] == b"\1\0\0\7the end"

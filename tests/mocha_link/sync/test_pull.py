@@ -173,7 +173,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         assert net.sent(*UP), "not tried"
         net.wait(20)
     assert not net.told("io", SyncEnded)
-    assert net.nodes["io"]._links.by_peer["titan"].peer.udp_misses == 0
+    assert net.link("io", "titan").peer.udp_misses == 0
 
 
 def test_datagrams_that_carry_nothing_are_given_up_for_a_while(team):
@@ -215,9 +215,7 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     net = NetworkSim(team, datagrams=True, delay_s=0.008)
     net.publish("titan", "/map", noise(3_000_000))
     io = net.nodes["io"]
-    peer, back = (
-        net.nodes[a]._links.by_peer[b].peer for a, b in (("io", "titan"), ("titan", "io"))
-    )
+    peer, back = (net.link(a, b).peer for a, b in (("io", "titan"), ("titan", "io")))
     peer.rtt_s = 0.03  # it was further away last time: datagrams go at once
     peer.address_token = back.next_token
     held: list[bytes] = []
@@ -278,9 +276,7 @@ def test_a_peer_that_restarts_in_mid_pull(net):
     io = net.nodes["io"]
     io.sync("titan", net.now)
     until_some_came(net)
-    net.nodes["titan"]._links.by_peer["io"].server.__init__(
-        net.nodes["titan"]._links.by_peer["io"].peer
-    )
+    net.link("titan", "io").server.__init__(net.link("titan", "io").peer)
     net.settle()
     (broken,) = net.told("io", SyncTimedOut)
     assert broken.reason == "the peer does not know of the sync any more"

@@ -86,7 +86,7 @@ def test_of_those_that_announce_a_message_one_brings_it(count, datagrams):
     net.wait(5)
     assert crossed(net) < 1.1
     assert len(net.told("io", MessageStored)) == 1
-    assert not any(link.peer.left for link in net.nodes["io"]._links)
+    assert not any(link.peer.left for link in net.links("io"))
 
 
 @pytest.mark.parametrize("count", [3, 6])
