@@ -11,7 +11,7 @@ def context_of(program: Program, words: Sequence[str]) -> click.Context:
     """That of the command of these words; a `click.UsageError` if they are wrong."""
     ctx = program.make_context(program.name, list(words))
     while isinstance(ctx.command, click.Group):
-        rest = [*ctx._protected_args, *ctx.args]
+        rest = [*ctx._protected_args, *ctx.args]  # noqa: SLF001 - click has no public way to get a parsed subcommand without running it
         if not rest:
             ctx.fail("Missing command.")
         name, command, more = ctx.command.resolve_command(ctx, rest)
