@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 """The days of the week as files name them; a day's number is its place, Monday is 0."""
 
-DAY_NUMBERS: Final = {word: number for number, name in enumerate(DAYS) for word in (name, name[:3])}
-"""Of the words for a day, Monday is 0."""
+DAY_NUMBERS: Final = {text: number for number, name in enumerate(DAYS) for text in (name, name[:3])}
+"""Number of the day by its name or abbreviation; Monday is 0."""
 
 NO_MOMENT: Final = "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)"
 
@@ -90,7 +90,7 @@ class Period:
             words.append(f"from {self.start:%Y-%m-%d %H:%M}")
         if self.end is not None:
             words.append(f"until {self.end:%Y-%m-%d %H:%M}")
-        hours = [_hours_words(hours) for hours in self.daily]
+        hours = [_hours_text(hours) for hours in self.daily]
         return ", ".join([" ".join(words), *hours] if words else hours) or "always"
 
 
@@ -121,7 +121,7 @@ def _meets_on(day: date, hours: Hours, first: datetime, last: datetime) -> bool:
     return start <= last and first - end <= later
 
 
-def _hours_words(hours: Hours) -> str:
+def _hours_text(hours: Hours) -> str:
     names = [DAYS[day][:3] for day in sorted(hours.days)]
     days = "daily" if len(names) == len(DAYS) else " ".join(names)
     if hours.start == hours.end == _MIDNIGHT:

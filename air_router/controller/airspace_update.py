@@ -175,7 +175,7 @@ class AirspaceUpdate:
             self._context.airspace.exempt(self._reached(before, now, telemetry))
         if state is State.READY:
             return  # once it has climbed
-        inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+        inside = now.airspace_at(telemetry.altitude_m).zones_at(telemetry.position)
         if before.skipped != now.skipped and state is not State.LAND:
             self._stop("waypoints go off the plan on board, or back on it")
         elif not inside and not self._clear_onward(telemetry):
@@ -231,7 +231,7 @@ class AirspaceUpdate:
                 self._stop("off the leg, and the rest of it is not clear")
             return
         airspace = self._context.airspace.mission.airspace_at(telemetry.altitude_m)
-        inside = airspace.holders(telemetry.position)
+        inside = airspace.zones_at(telemetry.position)
         if inside or change is ZoneChange.LEAVING:
             self._leave(telemetry, inside)
             return

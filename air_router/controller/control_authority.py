@@ -76,7 +76,7 @@ def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None
     """Why a flight that the operator asks to be resumed cannot be, as it is now; None if it can."""
     if telemetry is None or not telemetry.in_air:
         return "the vehicle is on the ground: start the mission anew"
-    holders = mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+    holders = mission.airspace_at(telemetry.altitude_m).zones_at(telemetry.position)
     reasons = {
         "a failsafe of the autopilot acts: choose Hold first": telemetry.failsafe,
         f"it flies in {telemetry.mode.value} mode: choose Hold first": telemetry.mode

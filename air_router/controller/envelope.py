@@ -163,7 +163,7 @@ class ClearanceWatch:
             elif cruises and cruised and math.dist(here, there) < spare_m:
                 return None
         airspace = mission.airspace_at(altitude_m)
-        spare_m, name = airspace.spare_m(here)
+        spare_m, name = airspace.clearance_left_m(here)
         self._spare = (spare_m, here, cruises, mission)
         told_m = self._told_m
         if spare_m >= -CLEARANCE_NOISE_M:
@@ -173,7 +173,7 @@ class ClearanceWatch:
         if told_m is not None and spare_m > told_m - CLEARANCE_REPEATED_M:
             return None
         self._told_m = spare_m
-        kept_m = airspace.kept_m(name)
+        kept_m = airspace.required_m(name)
         left_m = max(spare_m + kept_m, 0.0)
         words = f"too near to {names_of((name,))}: {left_m:.1f} m, {kept_m:g} m are to be kept"
         if told_m is not None:

@@ -86,10 +86,10 @@ class LagMonitor:
             )
             for share in shares
         ]
-        spare_m, name = min(airspace.spare_m(place) for place in places)
+        spare_m, name = min(airspace.clearance_left_m(place) for place in places)
         if spare_m >= 0.0:
             return None
-        kept_m = airspace.kept_m(name)
+        kept_m = airspace.required_m(name)
         left_m = max(spare_m + kept_m, 0.0)
         words = (
             f"meanwhile it may have been too near to {names_of((name,))}: {left_m:.1f} m, "

@@ -425,7 +425,7 @@ class SafetyMonitor:
         self._clear = (here, clear_m, mission)
         lands = self._context.task.state is State.LAND  # into what is below, too
         airspace = mission.climb_airspace if lands else mission.airspace_at(telemetry.altitude_m)
-        holders = [name for name in airspace.holders(here) if name not in leaving]
+        holders = [name for name in airspace.zones_at(here) if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None
 
 

@@ -106,7 +106,9 @@ class Watch(NamedTuple):
 def _in_zone(context: MissionContext, telemetry: Telemetry) -> str | None:
     if not telemetry.fix:
         return None  # by a position that drifts
-    holders = context.airspace.mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+    holders = context.airspace.mission.airspace_at(telemetry.altitude_m).zones_at(
+        telemetry.position
+    )
     return names_of(holders) if holders else None
 
 

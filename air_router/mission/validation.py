@@ -277,19 +277,19 @@ def _check_spots(draft: MissionDocument, areas: MissionAreas, far: Collection[st
 
 
 def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airspace) -> None:
-    holders = airspace.holders(spot.position)
+    holders = airspace.zones_at(spot.position)
     outside, inside, near = _CODES[spot.label.rstrip(" 0123456789")]
     if FENCE in holders:
         draft.report(spot.keys, f"{spot.label} lies outside of the fence; move it inside", outside)
     elif holders:
         zones = " and ".join(f"'{name}'" for name in holders)
-        kept_m = max(airspace.kept_m(name) for name in holders)
+        kept_m = max(airspace.required_m(name) for name in holders)
         to = f", to {_needs(draft, kept_m)}" if "planner" not in draft.unread else ""
         message = f"{spot.label} lies inside no-fly zone {zones}; move it out{to}"
         draft.report(spot.keys, message, inside)
     else:
-        spare_m, name = airspace.spare_m(spot.position)
-        kept_m = airspace.kept_m(name)
+        spare_m, name = airspace.clearance_left_m(spot.position)
+        kept_m = airspace.required_m(name)
         what = "the fence" if name == FENCE else f"no-fly zone '{name}'"
         own = any(area.name == name and area.terms.clearance_m is not None for area in draft.zones)
         setting = "its clearance_m" if own else "planner.clearance_m"

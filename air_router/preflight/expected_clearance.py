@@ -63,8 +63,10 @@ def expected_clearances(mission: Mission) -> tuple[ExpectedClearance, ...]:
 
 def _column(mission: Mission, name: str, off_m: float) -> ExpectedClearance:
     """Above home, where the vehicle may be so far from it."""
-    spare_m, nearest = mission.climb_airspace.spare_m(mission.home)
-    promised_m = mission.climb_airspace.kept_m(nearest) if nearest else mission.planner.clearance_m
+    spare_m, nearest = mission.climb_airspace.clearance_left_m(mission.home)
+    promised_m = (
+        mission.climb_airspace.required_m(nearest) if nearest else mission.planner.clearance_m
+    )
     return ExpectedClearance(
         name,
         promised_m + spare_m - off_m,

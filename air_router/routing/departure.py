@@ -194,28 +194,32 @@ class Departure:
     @cached_property
     def _holders(self) -> tuple[str, ...]:
         """The zones that it is in, and the fence that it is outside of."""
-        return tuple(self._airspace.holders(self.start))
+        return tuple(self._airspace.zones_at(self.start))
 
     @cached_property
     def _here_m(self) -> float:
         """What there is on top of the clearance; less than 0: it is too near."""
-        return self._airspace.spare_m(self.start)[0] + self._airspace.margin_m
+        return self._airspace.clearance_left_m(self.start)[0] + self._airspace.margin_m
 
     @cached_property
     def _kept_m(self) -> float:
         """The least that there is on top of the clearance, here and where it comes to rest."""
-        return min(self._here_m, self._airspace.spare_m(self.rest)[0] + self._airspace.margin_m)
+        return min(
+            self._here_m, self._airspace.clearance_left_m(self.rest)[0] + self._airspace.margin_m
+        )
 
     @cached_property
     def _others(self) -> Airspace:
         """All that it is not in, with half of the margin."""
-        others = self._airspace.leaving(self.start)
+        others = self._airspace.without_zones_at(self.start)
         return others.with_margin((others.margin_m - others.clearance_m) / 2)
 
     @cached_property
     def _others_spare_m(self) -> tuple[float, float]:
         """What there is to spare to these, here and where it comes to rest."""
-        here_m, rest_m = (self._others.spare_m(place)[0] for place in (self.start, self.rest))
+        here_m, rest_m = (
+            self._others.clearance_left_m(place)[0] for place in (self.start, self.rest)
+        )
         return here_m, rest_m
 
     # What the rules ask for.
@@ -235,14 +239,14 @@ class Departure:
 
     def whole_near(self) -> Airspace:
         """To what it keeps the clearance from now it keeps it all the way."""
-        return self._airspace.with_margin(0.0).kept_from(self.start, self.rest)
+        return self._airspace.with_margin(0.0).clear_of_leg(self.start, self.rest)
 
     def warning_near(self) -> str:
         """That it is too near, if it is."""
         if self._here_m >= 0:
             return ""
-        spare_m, name = self._airspace.spare_m(self.start)
-        distance_m = spare_m + self._airspace.kept_m(name)
+        spare_m, name = self._airspace.clearance_left_m(self.start)
+        distance_m = spare_m + self._airspace.required_m(name)
         where = f"{distance_m:.1f} m from {names_of((name,))}"
         return f"the vehicle is {where}: it moves away first"
 
@@ -266,12 +270,12 @@ class Departure:
     def first_within_near(self) -> Airspace:
         """The same, and to others as near as it is, or comes to rest."""
         shortfall_m = LEG_ROUNDING_M - min(self._others_spare_m)
-        others = self._airspace.leaving(self.start)
+        others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 
     def whole_within_near(self) -> Airspace:
         """To others that it keeps half of the margin from now it keeps it all the way."""
-        return self._others.kept_from(self.start, self.rest)
+        return self._others.clear_of_leg(self.start, self.rest)
 
     @cached_property
     def _first(self) -> Airspace | None:

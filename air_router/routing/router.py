@@ -154,7 +154,7 @@ class Router:
         airspace = mission.airspace_off_cruise(altitude_m)
         if len(airspace.zones) == len(mission.airspace.zones):
             return None
-        inside = frozenset(airspace.holders(swept[0]))
+        inside = frozenset(airspace.zones_at(swept[0]))
         airspace = _with_margin(airspace, mission.tracking.flown_m, inside)
         if airspace.swept_clear(swept):
             return None
@@ -198,13 +198,13 @@ class Router:
         return Leg(goal)
 
     def _bad_goal(self, target: Leg) -> NoRoute:
-        holders = self._airspace.holders(target.to)
-        spare_m, name = self._airspace.spare_m(target.to)
+        holders = self._airspace.zones_at(target.to)
+        spare_m, name = self._airspace.clearance_left_m(target.to)
         if FENCE in holders:
             return NoRoute("the goal lies outside of the fence", holders)
         if holders:
             return NoRoute(f"the goal lies inside {names_of(holders)}", holders)
-        kept_m = self._airspace.kept_m(name)
+        kept_m = self._airspace.required_m(name)
         return NoRoute(
             f"the goal is {kept_m + spare_m:.1f} m from {names_of((name,))}, "
             f"routes keep {kept_m:g} m",
@@ -214,7 +214,7 @@ class Router:
     def _no_route(self, start: Point, target: Leg, rule: Departure) -> NoRoute:
         walls = barriers(self._airspace, start, target.to)
         if walls:
-            kept_m = sorted({self._airspace.kept_m(name) for name in walls})
+            kept_m = sorted({self._airspace.required_m(name) for name in walls})
             keep = " and ".join(f"{metres:g} m" for metres in kept_m)
             verb = "separates" if len(walls) == 1 else "separate"
             return NoRoute(f"{names_of(walls)} {verb} start and goal at {keep} of distance", walls)

@@ -73,12 +73,12 @@ class Airspace:
         self.margin_m = margin_m
         self.relaxed_m = relaxed_m
         # to keep, by zone
-        self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
-        self.fence_distance_m = self._kept_m(None)  # to keep from fences
+        self.distances_m = tuple(self._required_m(zone.clearance_m) for zone in self.zones)
+        self.fence_distance_m = self._required_m(None)  # to keep from fences
         self._fences = tuple(Fence(shape, self.fence_distance_m) for shape in self.fences)
         self._index = ZoneIndex(self.zones, self.distances_m)
         # the last leg, and whether it is clear: a route asks for the straight one three times
-        self._asked: tuple[Point, Point, bool] | None = None
+        self._last_leg: tuple[Point, Point, bool] | None = None
 
     def with_margin(self, margin_m: float) -> Airspace:
         """The same with another margin on top of every clearance."""
@@ -102,14 +102,14 @@ class Airspace:
         fences = () if FENCE in names else self.fences
         return self._of(fences, (zone for zone in self.zones if zone.name not in names))
 
-    def leaving(self, point: Point) -> Airspace:
+    def without_zones_at(self, point: Point) -> Airspace:
         """The airspace without the zones that a point is in, and the fences that it is not in."""
         place = ShapelyPoint(point)
         beyond = self._index.distances_m(place) > 0
         zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
         return self._of([fence.shape for fence in self._fences if fence.depth_m(place) >= 0], zones)
 
-    def kept_from(self, start: Point, end: Point) -> Airspace:
+    def clear_of_leg(self, start: Point, end: Point) -> Airspace:
         """The airspace with only those zones and fences that a leg keeps its distance from."""
         leg = leg_line(start, end)
         far = self._index.far(leg)
@@ -141,10 +141,10 @@ class Airspace:
         """Whether every point of the straight leg is clear."""
         if not math.isfinite(start[0] + start[1] + end[0] + end[1]):
             return False
-        asked = self._asked
-        if asked is None or asked[:2] != (start, end):
-            asked = self._asked = start, end, self._leg_clear(start, end)
-        return asked[2]
+        last_leg = self._last_leg
+        if last_leg is None or last_leg[:2] != (start, end):
+            last_leg = self._last_leg = start, end, self._leg_clear(start, end)
+        return last_leg[2]
 
     def _leg_clear(self, start: Point, end: Point) -> bool:
         leg = leg_line(start, end)
@@ -191,7 +191,7 @@ class Airspace:
             names.append(FENCE)
         return tuple(names)
 
-    def holders(self, point: Point) -> tuple[str, ...]:
+    def zones_at(self, point: Point) -> tuple[str, ...]:
         """Names of the zones that the point is in, and `FENCE` if it is outside of a fence."""
         place = ShapelyPoint(point)
         names = [self.zones[index].name for index in self._index.holding(place)]
@@ -211,7 +211,7 @@ class Airspace:
         """`distance_m`, and the name of the zone (or `FENCE`) that is so near; "" for nothing."""
         return self._least(point, 0.0, 0.0)
 
-    def spare_m(self, point: Point) -> tuple[float, str]:
+    def clearance_left_m(self, point: Point) -> tuple[float, str]:
         """How much farther away than it has to be a point is, and from what; negative: too near.
 
         The least over all zones and fences of the distance to them less the distance to keep.
@@ -219,20 +219,20 @@ class Airspace:
         """
         return self._least(point, np.array(self.distances_m), self.fence_distance_m)
 
-    def kept_m(self, name: str) -> float:
+    def required_m(self, name: str) -> float:
         """The distance to keep from the zones of this name, or from the fences' borders.
 
         Raises:
             KeyError: nothing has this name.
         """
-        kept = [
+        required = [
             d for zone, d in zip(self.zones, self.distances_m, strict=True) if zone.name == name
         ]
         if name == FENCE:
-            kept.append(self.fence_distance_m)
-        if not kept:
+            required.append(self.fence_distance_m)
+        if not required:
             raise KeyError(name)
-        return max(kept)
+        return max(required)
 
     def track_distance_m(self, points: Sequence[Point]) -> tuple[float, str]:
         """Closest approach of a polyline, and the name of what it approached.
@@ -250,7 +250,7 @@ class Airspace:
             closest = (max(float(distances[nearest]), 0.0), self.zones[nearest].name)
         for fence in self._fences:
             closest = min(closest, (max(fence.distance_m(track), 0.0), FENCE))
-        if closest[0] > 0 and not self.holders(points[0]):
+        if closest[0] > 0 and not self.zones_at(points[0]):
             return closest
         return min(closest, *(self.nearest(point) for point in points))
 
@@ -265,7 +265,7 @@ class Airspace:
     def _of(self, fences: Sequence[Shape], zones: Iterable[Zone]) -> Airspace:
         return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.relaxed_m)
 
-    def _kept_m(self, own_clearance_m: float | None) -> float:
+    def _required_m(self, own_clearance_m: float | None) -> float:
         clearance_m = self.clearance_m if own_clearance_m is None else own_clearance_m
         distance_m = clearance_m + self.margin_m
         shortfall_m, floor_m = self.relaxed_m
@@ -282,7 +282,7 @@ class Airspace:
         return True
 
     def _least(
-        self, point: Point, kept_m: Floats | float, fence_kept_m: float
+        self, point: Point, required_m: Floats | float, fence_required_m: float
     ) -> tuple[float, str]:
         """The least of all distances (negative beyond a border) less these, and to what it is."""
         place = ShapelyPoint(point)
@@ -293,11 +293,11 @@ class Airspace:
                 shape = self.zones[index].shape
                 if isinstance(shape, Outline):
                     distances_m[index] = -shape.border.distance(place)
-            spares_m = distances_m - kept_m
-            nearest = int(np.argmin(spares_m))
-            least = (float(spares_m[nearest]), self.zones[nearest].name)
+            left_m = distances_m - required_m
+            nearest = int(np.argmin(left_m))
+            least = (float(left_m[nearest]), self.zones[nearest].name)
         for fence in self._fences:
-            least = min(least, (fence.depth_m(place) - fence_kept_m, FENCE))
+            least = min(least, (fence.depth_m(place) - fence_required_m, FENCE))
         return least
 
 

@@ -211,10 +211,8 @@ def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
         ring.pop()
     if len(set(ring)) < 3:
         count = len(set(ring))
-        corner_word = "corner" if count == 1 else "corners"
-        raise ZoneError(
-            f"it has {count} different {corner_word}, an area needs 3", "zone-too-few-corners"
-        )
+        noun = "corner" if count == 1 else "corners"
+        raise ZoneError(f"it has {count} different {noun}, an area needs 3", "zone-too-few-corners")
     polygon = Polygon(ring)
     if polygon.convex_hull.area < _LEAST_AREA_M2:
         raise ZoneError("its corners lie on one line, so it has no area", "zone-no-area")

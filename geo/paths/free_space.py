@@ -116,11 +116,11 @@ class FreeSpace:
     @cached_property
     def slack_m(self) -> float:
         """Farther out than this the drawn border of the clear area lies nowhere."""
-        kept_m = max(self._airspace.fence_distance_m, 0.0, *self._airspace.distances_m)
+        required_m = max(self._airspace.fence_distance_m, 0.0, *self._airspace.distances_m)
         shapes = (*(zone.shape for zone in self._airspace.zones), *self._airspace.fences)
         radii_m = (shape.radius_m for shape in shapes if isinstance(shape, Circle))
-        widest_m = max(radii_m, default=0.0) + kept_m
-        return (BEVEL - 1) * kept_m + _CIRCLE_SHARE * widest_m + 0.02
+        widest_m = max(radii_m, default=0.0) + required_m
+        return (BEVEL - 1) * required_m + _CIRCLE_SHARE * widest_m + 0.02
 
     @cached_property
     def _lean_zones(self) -> Shapes:

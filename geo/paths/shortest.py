@@ -60,7 +60,7 @@ class ShortestPaths:
         self.airspace = airspace
         self.space = FreeSpace(airspace)
         self.mesh = Mesh(self.space.lean)
-        self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)  # the greatest
+        self._required_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)  # largest
 
     def path(
         self,
@@ -147,7 +147,7 @@ class ShortestPaths:
         places = [self.mesh.nearest(point)[0], *self.mesh.corners_within(point, _OUT_M)]
         for least_m in (_OUT_M / 8, _OUT_M):  # few zones are near enough for a short one
             best: Path | None = None
-            local = ShortestPaths(near.around(point, least_m + max(least_m / 2, self._kept_m)))
+            local = ShortestPaths(near.around(point, least_m + max(least_m / 2, self._required_m)))
             for place in places[:_OUT_TRIES]:
                 if math.dist(point, place) >= least_m:
                     break
@@ -209,7 +209,7 @@ class ShortestPaths:
 
     def _nearby(self, point: Point) -> Mesh:
         """The tight clear area around a place, as far as corners may reach too far there."""
-        reach_m = 3 * self._kept_m + 1.0
+        reach_m = 3 * self._required_m + 1.0
         east_m, north_m = point
         west_m, south_m = east_m - reach_m, north_m - reach_m
         return Mesh(self.space.tight((west_m, south_m, east_m + reach_m, north_m + reach_m)))
@@ -230,15 +230,15 @@ class ShortestPaths:
                 return (*start, *path[skipped:])
         return (*start, *path)
 
-    def _closer(self, path: Path, beside_m: float) -> Path:
+    def _closer(self, path: Path, offset_m: float) -> Path:
         """The path, or a shorter one around the same corners if they make a difference.
 
         Args:
             path: as the mesh has it.
-            beside_m: how much of it leads into the mesh and out of it, and may be a detour.
+            offset_m: how much of it leads into the mesh and out of it, and may be a detour.
         """
         length_m = path_length_m(path)
-        excess_m = sum(map(abs, _turns(path))) * _CORNER_EXCESS * self._kept_m + 2 * beside_m
+        excess_m = sum(map(abs, _turns(path))) * _CORNER_EXCESS * self._required_m + 2 * offset_m
         if excess_m < _WORTH * length_m:
             return path
         # All that is as near is within an ellipse around the ends.
@@ -253,7 +253,7 @@ class ShortestPaths:
 
     def _clear_and_blunt(self, path: Path) -> Path | None:
         """A path along arcs as one that turns less often, where that is clear; else as it is."""
-        blunt = _blunted(path, self._kept_m) if len(path) > 3 else path
+        blunt = _blunted(path, self._required_m) if len(path) > 3 else path
         if len(blunt) < len(path) and self._all_clear(blunt):
             return blunt
         return path if self._all_clear(path) else None

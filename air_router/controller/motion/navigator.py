@@ -144,14 +144,14 @@ class Navigator:
         if place == position:
             return place, ""
         airspace = self._context.airspace.mission.planning_airspace
-        holders = airspace.holders(position)
+        holders = airspace.zones_at(position)
         if FENCE in holders:
             return place, "it is outside of the fence"
         if holders:
             return place, f"it is inside {names_of(holders)}"
         if airspace.point_clear(position):
             return place, "no clear way leads there"
-        return place, f"it is too close to {names_of((airspace.spare_m(position)[1],))}"
+        return place, f"it is too close to {names_of((airspace.clearance_left_m(position)[1],))}"
 
     def hover_point(self, position: Point) -> Point:
         """The place itself, or the nearest clear one that a clear way leads to from home."""

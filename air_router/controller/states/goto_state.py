@@ -93,7 +93,7 @@ class GotoValidator:
             if not math.hypot(*point) <= FARTHEST_M:
                 away = f"{name} is more than {FARTHEST_M / 1000:.0f} km away"
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, away)
-            if FENCE in self._context.airspace.mission.airspace.holders(point):
+            if FENCE in self._context.airspace.mission.airspace.zones_at(point):
                 outside = f"{name} lies outside of the fence"
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, outside)
             hover, why = self._navigator.hover(point)

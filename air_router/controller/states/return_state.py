@@ -86,7 +86,7 @@ class HomeReachability:
     def _look(self, telemetry: Telemetry) -> None:
         mission, router = self._context.airspace.mission, self._context.airspace.router
         here, home = telemetry.position, mission.home
-        if mission.airspace_at(telemetry.altitude_m).holders(here):
+        if mission.airspace_at(telemetry.altitude_m).zones_at(here):
             return  # it leaves that first
         self.look_at_s = telemetry.time_s + LOOK_S
         paths = router.graph.paths
@@ -200,7 +200,7 @@ class LandState(StateHandler):
         margin_m = mission.tracking.planned_m
         for airspace in (mission.climb_airspace, mission.airspace_at(telemetry.altitude_m)):
             if not airspace.with_margin(margin_m).point_clear(telemetry.position):
-                _, what = airspace.with_margin(margin_m).spare_m(telemetry.position)
+                _, what = airspace.with_margin(margin_m).clearance_left_m(telemetry.position)
                 return f"it would come too near to {names_of((what,))}; fly to another place first"
         return None
 

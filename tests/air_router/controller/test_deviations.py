@@ -326,11 +326,11 @@ def test_with_its_altitude_in_doubt_it_comes_home_clear_of_zones_at_every_height
 def test_with_its_altitude_in_doubt_it_leaves_a_zone_that_ends_below_it(off_by):
     flight, zone = in_doubt(off_by, 8.0, lambda here, _: Zone("low", Circle(here, 9.0), band=BELOW))
     replanned(flight)
-    assert Airspace(None, [zone], 0.0).holders(flight.position)
+    assert Airspace(None, [zone], 0.0).zones_at(flight.position)
     fly(flight, 1.0)
     assert told(flight, "leaving no-fly zone 'low'")
     on_board(flight)
-    assert not Airspace(None, [zone], 0.0).holders(flight.position)
+    assert not Airspace(None, [zone], 0.0).zones_at(flight.position)
     flight.lands()
 
 

@@ -72,7 +72,7 @@ def test_a_zone_at_any_height_is_left_at_any_height(pretend, moment, kind):
     change(flight, zone)
     goes_on_board(flight)
     now = flight.mission.with_areas(flight.mission.fences, (*flight.mission.zones, zone))
-    assert now.airspace_at(flight.altitude_m).holders(flight.position) == ()
+    assert now.airspace_at(flight.altitude_m).zones_at(flight.position) == ()
     if moment == "hold":
         flight.operator_asks(ComeHome())
     flight.lands(600.0)

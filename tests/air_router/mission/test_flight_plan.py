@@ -232,7 +232,7 @@ def test_the_simulated_autopilot_reads_the_same_areas(tmp_path):
         for north in range(-290, 300, 20):
             if abs(mission.airspace.distance_m(Point(east, north))) > 2:
                 on_board = all(area.allows(north, east) for area in areas)
-                assert on_board == (mission.airspace.holders(Point(east, north)) == ())
+                assert on_board == (mission.airspace.zones_at(Point(east, north)) == ())
 
 
 def test_a_large_circle_reads_back_as_a_float_of_32_bits():
@@ -325,6 +325,6 @@ def test_above_its_altitudes_the_zones_that_begin_there_count(pennovation):
     place = pennovation.waypoints[3].position
     gliders = Zone("gliders", Circle(place, 30.0), band=Band(80.0, math.inf))
     mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, gliders))
-    assert list(mission.airspace_at(mission.altitude_above_home_m).holders(place)) == []
-    assert list(mission.airspace_at(79.0).holders(place)) == []  # it begins higher
-    assert list(mission.airspace_at(90.0).holders(place)) == ["gliders"]
+    assert list(mission.airspace_at(mission.altitude_above_home_m).zones_at(place)) == []
+    assert list(mission.airspace_at(79.0).zones_at(place)) == []  # it begins higher
+    assert list(mission.airspace_at(90.0).zones_at(place)) == ["gliders"]

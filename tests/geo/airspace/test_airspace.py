@@ -131,10 +131,10 @@ def test_nearest_clear_place():
 
 def test_holders_say_what_one_is_in():
     space = airspace(box("a", 0, 0, 10, 10), box("b", 5, 5, 20, 20), fence=FENCED)
-    assert space.holders(P(7, 7)) == ("a", "b")
-    assert space.holders(P(0, 200)) == (FENCE,)
-    assert space.without(["a"]).holders(P(7, 7)) == ("b",)
-    assert space.without([FENCE]).holders(P(0, 200)) == ()
+    assert space.zones_at(P(7, 7)) == ("a", "b")
+    assert space.zones_at(P(0, 200)) == (FENCE,)
+    assert space.without(["a"]).zones_at(P(7, 7)) == ("b",)
+    assert space.without([FENCE]).zones_at(P(0, 200)) == ()
 
 
 @pytest.mark.parametrize("clearance_m", [-1, math.nan, math.inf])

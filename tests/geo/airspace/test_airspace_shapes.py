@@ -37,8 +37,8 @@ def test_a_circle_is_a_circle():
             assert space.leg_clear(ahead, back) is clear  # a tangent
         assert space.distance_m(P(17 * east, 17 * north)) == pytest.approx(7, abs=1e-9)
         assert space.distance_m(P(4 * east, 4 * north)) == pytest.approx(-6, abs=1e-9)
-    assert space.holders(P(9.9, 0)) == ("mast",)
-    assert space.holders(P(10.001, 0)) == ()
+    assert space.zones_at(P(9.9, 0)) == ("mast",)
+    assert space.zones_at(P(10.001, 0)) == ()
     assert space.track_distance_m([P(-20, 12), P(20, 12)]) == (pytest.approx(2), "mast")
     assert space.track_distance_m([P(-20, 2), P(20, 2)]) == (0, "mast")
 
@@ -51,7 +51,7 @@ def test_a_circle_as_a_fence():
     assert space.swept_clear([P(0, 95), P(0, -95), P(95, 0)])
     assert space.distance_m(P(0, 60)) == 40
     assert space.distance_m(P(0, 160)) == -60
-    assert space.holders(P(0, 101)) == (FENCE,)
+    assert space.zones_at(P(0, 101)) == (FENCE,)
     assert space.blockers(P(0, 0), P(0, 96)) == (FENCE,)
     assert space.track_distance_m([P(0, 0), P(0, 90)]) == (10, FENCE)
     assert space.track_distance_m([P(0, 0), P(0, 110), P(0, 0)]) == (-10, FENCE)
@@ -68,7 +68,7 @@ def test_the_hole_of_a_zone_is_free_and_no_way_leads_out():
     assert space.distance_m(P(0, 0)) == 30
     assert space.distance_m(P(40, 0)) == -10
     assert space.distance_m(P(32, 0)) == -2
-    assert space.holders(P(0, 0)) == ()
+    assert space.zones_at(P(0, 0)) == ()
     assert len(FreeSpace(space).tight()) == 2
 
 
@@ -80,7 +80,7 @@ def test_the_hole_of_a_fence_is_out_of_bounds():
     assert not space.leg_clear(P(-40, 0), P(40, 0))
     assert space.leg_clear(P(-40, 40), P(40, 40))
     assert space.distance_m(P(20, 0)) == -10
-    assert space.holders(P(0, 0)) == (FENCE,)
+    assert space.zones_at(P(0, 0)) == (FENCE,)
 
 
 def test_the_vehicle_stays_inside_of_all_fences():
@@ -89,7 +89,7 @@ def test_the_vehicle_stays_inside_of_all_fences():
     assert space.point_clear(P(60, 0))
     assert space.fences == tuple(fences)
     for beyond in (P(120, 0), P(10, 0), P(60, 50)):
-        assert space.holders(beyond) == (FENCE,)
+        assert space.zones_at(beyond) == (FENCE,)
         assert not space.leg_clear(P(60, 0), beyond)
     assert space.distance_m(P(60, 20)) == pytest.approx(10)
     (free,) = FreeSpace(space).tight()
@@ -125,19 +125,23 @@ def test_a_zone_may_have_its_own_clearance():
     assert space.with_margin(-3).distances_m == (17, 0, 2)
     assert space.as_drawn().distances_m == (0, 0, 0)
     assert space.as_drawn().fence_distance_m == 0
-    assert (space.kept_m("far"), space.kept_m("near"), space.kept_m(FENCE)) == (20, 0.5, 5)
+    assert (space.required_m("far"), space.required_m("near"), space.required_m(FENCE)) == (
+        20,
+        0.5,
+        5,
+    )
     with pytest.raises(KeyError):
-        space.kept_m("nothing")
+        space.required_m("nothing")
 
 
 def test_spare_distance_weighs_what_is_kept():
     zones = [box("far", 0, 0, 10, 10, clearance_m=20), box("near", 40, 0, 60, 10, clearance_m=2)]
     space = Airspace(None, zones, 5)
     assert space.nearest(P(26, 5)) == (14, "near")
-    assert space.spare_m(P(26, 5)) == (-4, "far")
-    assert space.spare_m(P(39, 5)) == (-1, "near")
-    assert Airspace(None, [], 5).spare_m(P(0, 0)) == (math.inf, "")
-    assert Airspace(FENCED, [], 5).spare_m(P(97, 0)) == (-2, FENCE)
+    assert space.clearance_left_m(P(26, 5)) == (-4, "far")
+    assert space.clearance_left_m(P(39, 5)) == (-1, "near")
+    assert Airspace(None, [], 5).clearance_left_m(P(0, 0)) == (math.inf, "")
+    assert Airspace(FENCED, [], 5).clearance_left_m(P(97, 0)) == (-2, FENCE)
 
 
 def test_easing_for_one_zone_takes_little_from_the_others():
@@ -155,11 +159,11 @@ def test_easing_for_one_zone_takes_little_from_the_others():
 def test_on_the_way_out_everything_else_still_counts():
     fences = [Circle(P(0, 0), 50), Outline(FENCED)]
     space = Airspace(fences, [box("a", 60, 0, 70, 10), box("b", 65, 5, 80, 20)], 5, 1)
-    out = space.leaving(P(66, 6))
+    out = space.without_zones_at(P(66, 6))
     assert out.fences == (fences[1],)
     assert out.zones == ()
-    assert [zone.name for zone in space.leaving(P(61, 1)).zones] == ["b"]
-    assert space.leaving(P(0, 0)).fences == tuple(fences)
+    assert [zone.name for zone in space.without_zones_at(P(61, 1)).zones] == ["b"]
+    assert space.without_zones_at(P(0, 0)).fences == tuple(fences)
     assert (out.clearance_m, out.margin_m) == (5, 1)
 
 
@@ -235,11 +239,11 @@ def test_clearance_is_monotone(drawn, fences, leg, clearance_m, more_m):
         assert space.leg_clear(a, b)
         assert space.point_clear(a)
         assert space.as_drawn().leg_clear(a, b)
-        assert not space.holders(a)
-    spare_m, _ = space.spare_m(a)
+        assert not space.zones_at(a)
+    spare_m, _ = space.clearance_left_m(a)
     if abs(spare_m) > 2 * TOLERANCE_M:
         assert space.point_clear(a) == (spare_m > 0)
-    assert wider.spare_m(a)[0] == pytest.approx(spare_m - more_m) or math.isinf(spare_m)
+    assert wider.clearance_left_m(a)[0] == pytest.approx(spare_m - more_m) or math.isinf(spare_m)
 
 
 @given(zones, st.lists(shapes, max_size=2), st.lists(place, min_size=2, max_size=6), distances)
@@ -274,7 +278,7 @@ def test_drawn_free_space_is_clear_and_hardly_smaller(drawn, fences, clearance_m
     free = shapely.union_all(FreeSpace(space).tight())
     if free.covers(inside):
         assert space.point_clear(probe)
-    spare_m, _ = space.spare_m(probe)
+    spare_m, _ = space.clearance_left_m(probe)
     if spare_m > 0.04 + 0.005 * max(clearance_m, *space.distances_m, 0.0):
         assert free.covers(inside)
     near = ShortestPaths(space).nearest(probe)
