@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.errors import RequestError
 from mocha_link.loopback import is_loopback
-from mocha_link.service import EndpointClient, EndpointKeyError, named
+from mocha_link.service import EndpointClient, EndpointKeyError, ipc_endpoint
 
 CONTROL_NAME: Final = "flight"
 """The name of the endpoint of `--control` without an endpoint."""
@@ -81,7 +81,7 @@ class ControlClient(EndpointClient):
         ControlError: from requests: it is none that can be asked.
     """
 
-    whom, option = "flight", "--control"
+    server_kind, server_option = "flight", "--control"
     refused, unreachable = ControlError, ControlUnreachableError
 
     def __init__(
@@ -89,7 +89,7 @@ class ControlClient(EndpointClient):
     ) -> None:
         self._by = by
         try:
-            endpoint = endpoint or named(CONTROL_NAME)
+            endpoint = endpoint or ipc_endpoint(CONTROL_NAME)
         except EndpointKeyError as error:
             raise self.unreachable(str(error)) from None
         super().__init__(endpoint, timeout_s=timeout_s)
@@ -132,7 +132,7 @@ class ControlClient(EndpointClient):
         while answer.accepted:
             reading = self.status().get("reload")
             if not isinstance(reading, dict):
-                raise self.another()
+                raise self.wrong_server()
             answer = dataclasses.replace(answer, why=str(reading.get("why")))
             if reading.get("under_way") is False:
                 if reading.get("good") is not True:
@@ -157,7 +157,7 @@ class ControlClient(EndpointClient):
 
     def request(self, values: dict[str, Any]) -> dict[str, Any]:
         """Send a request as it is; returns the answer as it came."""
-        return self.ask(values)[0]
+        return self.call(values)[0]
 
     def _answer(self, request: str, **fields: Any) -> ControlAnswer:
         values = self.request({"request": request, "by": self._by, **fields})
@@ -170,7 +170,7 @@ class ControlClient(EndpointClient):
                 points=tuple((float(a), float(b)) for a, b in values.get("points", ())),
             )
         except (LookupError, TypeError, ValueError):
-            raise self.another() from None
+            raise self.wrong_server() from None
 
 
 def endpoint_of(text: str) -> str:
@@ -185,7 +185,7 @@ def endpoint_of(text: str) -> str:
         text = f"tcp://127.0.0.1:{text}"
     elif _NAME.fullmatch(text):
         try:
-            return named(text)
+            return ipc_endpoint(text)
         except EndpointKeyError as error:
             raise ValueError(str(error)) from None
     try:

@@ -130,7 +130,7 @@ class ControlServer:
         except RequestError as error:
             send(requests.refusal(values.get("id"), str(error), again=error.again))
 
-    def _answer(self, values: dict[str, Any], frames: requests.Frames) -> requests.Answer:
+    def _answer(self, values: dict[str, Any], frames: requests.Frames) -> requests.Response:
         """The answer to a request. Raises RequestError: it is not handled."""
         if len(frames[0]) > MAX_BYTES:
             raise RequestError(f"a request is a JSON object of up to {MAX_BYTES} bytes")
@@ -139,4 +139,4 @@ class ControlServer:
             raise RequestError("a request is one frame")
         if not self._costly.affords(command):
             raise RequestError(TOO_MANY, again=True)
-        return requests.Answer(self._execute(command, "a program"))
+        return requests.Response(self._execute(command, "a program"))

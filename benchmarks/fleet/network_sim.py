@@ -31,7 +31,7 @@ TICK_S = 0.25
 LIMIT_S = 120.0
 BUSY = 20
 NEAR_DBM = -50.0
-TURN_S = 0.01  # of a meeting; a few of them outlast `pull.LOOK_S`
+TURN_S = 0.01  # of a meeting; a few of them outlast `pull.NEAR_CONNECT_S`
 QUIET_TURNS = 4
 
 Path = Literal["zmq", "udp"]
@@ -171,7 +171,7 @@ class NetworkSim:
         self.lets_by = lambda piece: {piece.source, piece.target} == {a, b}
         self.left = cut
         for name, peer in ((a, b), (b, a)):
-            self.nodes[name].heard(peer, NEAR_DBM, self.at(name))
+            self.nodes[name].signal_received(peer, NEAR_DBM, self.at(name))
         quiet = 0
         while quiet < QUIET_TURNS and self.left != 0:
             before = len(self.carried)
@@ -179,7 +179,7 @@ class NetworkSim:
             quiet = 0 if len(self.carried) > before else quiet + 1
         self.left = 0
         for name, peer in ((a, b), (b, a)):
-            self.nodes[name].heard(peer, None, self.at(name))
+            self.nodes[name].signal_received(peer, None, self.at(name))
             self.nodes[name].lost(peer, "out of reach", self.at(name))
         self.carry()
 

@@ -87,7 +87,7 @@ class FleetSim(NetworkSim):
     def hear(self, name: str, peer: str, reading: float | None) -> None:
         """A radio says something of a peer."""
         with self.touch(name):
-            self.nodes[name].heard(peer, reading, self.at(name))
+            self.nodes[name].signal_received(peer, reading, self.at(name))
 
     def say(self, name: str, data: bytes) -> None:
         """A node publishes."""

@@ -43,7 +43,7 @@ def run(options: Options) -> int:
         picture = NodeView(options.endpoint)
         deadline_s = time.monotonic() + FIRST_S
         while not picture.ready:
-            if not _hear(subscription, picture) and time.monotonic() > deadline_s:
+            if not _receive(subscription, picture) and time.monotonic() > deadline_s:
                 raise subscription.silent(FIRST_S)
         style = Style(colour=coloured(sys.stdout), unicode=_shows_blocks())
         if not (sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"):
@@ -66,7 +66,7 @@ def _follow(
             due_s = now_s + REDRAW_S
         if _is_over():
             return
-        while _hear(subscription, picture) and time.monotonic() < now_s + POLL_S:
+        while _receive(subscription, picture) and time.monotonic() < now_s + POLL_S:
             due_s = 0.0  # all that is there, then one picture of it
 
 
@@ -79,7 +79,7 @@ def _is_over() -> bool:
     return False
 
 
-def _hear(subscription: Subscription, picture: NodeView, timeout_s: float = POLL_S) -> bool:
+def _receive(subscription: Subscription, picture: NodeView, timeout_s: float = POLL_S) -> bool:
     """Take in the next message; False if none has come."""
     message = subscription.next(timeout_s)
     if message is None:
@@ -87,7 +87,7 @@ def _hear(subscription: Subscription, picture: NodeView, timeout_s: float = POLL
     try:
         picture.take(*message, time.monotonic())
     except UNREADABLE:
-        raise subscription.strange() from None
+        raise subscription.malformed() from None
     return True
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mocha_link.datagram import packet as wire
-from mocha_link.datagram.outbox import Content, Heard, Outbox
+from mocha_link.datagram.outbox import Acknowledged, Content, Outbox
 from mocha_link.datagram.pacing import AHEAD_S, UNKNOWN_RTT_S, Pacing
 from mocha_link.datagram.packet import ACK_BYTES, ACK_DELAY_S, DATA_BYTES, LENGTH_BYTES, MAX_MASK
 
@@ -75,7 +75,7 @@ class Flow:
         self._probe_s = 0.0  # when the next probe leaves
         self._probe_every_s = PROBE_S  # grows while it is down
         self._blind = False  # what of the last flight arrived is not known yet: it goes later
-        self._unheard_s: float | None = None  # when a contact began; nothing was heard since
+        self._contact_s: float | None = None  # when a contact began; nothing was heard since
         self._hello = False  # a packet has to leave now, whatever is in it
 
     # --- what others may know
@@ -134,7 +134,7 @@ class Flow:
             self._resume(now_s)
         self._progress_s = now_s
         self._blind = False
-        self._unheard_s = None
+        self._contact_s = None
         if parsed.number is None:
             return []
         if self._arrivals.take(parsed, now_s):
@@ -144,29 +144,29 @@ class Flow:
 
     def _acknowledged(self, ack: wire.Ack, now_s: float) -> None:
         outbox = self._outbox
-        heard = outbox.acknowledged(ack)
-        if heard.stamps and not self.proven:
-            self._prove(heard, ack, now_s)
+        acked = outbox.acknowledged(ack)
+        if acked.stamps and not self.proven:
+            self._prove(acked, ack, now_s)
             return
-        if not heard.stamps or self.down:  # after a gap its length would be measured
+        if not acked.stamps or self.down:  # after a gap its length would be measured
             return
         self._tail = False
         rtt_s = None
         came_s = now_s
-        if heard.newest:
-            rtt_s = now_s - heard.newest.sent_s
+        if acked.newest:
+            rtt_s = now_s - acked.newest.sent_s
             if ack.delay_s < rtt_s:
                 rtt_s -= ack.delay_s
                 came_s -= ack.delay_s
         self._lose(now_s)
-        self._pacing.arrived(heard.stamps, rtt_s, came_s, outbox.in_flight_bytes)
+        self._pacing.arrived(acked.stamps, rtt_s, came_s, outbox.in_flight_bytes)
 
-    def _prove(self, heard: Heard, ack: wire.Ack, now_s: float) -> None:
+    def _prove(self, acked: Acknowledged, ack: wire.Ack, now_s: float) -> None:
         """What left before this said nothing of the link, it was too little: begin now."""
         self.proven = True
         rtt_s = None
-        if heard.newest:
-            rtt_s = max(now_s - heard.newest.sent_s - ack.delay_s, 0.0) or None
+        if acked.newest:
+            rtt_s = max(now_s - acked.newest.sent_s - ack.delay_s, 0.0) or None
         self._outbox.give_up()
         self._pacing = Pacing(self._packet, rate_bytes_s=self._known_rate, rtt_s=rtt_s)
         self._pacing.resume(now_s)
@@ -193,10 +193,10 @@ class Flow:
         rtt_s = self._link.srtt_s or UNKNOWN_RTT_S
         if self.alive_s is not None and now_s < self.alive_s + rtt_s + QUIET_S:
             return
-        if self._unheard_s is not None and now_s < self._unheard_s + CONTACT_REPEAT_S:
+        if self._contact_s is not None and now_s < self._contact_s + CONTACT_REPEAT_S:
             return
-        self._blind = self._unheard_s is None
-        self._unheard_s = self._progress_s = now_s
+        self._blind = self._contact_s is None
+        self._contact_s = self._progress_s = now_s
         self._resume(now_s)
 
     # --- what goes out

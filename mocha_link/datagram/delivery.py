@@ -127,7 +127,7 @@ class Delivery:
         newest = stamps[-1]
         self._first_s = newest.sent_s
         self._measure(newest, now_s)
-        return self._look_at_train(newest, now_s)
+        return self._measure_train(newest, now_s)
 
     def resume(self, now_s: float) -> None:
         """Nothing came for a long time: measure anew."""
@@ -179,7 +179,7 @@ class Delivery:
         self._peaks.clear()
         self._peak(min(rate, MAX_RATE))
 
-    def _look_at_train(self, newest: Stamp, now_s: float) -> Train | None:
+    def _measure_train(self, newest: Stamp, now_s: float) -> Train | None:
         marks = self._marks
         if not marks:
             marks.append((now_s, newest.sent_s, self.total, self._missing))

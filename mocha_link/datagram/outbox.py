@@ -34,7 +34,7 @@ class _Sent:
     settled: bool = False  # arrived or lost
 
 
-class Heard(NamedTuple):
+class Acknowledged(NamedTuple):
     """What an acknowledgement brought."""
 
     stamps: list[Stamp]  # of the packets that arrived, in the order of their numbers
@@ -126,7 +126,7 @@ class Outbox:
         """Whether an acknowledgement speaks only of packets that were sent."""
         return ack.start + ack.bits.bit_length() <= self.next and ack.below <= self.next
 
-    def acknowledged(self, ack: Ack) -> Heard:
+    def acknowledged(self, ack: Ack) -> Acknowledged:
         """Take in what arrived."""
         base = self.base
         ahead = ack.start - base
@@ -157,9 +157,9 @@ class Outbox:
                 self._arrived(sent.content)
         self._settle()
         if newest <= self._newest:
-            return Heard(stamps, None)
+            return Acknowledged(stamps, None)
         self._newest = newest
-        return Heard(stamps, stamps[-1])
+        return Acknowledged(stamps, stamps[-1])
 
     def _premature(self, number: int) -> None:
         """A packet came that had been taken for lost: it was only overtaken, more than usual."""

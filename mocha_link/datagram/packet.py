@@ -147,18 +147,18 @@ class Arrivals:
             self._seen >>= packet.floor - self._floor
             self._floor = packet.floor
         if number < self._floor or number >= self._floor + WINDOW:
-            self._tell(now_s)  # long settled: the peer has not heard it yet
+            self._schedule_ack(now_s)  # long settled: the peer has not heard it yet
             return False
         bit = 1 << (number - self._floor)
         if self._seen & bit:
-            self._tell(now_s)
+            self._schedule_ack(now_s)
             return False
         self._seen |= bit
         self.any = True
         self.count += 1
         self.waiting += 1
         if number != self._next or not packet.frames or self.waiting >= LATE_PACKETS:
-            self._tell(now_s)
+            self._schedule_ack(now_s)
         elif self.due_s is None:
             self.due_s = now_s + ACK_DELAY_S
         if number >= self._next:
@@ -171,7 +171,7 @@ class Arrivals:
         self._seen |= 1 << (packet.content - self._floor)
         return bool(packet.frames)
 
-    def _tell(self, now_s: float) -> None:
+    def _schedule_ack(self, now_s: float) -> None:
         self.due_s = now_s if self.due_s is None else min(self.due_s, now_s)
 
     def acknowledge(self, now_s: float, room: int = MAX_MASK) -> bytes:

@@ -23,6 +23,6 @@ __getattr__, __dir__, __all__ = door(
             "SyncTimedOut",
         ),
         "reading": ("Reading", "Unit", "as_reading"),
-        "trigger": ("NOT_HEARD", "SILENT_INTERVALS", "SyncTrigger", "threshold"),
+        "trigger": ("NO_SIGNAL", "SILENT_INTERVALS", "SyncTrigger", "threshold"),
     },
 )

@@ -20,7 +20,7 @@ from mocha_link.links.metrics import SyncTimedOut as SyncTimedOut
 from mocha_link.links.reading import Reading as Reading
 from mocha_link.links.reading import Unit as Unit
 from mocha_link.links.reading import as_reading as as_reading
-from mocha_link.links.trigger import NOT_HEARD as NOT_HEARD
+from mocha_link.links.trigger import NO_SIGNAL as NO_SIGNAL
 from mocha_link.links.trigger import SILENT_INTERVALS as SILENT_INTERVALS
 from mocha_link.links.trigger import SyncTrigger as SyncTrigger
 from mocha_link.links.trigger import threshold as threshold

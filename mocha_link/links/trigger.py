@@ -17,7 +17,7 @@ FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
 SILENT_INTERVALS = 3  # a radio that says nothing for longer does not hear the peer
 MAX_SOURCES = 4  # that are remembered of a peer
 
-TOO_WEAK, NOT_HEARD, SILENT = "too weak", "not heard", "the radio is silent"
+TOO_WEAK, NO_SIGNAL, SILENT = "too weak", "not heard", "the radio is silent"
 
 
 @dataclass(slots=True)
@@ -35,7 +35,7 @@ class _Link:
     contact_began_s: float | None = None  # None: out of contact
     last_sync_s: float = -inf  # -inf: none in this contact
     rest_s: float = 0.0  # until the next pull, while the peer pushes
-    asked: bool = False  # by the peer, which is to be asked back
+    pull_requested: bool = False  # by the peer, which is to be asked back
     well_s: float = -inf  # when the peer, asking, last showed that it has nothing for us
 
 
@@ -70,9 +70,9 @@ class SyncTrigger:
         self._settings = settings
         self._by_timer = by_timer
         self._links = {peer: _Link() for peer in peers}  # by peer
-        self._news: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
+        self._events: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
         self._followed: frozenset[str] = frozenset()  # peers that push what they store
-        self._looked_s = inf  # when it was seen last who is due
+        self._checked_s = inf  # when it was seen last who is due
         # By peer, and not gone through in every turn of a node: when it is due (-inf: now, inf: not
         # by time), and when its oldest reading does not stand any more.
         self._pulls_s: dict[str, float] = {}
@@ -80,7 +80,7 @@ class SyncTrigger:
         for peer in self._links:
             self._schedule(peer)
 
-    def heard(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
+    def signal_received(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
         """Take in a report of the radio; says whether contact begins with it.
 
         None: the peer is not heard, by no source. A bare number is in dBm; RadioError if it
@@ -93,8 +93,8 @@ class SyncTrigger:
         else:
             self._note(link, reading, now_s)
         if self.reading(peer) != before:
-            self._tell_signal(peer, now_s)
-        begins = self._judge(peer, link, now_s, NOT_HEARD if reading is None else TOO_WEAK)
+            self._signal_changed(peer, now_s)
+        begins = self._judge(peer, link, now_s, NO_SIGNAL if reading is None else TOO_WEAK)
         self._schedule(peer)
         return begins
 
@@ -107,20 +107,20 @@ class SyncTrigger:
         """Whether the radio hears a peer well enough."""
         return self._links[peer].contact_began_s is not None
 
-    def look(self, now_s: float) -> None:
+    def expire_signals(self, now_s: float) -> None:
         """Note of which peers the radio has been silent for too long: not heard any more."""
         if not self._may_be_due(now_s):
             return
         limit_s = SILENT_INTERVALS * self._settings.interval_s
-        heard = [(peer, link) for peer, link in self._links.items() if link.signals]
-        for peer, link in heard:
+        reporting = [(peer, link) for peer, link in self._links.items() if link.signals]
+        for peer, link in reporting:
             for key, signal in list(link.signals.items()):
                 signal.reported_s = min(signal.reported_s, now_s)  # the clock may be set back
                 if now_s - signal.reported_s > limit_s:
                     del link.signals[key]
             if not link.signals:
-                self._tell_signal(peer, now_s)
-        for peer, link in heard:
+                self._signal_changed(peer, now_s)
+        for peer, link in reporting:
             self._judge(peer, link, now_s, SILENT)
             self._schedule(peer)
 
@@ -130,7 +130,7 @@ class SyncTrigger:
         for peer in self._links:
             self._schedule(peer)
 
-    def asked(self, peer: str, now_s: float, *, well: bool = False) -> None:
+    def peer_pulled(self, peer: str, now_s: float, *, well: bool = False) -> None:
         """A peer pulls from us; `well`: it has not been away and has nothing for us."""
         link = self._links[peer]
         if not -inf < link.last_sync_s <= now_s - self._settings.interval_s:
@@ -138,7 +138,7 @@ class SyncTrigger:
         if well and self._is_at_rest(peer):
             link.well_s = now_s
         else:
-            link.asked = True
+            link.pull_requested = True
         self._schedule(peer)
 
     def due(self, now_s: float) -> list[str]:
@@ -154,27 +154,27 @@ class SyncTrigger:
             link = self._links[peer]
             quiet = peer in self._followed and link.last_sync_s > -inf
             link.rest_s = min(2 * self._interval_s(peer), QUIET_PULL_S) if quiet else 0.0
-            link.last_sync_s, link.asked = now_s, False
+            link.last_sync_s, link.pull_requested = now_s, False
             self._schedule(peer)
-        self._looked_s = now_s
+        self._checked_s = now_s
         return due
 
     @property
     def due_s(self) -> float:
-        """When `due` or `look` has something to say; inf: not by time."""
+        """When `due` or `expire_signals` has something to say; inf: not by time."""
         pull_s = min(self._pulls_s.values(), default=inf)
         return min(pull_s, min(self._silences_s.values(), default=inf))
 
     def _may_be_due(self, now_s: float) -> bool:
         """A clock that was set back must not stop the syncs until it comes round again."""
-        return not self._looked_s <= now_s < self.due_s
+        return not self._checked_s <= now_s < self.due_s
 
     def _schedule(self, peer: str) -> None:
         """Note when something is due of a peer of which something has changed."""
         link = self._links[peer]
         due_s = inf
         if link.contact_began_s is not None or self._by_timer:
-            due_s = -inf if link.asked else self._next_s(peer, link)
+            due_s = -inf if link.pull_requested else self._next_s(peer, link)
         self._pulls_s[peer] = due_s
         if link.signals:
             oldest_s = min(signal.reported_s for signal in link.signals.values())
@@ -201,10 +201,10 @@ class SyncTrigger:
             return interval_s
         return max(interval_s, self._links[peer].rest_s, len(self._followed) / FOLLOWED_PULLS_S)
 
-    def news(self) -> list[RssiChanged | ContactBegan | ContactEnded]:
+    def take_events(self) -> list[RssiChanged | ContactBegan | ContactEnded]:
         """The signals that changed, the contacts that began and ended since the last call."""
-        news, self._news = self._news, []
-        return news
+        events, self._events = self._events, []
+        return events
 
     def _note(self, link: _Link, reading: Reading, now_s: float) -> None:
         """Keep what a source says of a peer."""
@@ -217,20 +217,20 @@ class SyncTrigger:
             limit -= self._settings.hysteresis_db
         link.signals[key] = _Signal(reading, now_s, reading.value >= limit)
 
-    def _tell_signal(self, peer: str, now_s: float) -> None:
+    def _signal_changed(self, peer: str, now_s: float) -> None:
         reading = self.reading(peer)
         rssi_dbm = reading.value if reading and reading.unit is Unit.DBM else None
-        self._news.append(RssiChanged(peer, now_s, rssi_dbm, reading))
+        self._events.append(RssiChanged(peer, now_s, rssi_dbm, reading))
 
     def _judge(self, peer: str, link: _Link, now_s: float, why: str) -> bool:
         """Begin or end the contact, as the signals say; True if it begins."""
         in_contact = any(signal.in_contact for signal in link.signals.values())
         if in_contact and link.contact_began_s is None:
             link.contact_began_s, link.last_sync_s = now_s, -inf
-            self._news.append(ContactBegan(peer, now_s, self.reading(peer)))
+            self._events.append(ContactBegan(peer, now_s, self.reading(peer)))
             return True
         if not in_contact and link.contact_began_s is not None:
             lasted_s = max(0.0, now_s - link.contact_began_s)
             link.contact_began_s = None
-            self._news.append(ContactEnded(peer, now_s, lasted_s, why))
+            self._events.append(ContactEnded(peer, now_s, lasted_s, why))
         return False

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = door(
         "gossip": ("Gossip", "TIMEOUT_S"),
         "kernel": ("Poller",),
         "node": ("Node", "NodeClosedError"),
-        "router": ("Callers", "IDLE_MS", "Router"),
+        "router": ("ClientConnections", "IDLE_MS", "Router"),
         "transport": ("Transport",),
         "zmtp": ("Mechanism", "Null", "Part", "ZmtpSession"),
     },

@@ -8,7 +8,7 @@ from mocha_link.node.kernel import Poller as Poller
 from mocha_link.node.node import Node as Node
 from mocha_link.node.node import NodeClosedError as NodeClosedError
 from mocha_link.node.router import IDLE_MS as IDLE_MS
-from mocha_link.node.router import Callers as Callers
+from mocha_link.node.router import ClientConnections as ClientConnections
 from mocha_link.node.router import Router as Router
 from mocha_link.node.transport import Transport as Transport
 from mocha_link.node.zmtp import Mechanism as Mechanism

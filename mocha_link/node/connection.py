@@ -22,11 +22,13 @@ from mocha_link.team import PublicKey, SecretKey
 
 # A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
 MAX_REPLY_BYTES = wire.MAX_BYTES + 1024 * 1024
-EAGER_S = 0.015  # after our handshake, requests leave though the peer's has not come: see `zmtp`
+SEND_BEFORE_READY_S = (
+    0.015  # after our handshake, requests leave though the peer's has not come: see `zmtp`
+)
 
 _READ_BYTES = 64 * 1024
 _TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
-_MAX_ANSWERS = 1024 * 1024  # to heartbeats
+_MAX_REPLY_BYTES = 1024 * 1024  # to heartbeats
 
 
 class Connection:
@@ -34,12 +36,13 @@ class Connection:
 
     Args:
         address: An IPv4 address.
-        eager: Requests do not wait for the peer's handshake; with keys they have to.
+        send_before_ready: Requests do not wait for the peer's handshake; with keys they have to.
         keys: Ours, and the peer's: the connection is encrypted then.
 
     Attributes:
-        failure: what it suffered, in words; it is of no use then. None: it stands.
-        eager: requests do not wait for the peer's handshake; False when that did not do.
+        failure: the text of the error that ended the connection; None: it is usable.
+        send_before_ready: requests do not wait for the peer's handshake; becomes False when a peer
+            did not accept that.
     """
 
     def __init__(
@@ -47,11 +50,11 @@ class Connection:
         address: str,
         port: int,
         *,
-        eager: bool = True,
+        send_before_ready: bool = True,
         keys: tuple[SecretKey, PublicKey] | None = None,
     ) -> None:
         self.failure: str | None = None
-        self.eager = eager
+        self.send_before_ready = send_before_ready
         self._keys = keys
         self._address = (address, port)  # to dial again
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
@@ -62,7 +65,7 @@ class Connection:
     def _connect(self) -> None:
         self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES, mechanism=self._mechanism())
         self._out = bytearray(self._protocol.hello)
-        self._answers = 0  # bytes of them that may not be out yet
+        self._reply_bytes = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
         self._opened = False
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -102,21 +105,26 @@ class Connection:
 
     def is_ready(self, ready: Container[Polled], now_s: float) -> bool:
         """Whether there is something to do."""
-        late = bool(self._waiting) and self._may_ask(now_s)
+        late = bool(self._waiting) and self._may_request(now_s)
         return late or self.failure is not None or self._socket.fileno() in ready
 
     @property
-    def is_restless(self) -> bool:
+    def needs_polling(self) -> bool:
         """Whether something may be to be done of which the poller does not tell."""
         return bool(self._waiting) or self.failure is not None
 
     @property
     def wake_s(self) -> float | None:
         """When requests leave though the peer's handshake has not come: not together with ours."""
-        hurries = self.eager and not self._opened and not self._protocol.ready and not self._keys
-        if self._connected_s is None or not hurries or not self._waiting or self._out:
+        sends_early = (
+            self.send_before_ready
+            and not self._opened
+            and not self._protocol.ready
+            and not self._keys
+        )
+        if self._connected_s is None or not sends_early or not self._waiting or self._out:
             return None
-        return self._connected_s + EAGER_S
+        return self._connected_s + SEND_BEFORE_READY_S
 
     def turn(self, now_s: float) -> bool:
         """Move what can be moved; says whether anything arrived."""
@@ -128,7 +136,7 @@ class Connection:
                 self._connected_s = now_s
                 arrived = True
             arrived = self._read() or arrived
-            self._ask(now_s)
+            self._send_requests(now_s)
             self._flush()
         except (OSError, zmtp.ZmtpError) as error:
             self._fail(error)
@@ -138,7 +146,7 @@ class Connection:
         """Send a request."""
         self._waiting.append(frame)
         if self._protocol.ready:
-            self._ask(0.0)
+            self._send_requests(0.0)
             with contextlib.suppress(OSError):
                 self._flush()
 
@@ -169,12 +177,12 @@ class Connection:
             return False  # it is under way
         return True
 
-    def _may_ask(self, now_s: float) -> bool:
+    def _may_request(self, now_s: float) -> bool:
         wake_s = self.wake_s
         return self._protocol.ready or (wake_s is not None and now_s >= wake_s)
 
-    def _ask(self, now_s: float) -> None:
-        if not self._waiting or not self._may_ask(now_s):
+    def _send_requests(self, now_s: float) -> None:
+        if not self._waiting or not self._may_request(now_s):
             return
         if not self._protocol.ready:
             self._unconfirmed = list(self._waiting)
@@ -190,7 +198,7 @@ class Connection:
             except BlockingIOError:
                 return
             del self._out[:sent]
-        self._answers = 0
+        self._reply_bytes = 0
 
     def _read(self) -> bool:
         taken = 0
@@ -207,18 +215,18 @@ class Connection:
             if not count:
                 raise ConnectionResetError(0, "the peer closed the connection")
             taken += count
-            answers = self._protocol.receive(data) if room is None else self._protocol.filled(count)
-            self._answers += len(answers)
-            if self._answers > _MAX_ANSWERS:
+            replies = self._protocol.receive(data) if room is None else self._protocol.filled(count)
+            self._reply_bytes += len(replies)
+            if self._reply_bytes > _MAX_REPLY_BYTES:
                 raise zmtp.ZmtpError("the peer does not read the answers that it asks for")
-            self._out += answers
+            self._out += replies
         return taken > 0
 
     def _fail(self, error: Exception) -> None:
         handshaking = self._connected_s is not None and not self._protocol.ready
         if handshaking and self._opened and isinstance(error, OSError):
             # Our requests got there together with the handshake: this time wait for the peer.
-            self.eager = False
+            self.send_before_ready = False
             if self._watched is None:  # in the poller its number must not become another one's
                 self._socket.close()
             self._waiting = self._unconfirmed + self._waiting

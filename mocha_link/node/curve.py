@@ -144,9 +144,9 @@ class CurveServer(_Curve):
         nonce, vouch = plain[:_TAG_BYTES], plain[_TAG_BYTES : _TAG_BYTES + _VOUCH_BYTES]
         vouched = _unboxed(vouch, b"VOUCH---" + nonce, _agreed(client, self._own))
         if vouched != self._client + nacl.crypto_scalarmult_base(self._secret):
-            raise ZmtpError("a vouch for another connection", answer=_REFUSED)
+            raise ZmtpError("a vouch for another connection", reply=_REFUSED)
         if self._allowed is not None and not hmac.compare_digest(client, self._allowed):
-            raise WrongKeyError("the key is not of this port's peer", answer=_REFUSED)
+            raise WrongKeyError("the key is not of this port's peer", reply=_REFUSED)
         self.known = True
         counter = self._counted()
         box = nacl.crypto_box_afternm(self._metadata, b"CurveZMQREADY---" + counter, self._shared)
@@ -222,7 +222,7 @@ def _agreed(public: bytes, secret: bytes) -> bytes:
     try:
         return bytes(nacl.crypto_box_beforenm(public, secret))
     except (CryptoError, ValueError):
-        raise WrongKeyError("what came is no key", answer=_REFUSED) from None
+        raise WrongKeyError("what came is no key", reply=_REFUSED) from None
 
 
 def _unboxed(box: bytes, nonce: bytes, key: bytes) -> bytes:

@@ -20,8 +20,8 @@ from mocha_link.team import PublicKey, Robot, Seal, SecretKey, Team
 
 FRESH_S = 60.0
 RETRY_S = 5.0
-LOOK_AGAIN_S = 0.02  # whether the address of a peer is known by now
-PATIENT_S = 300.0
+RESOLVE_AGAIN_S = 0.02  # whether the address of a peer is known by now
+WAIT_FOR_READY_S = 300.0
 
 LOG = logging.getLogger("mocha_link")
 
@@ -36,7 +36,7 @@ class Resolver:
         self._wake = wake
         self._lock = threading.Lock()
         self._found: dict[str, tuple[str | None, str, float]] = {}  # address, why not, when
-        self._looking: set[str] = set()  # names asked for
+        self._resolving: set[str] = set()  # names asked for
 
     def address(self, host: str) -> str | None:
         """The address, if it is known; otherwise it is being looked up, or `failure` says why."""
@@ -49,18 +49,18 @@ class Resolver:
         with self._lock:
             address, why, since_s = self._found.get(host, (None, "", -math.inf))
             stale = time.monotonic() - since_s > (RETRY_S if why else FRESH_S)
-            if stale and host not in self._looking:
-                self._looking.add(host)
-                threading.Thread(target=self._look, args=(host,), daemon=True).start()
+            if stale and host not in self._resolving:
+                self._resolving.add(host)
+                threading.Thread(target=self._resolve, args=(host,), daemon=True).start()
             return address
 
     def failure(self, host: str) -> str | None:
         """Why there is no address; None while it is being looked up, or when there is one."""
         with self._lock:
             address, why, _ = self._found.get(host, (None, "", 0.0))
-            return None if address or host in self._looking else why or None
+            return None if address or host in self._resolving else why or None
 
-    def _look(self, host: str) -> None:
+    def _resolve(self, host: str) -> None:
         address, why = None, ""
         try:
             found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
@@ -71,7 +71,7 @@ class Resolver:
             if address is None:  # name servers go out of reach as robots do
                 address = self._found.get(host, (None, "", 0.0))[0]
             self._found[host] = (address, why, time.monotonic())
-            self._looking.discard(host)
+            self._resolving.discard(host)
         self._wake()
 
 
@@ -113,8 +113,8 @@ class Dialer:
             str, Connection | list[bytes]
         ] = {}  # frames: the address is not known yet
         # Those of which the poller does not tell everything; all others wait until it does.
-        self._restless: set[str] = set()
-        self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
+        self._needs_polling: set[str] = set()
+        self._wait_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._datagrams: socket.socket | None = None
         self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
 
@@ -144,7 +144,7 @@ class Dialer:
         """Replace the connection to a peer by a fresh one; it opens when something is sent."""
         self.hang_up(peer, void=True)
         self._connections[peer] = []
-        self._restless.add(peer)
+        self._needs_polling.add(peer)
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
@@ -159,11 +159,11 @@ class Dialer:
     def hang_up(self, peer: str, *, void: bool) -> None:
         """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""
         connection = self._connections.pop(peer, None)
-        self._restless.discard(peer)
+        self._needs_polling.discard(peer)
         if connection and not isinstance(connection, list):
             now_s = time.monotonic()
-            if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
-                self._patient_until_s[peer] = now_s + PATIENT_S
+            if not connection.send_before_ready and now_s >= self._wait_until_s.get(peer, 0.0):
+                self._wait_until_s[peer] = now_s + WAIT_FOR_READY_S
             connection.forget(self._poller)
             if void:
                 connection.abort()
@@ -174,8 +174,8 @@ class Dialer:
         self, ready: Mapping[Polled, Hashable], now_s: float
     ) -> Iterator[tuple[str, Connection]]:
         """The connections to look after; opens those of known address."""
-        looked_at = self._restless.union(ready.values())
-        for peer in [each for each in self._connections if each in looked_at]:
+        polled = self._needs_polling.union(ready.values())
+        for peer in [each for each in self._connections if each in polled]:
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open(peer, connection)
@@ -193,18 +193,18 @@ class Dialer:
 
     def _watch(self, peer: str, connection: Connection) -> None:
         connection.watch(self._poller, peer)
-        if connection.is_restless:
-            self._restless.add(peer)
+        if connection.needs_polling:
+            self._needs_polling.add(peer)
         else:
-            self._restless.discard(peer)
+            self._needs_polling.discard(peer)
 
     def wait_s(self, now_s: float) -> float:
         """How long nothing is to be done if nothing comes."""
         waits_s = [math.inf]
-        for peer in self._restless:
+        for peer in self._needs_polling:
             connection = self._connections[peer]
             if isinstance(connection, list):
-                waits_s.append(LOOK_AGAIN_S)
+                waits_s.append(RESOLVE_AGAIN_S)
             elif connection.failure is not None:
                 waits_s.append(0.0)
             elif connection.wake_s is not None:
@@ -230,14 +230,14 @@ class Dialer:
                 return
         if why:
             self._connections.pop(peer, None)
-            self._restless.discard(peer)
+            self._needs_polling.discard(peer)
             self._lost(peer, why)
 
     def _new_connection(self, peer: str, address: str, port: int) -> Connection:
-        eager = time.monotonic() >= self._patient_until_s.get(peer, 0.0)
+        send_before_ready = time.monotonic() >= self._wait_until_s.get(peer, 0.0)
         key = self._keys.get(peer)
         keys = (self._secret, key) if self._secret and key else None
-        return Connection(address, port, eager=eager, keys=keys)
+        return Connection(address, port, send_before_ready=send_before_ready, keys=keys)
 
     # --- datagrams
 

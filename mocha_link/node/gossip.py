@@ -114,26 +114,26 @@ class Gossip:
             topic, data, now.unix_s, at_once=at_once, frame=frame
         )
         for record in stored:
-            self._tell_own(record, now)
+            self._announce_own(record, now)
         return header
 
     def flush(self, topic: Topic, now: Instant) -> None:
         """Store the message of a topic that waits for its interval, if there is one."""
-        self._tell_own(self._publisher.flush(topic, now.unix_s), now)
+        self._announce_own(self._publisher.flush(topic, now.unix_s), now)
 
     # --- what the radio and the program say
 
-    def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
+    def signal_received(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
         link = self._link(peer)
-        begins = self._trigger.heard(peer, reading, now.timer_s)
-        self._tell_contacts(now)
+        begins = self._trigger.signal_received(peer, reading, now.timer_s)
+        self._announce_contacts(now)
         if begins:
             link.puller.renew_budget()
             link.server.on_contact(now)
             self._serve(link, now)
             link.puller.on_contact(now)
-            self._tell(link, now)
+            self._announce(link, now)
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant, *, both: bool = False) -> bool:
@@ -143,11 +143,11 @@ class Gossip:
         """
         link = self._link(peer)
         if both:
-            link.server.invite()
+            link.server.request_pull()
         if self._by_timer and not link.puller.pull:
             link.puller.renew_budget()
         begun = link.puller.sync(now)
-        self._tell(link, now)
+        self._announce(link, now)
         return begun
 
     # --- what comes from the sockets
@@ -155,7 +155,7 @@ class Gossip:
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
         link = self._link(peer)
-        reply = link.server.answer(route, parts, now)
+        reply = link.server.handle(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
             self._context.actions.append(Reply(peer, route, reply))
@@ -185,13 +185,13 @@ class Gossip:
         """Take in what came back on the connection to a peer."""
         link = self._link(peer)
         link.puller.reply(parts, now)
-        self._tell(link, now)
+        self._announce(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
         link = self._link(peer)
         link.puller.packet(packet, now)
-        self._tell(link, now)
+        self._announce(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
@@ -209,13 +209,13 @@ class Gossip:
         """The connection to a peer is gone."""
         link = self._link(peer)
         link.puller.lost(reason, now)
-        self._tell(link, now)
+        self._announce(link, now)
 
     def refused(self, peer: str, reason: str) -> None:
         """A connection was not let in at the port for a peer, or sent what is no message."""
         self._link_table.refuse(peer, reason)
 
-    def tell(self, event: LinkEvent) -> None:
+    def announce(self, event: LinkEvent) -> None:
         """Have listeners told of what the program has noticed."""
         self._events.append(event)
         self._uncounted.append(event)
@@ -228,15 +228,15 @@ class Gossip:
         What is done for each peer happens within `guard`. Returns the peers for which `supply` may
         have a frame.
         """
-        self._trigger.look(now.timer_s)
-        self._tell_contacts(now)
+        self._trigger.expire_signals(now.timer_s)
+        self._announce_contacts(now)
         for record in self._publisher.due(now.unix_s):
-            self._tell_own(record, now)
+            self._announce_own(record, now)
         busy = self._links.busy(now.steady_s)
         for link in busy:
             with guard:
                 link.puller.tick(now)
-                self._tell(link, now)
+                self._announce(link, now)
         if self.database.sequence != self._sequence:
             robots = {each.header.robot_id for each in self.database.since(self._sequence)}
             self._sequence = self.database.sequence
@@ -303,9 +303,9 @@ class Gossip:
         for packet in link.server.transmit(now):
             self._link_table.count(link.peer.name, bytes_out=len(packet))
             self._context.actions.append(ReplyDatagram(link.peer.name, packet))
-        self._tell(link, now)
+        self._announce(link, now)
 
-    def _tell(self, link: PeerLink, now: Instant) -> None:
+    def _announce(self, link: PeerLink, now: Instant) -> None:
         """Tell what has come of a peer's syncs."""
         peer = link.peer
         for reason in peer.refusals:
@@ -315,28 +315,28 @@ class Gossip:
             link.differs = peer.config_mismatch
             self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
         for event in peer.events:
-            self.tell(event)
+            self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.asked(peer.name, now.timer_s, well=link.server.is_well(now))
+                self._trigger.peer_pulled(peer.name, now.timer_s, well=link.server.is_well(now))
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
-                self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
+                self._announce_own(self._publisher.recovered(topic, now.unix_s), now)
         peer.events.clear()
 
-    def _tell_own(self, record: Record | None, now: Instant) -> None:
+    def _announce_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
         if record and known:
             name, topic = self.me.name, known[1].name
             size = len(record.body)
-            self.tell(MessageStored(name, now.unix_s, name, topic, record.header, size))
+            self.announce(MessageStored(name, now.unix_s, name, topic, record.header, size))
 
-    def _tell_contacts(self, now: Instant) -> None:
-        for event in self._trigger.news():
-            self.tell(replace(event, at_s=now.unix_s))
+    def _announce_contacts(self, now: Instant) -> None:
+        for event in self._trigger.take_events():
+            self.announce(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
                 link.puller.unfollow()
-                self._tell(link, now)
+                self._announce(link, now)
 
     def _link(self, peer: str) -> PeerLink:
         """What belongs to a peer of whom something comes. Raises UnknownRobotError."""

@@ -116,7 +116,7 @@ class Node(Startable):
         with self._lock:
             early, self._early = self._early, None
             for event in early or ():
-                self._gossip.tell(event)
+                self._gossip.announce(event)
 
     @property
     def robot(self) -> Robot:
@@ -148,7 +148,7 @@ class Node(Startable):
         self._transport = transport
         if self._radio and not self._closed:
             try:
-                self._radio.start(self._heard)
+                self._radio.start(self._signal_received)
             except BaseException:
                 self.close()
                 raise
@@ -322,9 +322,9 @@ class Node(Startable):
         self._wake()
         return started
 
-    def _heard(self, peer: str, reading: Reading | float | None) -> None:
+    def _signal_received(self, peer: str, reading: Reading | float | None) -> None:
         with self._lock:
-            self._gossip.heard(peer, reading, self._now())
+            self._gossip.signal_received(peer, reading, self._now())
         self._wake()
 
     def _fault(self, fault: StorageError | None) -> None:
@@ -335,7 +335,7 @@ class Node(Startable):
             if self._early is not None:
                 self._early.append(event)
                 return
-            self._gossip.tell(event)
+            self._gossip.announce(event)
         self._wake()
 
     def _now(self) -> Instant:

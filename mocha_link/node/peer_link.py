@@ -51,7 +51,7 @@ class PeerLinks:
         self.by_peer: dict[str, PeerLink] = {}
         self.touched: set[str] = set()
         self._followed = context.followed  # robots that push to us
-        self._seen_followed: set[int] = set()  # of these, when it was looked last which peers push
+        self._last_followed: set[int] = set()  # of these, when it was looked last which peers push
         self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
         team = context.team
         verifier = Verifier(team)
@@ -85,17 +85,19 @@ class PeerLinks:
 
     def stored(self, robot_ids: AbstractSet[int]) -> None:
         """Messages of robots were stored: that comes of the peers that are to hear of it."""
-        self.touched.update(p for p, link in self.by_peer.items() if link.server.heeds(robot_ids))
+        self.touched.update(
+            p for p, link in self.by_peer.items() if link.server.wants_push(robot_ids)
+        )
 
     def push_otherwise(self) -> bool:
         """Look anew which peers push; whether one of them does now, or does not any more.
 
         What comes unasked from a peer depends on the others that we follow, too.
         """
-        looked = self.touched if self._followed == self._seen_followed else self.by_peer.keys()
-        self._seen_followed = set(self._followed)
+        candidates = self.touched if self._followed == self._last_followed else self.by_peer.keys()
+        self._last_followed = set(self._followed)
         changed = False
-        for link in map(self.by_peer.__getitem__, looked):
+        for link in map(self.by_peer.__getitem__, candidates):
             pushes = link.puller.has_all
             changed |= pushes != link.pushes
             link.pushes = pushes

@@ -15,7 +15,7 @@ from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import kernel
 from mocha_link.node.curve import CurveServer
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.router import Callers, Router
+from mocha_link.node.router import ClientConnections, Router
 from mocha_link.node.zmtp import Part
 from mocha_link.sync import Route
 from mocha_link.team import PublicKey, Robot, SecretKey
@@ -30,11 +30,15 @@ LOG = logging.getLogger("mocha_link")
 class Port:
     """A ROUTER, which a REQ or DEALER takes for a REP, and a datagram socket beside it.
 
-    `caller` is where the peer's datagrams come from. Raises PortInUseError or ListenError.
+    `datagram_address` is the source address of the peer's datagrams.
+
+    Raises:
+        PortInUseError: another process or node has the port.
+        ListenError: the robot's `listen` is not an address of this machine.
 
     Args:
         poller: Waits for its connections, too.
-        callers: Shared by the ports of a node.
+        clients: Shared by the ports of a node.
         secret: Of `me`; None: no key is asked for.
         key: Of the peer, which alone opens a port with a secret.
     """
@@ -45,7 +49,7 @@ class Port:
     def __init__(  # noqa: PLR0913 - what it stands between
         self,
         poller: Poller,
-        callers: Callers,
+        clients: ClientConnections,
         me: Robot,
         peer: str,
         *,
@@ -53,13 +57,13 @@ class Port:
         key: PublicKey | None = None,
     ) -> None:
         self.peer = peer
-        self.caller: tuple[str, int] | None = None
+        self.datagram_address: tuple[str, int] | None = None
         number = me.port_for(peer)
         mechanism = None
         if secret and key:
             mechanism = partial(CurveServer, secret.curve, key.curve)
         self._router = Router(
-            _listener(me, peer, number), poller, callers, MAX_REQUEST_BYTES, mechanism
+            _listener(me, peer, number), poller, clients, MAX_REQUEST_BYTES, mechanism
         )
         self._datagrams: socket.socket | None = None  # None: the port is taken, all goes by ZeroMQ
         try:
@@ -73,9 +77,9 @@ class Port:
             poller.register(self._datagrams.fileno(), zmq.POLLIN, self)
         self._router.watch(self)
 
-    def look(self, now_s: float) -> list[str]:
+    def expire(self, now_s: float) -> list[str]:
         """Who was sent away since the last call, and why; call it now and then."""
-        return self._router.look(now_s)
+        return self._router.expire(now_s)
 
     def requests(self, ready: Container[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
         """Those whose turn it is: on which connection each came, and its body parts.
@@ -115,9 +119,9 @@ class Port:
 
     def send_datagram(self, packet: bytes) -> None:
         """Send a datagram to where the peer's come from."""
-        if self._datagrams and self.caller:
+        if self._datagrams and self.datagram_address:
             with contextlib.suppress(OSError):
-                self._datagrams.sendto(packet, self.caller)
+                self._datagrams.sendto(packet, self.datagram_address)
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""

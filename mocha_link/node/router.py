@@ -47,7 +47,7 @@ _MAX_REQUESTS = 1024  # in what is read at once; our pulls have up to 256 under 
 _MAX_PIECES = 64  # in a system call
 
 
-class Caller:
+class ClientConnection:
     """A connection to a router: what it asks, and what it has not taken yet."""
 
     def __init__(
@@ -107,10 +107,10 @@ class Caller:
             self._broken = not isinstance(error, ConnectionResetError)
             data = b""
         self.ended = not data
-        answer = self._session.receive(data)
-        if answer:
-            self._put(answer)
-            self._owed += len(answer)
+        reply = self._session.receive(data)
+        if reply:
+            self._put(reply)
+            self._owed += len(reply)
         self.requests.extend(self._session.messages())
         return bool(data)
 
@@ -124,7 +124,7 @@ class Caller:
         for piece in self._session.encoded(parts):
             self._put(piece)
 
-    def say(self, last: bytes) -> None:
+    def send_last(self, last: bytes) -> None:
         """Send the last thing before it is closed, if it is taken at once."""
         if last and not self._out:
             self._put(last)
@@ -158,7 +158,7 @@ class Caller:
         return self.waiting_bytes < before
 
 
-def _least_needed(callers: Collection[Caller]) -> Caller:
+def _least_needed(clients: Collection[ClientConnection]) -> ClientConnection:
     """Which of too many connections to close.
 
     Those that have shown a key are the last to go. Of the others, half of the places are for
@@ -166,15 +166,15 @@ def _least_needed(callers: Collection[Caller]) -> Caller:
     its handshake is lost with its connection. Otherwise the one goes for which nothing has moved
     for the longest time.
     """
-    unknown = [each for each in callers if not each.known] or list(callers)
+    unknown = [each for each in clients if not each.known] or list(clients)
     greeting = [each for each in unknown if not each.ready]
-    if 2 * len(greeting) <= len(callers):
+    if 2 * len(greeting) <= len(clients):
         greeting = []
     talking = [each for each in unknown if each.ready]
     return min(greeting or talking or unknown, key=lambda each: each.moved)
 
 
-class Callers:
+class ClientConnections:
     """The connections to all routers of a node: how many there may be, and what they hold.
 
     Those that have shown a key are the last to go.
@@ -184,22 +184,22 @@ class Callers:
     """
 
     def __init__(self, most_bytes: int | None = None) -> None:
-        self.routers: dict[Caller, Router] = {}
+        self.routers: dict[ClientConnection, Router] = {}
         self._most_bytes = most_bytes
         self._moves = itertools.count(1)
 
-    def moved(self, caller: Caller) -> None:
+    def moved(self, client: ClientConnection) -> None:
         """It has taken or brought something."""
-        caller.moved = next(self._moves)
-        caller.moved_s = time.monotonic()
+        client.moved = next(self._moves)
+        client.moved_s = time.monotonic()
 
     @property
     def _most(self) -> int:
         return MAX_WAITING_BYTES if self._most_bytes is None else self._most_bytes
 
-    def kept(self, caller: Caller) -> None:
+    def check_limits(self, client: ClientConnection) -> None:
         """Something is kept for it: relieve where it is more than its share of the most."""
-        if caller.holds_bytes * len(self.routers) > self._most:
+        if client.holds_bytes * len(self.routers) > self._most:
             self.relieve()
 
     def relieve(self) -> None:
@@ -209,23 +209,23 @@ class Callers:
         """
         most = self._most
         while len(self.routers) > MAX_ALL_CONNECTIONS:
-            self._send_away(_least_needed(self.routers))
+            self._disconnect(_least_needed(self.routers))
         while sum(each.holds_bytes for each in self.routers) > most:
-            self._send_away(max(self.routers, key=lambda each: (each.holds_bytes, -each.moved)))
+            self._disconnect(max(self.routers, key=lambda each: (each.holds_bytes, -each.moved)))
 
-    def _send_away(self, caller: Caller) -> None:
-        self.routers[caller].send_away(caller, "connected too often or did not take its replies")
+    def _disconnect(self, client: ClientConnection) -> None:
+        self.routers[client].disconnect(client, "connected too often or did not take its replies")
 
 
 class Router:
     """The connections to a listening socket, which it closes.
 
-    Call `watch` once, then `requests` when something is ready, and `look` now and then.
+    Call `watch` once, then `requests` when something is ready, and `expire` now and then.
 
     Args:
         listener: Where they connect; it does not block.
         poller: Waits for its connections, too.
-        callers: Shared by the routers of a node.
+        clients: Shared by the routers of a node.
         max_bytes: Of a request, all its parts together.
         mechanism: Of a new connection; None: no key is asked for.
         burst: Requests of one connection in a row.
@@ -235,7 +235,7 @@ class Router:
         self,
         listener: socket.socket,
         poller: Poller,
-        callers: Callers,
+        clients: ClientConnections,
         max_bytes: int,
         mechanism: Callable[[], Mechanism] | None = None,
         *,
@@ -243,16 +243,16 @@ class Router:
     ) -> None:
         self._listener = listener
         self._poller = poller
-        self._callers = callers
+        self._clients = clients
         self._max_bytes = max_bytes
         self._mechanism = mechanism or (lambda: Null(b"ROUTER"))
         self._protected = mechanism is not None
         self._burst = burst
         self._owner: Hashable = self  # in the poller
-        self._inside: dict[bytes, Caller] = {}  # by name
+        self._inside: dict[bytes, ClientConnection] = {}  # by name
         self._names = itertools.count(1)
         self._refusals: list[str] = []
-        self._served: Caller | None = None  # flushed when its requests are through
+        self._served: ClientConnection | None = None  # flushed when its requests are through
 
     def watch(self, owner: Hashable) -> None:
         """Have the poller wait, and name the owner for what is ready."""
@@ -260,8 +260,8 @@ class Router:
         self._poller.register(self._listener.fileno(), zmq.POLLIN, owner)
 
     @staticmethod
-    def _has_turn(caller: Caller, ready: Container[Polled]) -> bool:
-        return caller.number in ready or bool(caller.requests and not caller.is_late)
+    def _has_turn(client: ClientConnection, ready: Container[Polled]) -> bool:
+        return client.number in ready or bool(client.requests and not client.is_late)
 
     def requests(self, ready: Container[Polled]) -> Iterator[tuple[bytes, list[Part]]]:
         """Those whose turn it is: on which connection each came, and its parts.
@@ -271,33 +271,33 @@ class Router:
         """
         if self._listener.fileno() in ready:
             self._accept()
-        for caller in [each for each in self._inside.values() if self._has_turn(each, ready)]:
-            if caller.name in self._inside:  # none before it has sent it away
-                self._flush(caller)
-                self._served = caller
+        for client in [each for each in self._inside.values() if self._has_turn(each, ready)]:
+            if client.name in self._inside:  # none before it has sent it away
+                self._flush(client)
+                self._served = client
                 try:
-                    yield from self._requests_of(caller, ready)
+                    yield from self._requests_of(client, ready)
                 finally:
                     self._served = None
-                    self._settle(caller)
+                    self._settle(client)
 
     def _requests_of(
-        self, caller: Caller, ready: Container[Polled]
+        self, client: ClientConnection, ready: Container[Polled]
     ) -> Iterator[tuple[bytes, list[Part]]]:
-        if caller.number in ready and not caller.requests and not caller.is_late:
+        if client.number in ready and not client.requests and not client.is_late:
             try:
-                if caller.read():
-                    self._callers.moved(caller)
+                if client.read():
+                    self._clients.moved(client)
             except ZmtpError as error:
-                caller.say(error.answer)
-                self.send_away(caller, self._why(error))
+                client.send_last(error.reply)
+                self.disconnect(client, self._why(error))
                 return
         for _ in range(self._burst):
-            if caller.is_late:
-                self._flush(caller)
-            if caller.is_late or not caller.requests:
+            if client.is_late:
+                self._flush(client)
+            if client.is_late or not client.requests:
                 break
-            yield caller.name, caller.requests.popleft()
+            yield client.name, client.requests.popleft()
 
     def _why(self, error: ZmtpError) -> str:
         if isinstance(error, WrongKeyError):
@@ -321,88 +321,88 @@ class Router:
             kernel.tune(connection, DEAD_PEER_S)
             name = b"\0" + next(self._names).to_bytes(8, "big")
             session = ZmtpSession(self._max_bytes, _MAX_REQUESTS, self._mechanism())
-            caller = Caller(connection, name, time.monotonic(), session)
-            self._inside[name] = caller
-            self._callers.routers[caller] = self
-            self._callers.moved(caller)
-            self._settle(caller)
+            client = ClientConnection(connection, name, time.monotonic(), session)
+            self._inside[name] = client
+            self._clients.routers[client] = self
+            self._clients.moved(client)
+            self._settle(client)
             if len(self._inside) > MAX_CONNECTIONS:
                 self._drop_oldest()
-        self._callers.relieve()
+        self._clients.relieve()
 
     def _drop_oldest(self) -> None:
         if self._inside:
-            self.send_away(_least_needed(self._inside.values()), "connected too often")
+            self.disconnect(_least_needed(self._inside.values()), "connected too often")
 
-    def _flush(self, caller: Caller) -> None:
-        if caller.flush():
-            self._callers.moved(caller)
-        self._callers.kept(caller)
+    def _flush(self, client: ClientConnection) -> None:
+        if client.flush():
+            self._clients.moved(client)
+        self._clients.check_limits(client)
 
-    def _settle(self, caller: Caller) -> None:
+    def _settle(self, client: ClientConnection) -> None:
         """Send what waits, and have the poller wait for what is to come."""
-        self._flush(caller)
-        if caller.name not in self._inside:
+        self._flush(client)
+        if client.name not in self._inside:
             return
-        if caller.ended and not caller.requests:
-            if self._protected and caller.left_early:
+        if client.ended and not client.requests:
+            if self._protected and client.left_early:
                 why = "left before it had shown a key, as one without a key does"
-                self.send_away(caller, why)
-            self._drop(caller)
+                self.disconnect(client, why)
+            self._drop(client)
             return
-        wanted = 0 if caller.requests or caller.is_late or caller.ended else zmq.POLLIN
-        wanted |= zmq.POLLOUT if caller.waiting_bytes else 0
-        if wanted != caller.watched:
-            caller.watched = wanted
-            self._poller.register(caller.number, wanted, self._owner)
+        wanted = 0 if client.requests or client.is_late or client.ended else zmq.POLLIN
+        wanted |= zmq.POLLOUT if client.waiting_bytes else 0
+        if wanted != client.watched:
+            client.watched = wanted
+            self._poller.register(client.number, wanted, self._owner)
 
-    def send_away(self, caller: Caller, why: str) -> None:
+    def disconnect(self, client: ClientConnection, why: str) -> None:
         """Close a connection that does what no node does."""
         self._refusals.append(f"a client {why}")
-        self._drop(caller)
+        self._drop(client)
 
-    def _drop(self, caller: Caller) -> None:
-        if self._inside.pop(caller.name, None):
-            del self._callers.routers[caller]
-            caller.requests.clear()
+    def _drop(self, client: ClientConnection) -> None:
+        if self._inside.pop(client.name, None):
+            del self._clients.routers[client]
+            client.requests.clear()
             with contextlib.suppress(KeyError):
-                self._poller.unregister(caller.number)
-            caller.connection.close()
+                self._poller.unregister(client.number)
+            client.connection.close()
 
     @property
     def wait_ms(self) -> int:
         """How long nothing is to be done here if nothing comes."""
         return 0 if any(self._has_turn(each, ()) for each in self._inside.values()) else IDLE_MS
 
-    def look(self, now_s: float) -> list[str]:
+    def expire(self, now_s: float) -> list[str]:
         """Who was sent away since the last call; call it now and then."""
         self._poller.register(self._listener.fileno(), zmq.POLLIN, self._owner)
         most_s = KEY_S if self._protected else HANDSHAKE_S
-        for caller in list(self._inside.values()):
-            if not caller.ready and now_s - caller.began_s > most_s:
-                self._drop(caller)
+        for client in list(self._inside.values()):
+            if not client.ready and now_s - client.began_s > most_s:
+                self._drop(client)
         refusals, self._refusals = self._refusals, []
         return refusals
 
     def drop_stopped(self, now_s: float, after_s: float) -> None:
         """Close connections that have taken nothing for so long of what waits for them."""
-        for caller in list(self._inside.values()):
-            if caller.waiting_bytes and now_s - caller.moved_s > after_s:
-                self._drop(caller)
+        for client in list(self._inside.values()):
+            if client.waiting_bytes and now_s - client.moved_s > after_s:
+                self._drop(client)
 
     def reply(self, name: bytes, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
         """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
-        caller = self._inside.get(name)
-        if caller:
-            caller.reply(envelope, frames)
-            if caller is not self._served:
-                self._settle(caller)
+        client = self._inside.get(name)
+        if client:
+            client.reply(envelope, frames)
+            if client is not self._served:
+                self._settle(client)
 
     def push(self, name: bytes, parts: Sequence[Part]) -> None:
         """Have a frame of a sync sent with the next `flush`."""
-        caller = self._inside.get(name)
-        if caller:
-            caller.push(parts)
+        client = self._inside.get(name)
+        if client:
+            client.push(parts)
 
     def stands(self, name: bytes) -> bool:
         """Whether a connection is still there."""
@@ -410,13 +410,13 @@ class Router:
 
     def flush(self, name: bytes) -> bool:
         """Try to send what waits for a connection; whether it takes more."""
-        caller = self._inside.get(name)
-        if caller and caller.waiting_bytes:
-            self._settle(caller)
-        return caller is None or not caller.waiting_bytes
+        client = self._inside.get(name)
+        if client and client.waiting_bytes:
+            self._settle(client)
+        return client is None or not client.waiting_bytes
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""
-        for caller in list(self._inside.values()):
-            self._drop(caller)
+        for client in list(self._inside.values()):
+            self._drop(client)
         self._listener.close()

@@ -19,7 +19,7 @@ from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.port import Port, provide_descriptors
-from mocha_link.node.router import BURST, IDLE_MS, Callers
+from mocha_link.node.router import BURST, IDLE_MS, ClientConnections
 from mocha_link.sync import (
     Action,
     Connect,
@@ -34,7 +34,7 @@ from mocha_link.sync import (
 from mocha_link.team import PublicKey, Seal, SecretKey, Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
-LOOK_S = 1.0  # who was sent away
+EXPIRE_S = 1.0  # who was sent away
 YIELD_S = 0.0  # a thread that waits for the lock would not get it from one that takes it at once
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
@@ -76,7 +76,7 @@ class Transport:
         self._poller = Poller()
         self._ports: dict[str, Port] = {}  # by peer
         self._unfinished: set[str] = set()  # peers at whose port there is more to do
-        self._callers = Callers()  # of all ports
+        self._clients = ClientConnections()  # of all ports
         self._seals: dict[str, Seal] = {}  # by peer
         self._dialer = Dialer(
             team,
@@ -89,7 +89,7 @@ class Transport:
             lost=self._lose,
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
-        self._looked_s = 0.0  # steady clock
+        self._expired_s = 0.0  # steady clock
         # Of what comes from one peer nothing may end what is done for the others.
         self._guard = Guard(f"{self._me.name}: an error in the node")
         self._stopping = False  # set by `close`
@@ -119,7 +119,7 @@ class Transport:
 
     def _new_port(self, peer: str) -> Port:
         key = self._keys.get(peer)
-        return Port(self._poller, self._callers, self._me, peer, secret=self._secret, key=key)
+        return Port(self._poller, self._clients, self._me, peer, secret=self._secret, key=key)
 
     def _provide_descriptors(self) -> None:
         """Without enough of them no peer that comes could be let in."""
@@ -168,9 +168,9 @@ class Transport:
         if self._woken.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
-        asked = {each.peer for each in ready.values() if isinstance(each, Port)}
-        asked |= self._unfinished
-        for peer in asked:
+        active = {each.peer for each in ready.values() if isinstance(each, Port)}
+        active |= self._unfinished
+        for peer in active:
             with self._guard:
                 self._serve(self._ports[peer], ready)
         for peer, packet in self._dialer.packets(ready):
@@ -178,16 +178,16 @@ class Transport:
                 self._gossip.packet_back(peer, packet, self._now())
             self._act()
         now = self._now()
-        if now.steady_s - self._looked_s > LOOK_S:
-            self._looked_s = now.steady_s
-            self._look(now)
+        if now.steady_s - self._expired_s > EXPIRE_S:
+            self._expired_s = now.steady_s
+            self._expire_clients(now)
         for peer, connection in self._dialer.ready(ready, now.steady_s):
             with self._guard:
                 self._attend(connection, peer, now)
         with self._lock:
-            asked |= self._gossip.tick(now, self._guard)
+            active |= self._gossip.tick(now, self._guard)
         self._act()
-        waits_ms = {peer: self._supply(self._ports[peer]) for peer in asked & self._ports.keys()}
+        waits_ms = {peer: self._supply(self._ports[peer]) for peer in active & self._ports.keys()}
         self._unfinished = {peer for peer, wait_ms in waits_ms.items() if wait_ms < IDLE_MS}
         self._act()
         return min(min(waits_ms.values(), default=IDLE_MS), self._wait_ms())
@@ -221,12 +221,12 @@ class Transport:
                 continue
             with self._guard, self._lock:
                 if self._gossip.packet_in(port.peer, opened, self._now()):
-                    port.caller = source
+                    port.datagram_address = source
             self._act()
 
-    def _look(self, now: Instant) -> None:
+    def _expire_clients(self, now: Instant) -> None:
         for port in self._ports.values():
-            for why in port.look(now.steady_s):
+            for why in port.expire(now.steady_s):
                 with self._lock:
                     self._gossip.refused(port.peer, why)
 

@@ -60,12 +60,12 @@ class ZmtpError(MochaLinkError):
     """What came is not the other end of a ZeroMQ connection that we can use.
 
     Attributes:
-        answer: What the other end is to get before it is closed.
+        reply: What the other end is to get before it is closed.
     """
 
-    def __init__(self, message: str, *, answer: bytes = b"") -> None:
+    def __init__(self, message: str, *, reply: bytes = b"") -> None:
         super().__init__(message)
-        self.answer = answer and _frame(COMMAND, answer)
+        self.reply = reply and _frame(COMMAND, reply)
 
 
 class NoEncryptionError(ZmtpError):
@@ -255,7 +255,7 @@ class ZmtpSession:
 
         Raises ZmtpError; the connection is of no use then.
         """
-        answer = bytearray()
+        reply = bytearray()
         view = memoryview(data)
         self.received += len(data)
         while self._large and view:
@@ -263,9 +263,9 @@ class ZmtpSession:
             count = min(len(room), len(view))
             room[:count] = view[:count]
             view = view[count:]
-            self._filled(count, answer)
+            self._filled(count, reply)
         if not view:
-            return bytes(answer)
+            return bytes(reply)
         self._buffer += view
         position = 0 if self._greeted else self._greet()
         while self._greeted:
@@ -291,10 +291,10 @@ class ZmtpSession:
                 self._large = _Large(flags, length, memoryview(self._buffer)[position:])
                 position = size
                 break
-            self._take(flags, bytes(self._buffer[position : position + length]), answer)
+            self._take(flags, bytes(self._buffer[position : position + length]), reply)
             position += length
         del self._buffer[:position]
-        return bytes(answer)
+        return bytes(reply)
 
     def _most(self) -> int:
         if not self.ready and self._mechanism.overhead:
@@ -310,10 +310,10 @@ class ZmtpSession:
 
     def filled(self, count: int) -> bytes:
         """Take in what was received in `room`; as `receive`."""
-        answer = bytearray()
+        reply = bytearray()
         self.received += count
-        self._filled(count, answer)
-        return bytes(answer)
+        self._filled(count, reply)
+        return bytes(reply)
 
     def replies(self) -> Iterator[list[Part]]:
         """The replies since the last call: the body parts of each (a good one has one)."""
@@ -348,24 +348,24 @@ class ZmtpSession:
         self._greeted = True
         return GREETING_BYTES
 
-    def _filled(self, count: int, answer: bytearray) -> None:
+    def _filled(self, count: int, reply: bytearray) -> None:
         large = self._large
         if large and large.add(count):
             self._large = None
-            self._take(large.flags, large.body, answer)
+            self._take(large.flags, large.body, reply)
 
-    def _take(self, flags: int, body: Part, answer: bytearray) -> None:
+    def _take(self, flags: int, body: Part, reply: bytearray) -> None:
         if not self.ready:
             if not flags & COMMAND:
                 raise ZmtpError("a message before the handshake is through")
             command, self.ready = self._mechanism.handshake(bytes(body))
-            answer += b"" if command is None else _frame(COMMAND, command)
+            reply += b"" if command is None else _frame(COMMAND, command)
             return
         opened = self._mechanism.open(body)
         if opened is not None:
             flags, body = opened
         if flags & COMMAND:
-            answer += self._obey(bytes(body))
+            reply += self._obey(bytes(body))
             return
         self._parts.append(body)
         self._parts_bytes += len(body)

@@ -5,7 +5,7 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "endpoint": ("EndpointKeyError", "folder", "named"),
+        "endpoint": ("EndpointKeyError", "folder", "ipc_endpoint"),
         "listener": ("Listener",),
         "prometheus": ("PrometheusServer",),
         "requests": ("Request",),

@@ -3,7 +3,7 @@
 from mocha_link.service import requests as requests
 from mocha_link.service.endpoint import EndpointKeyError as EndpointKeyError
 from mocha_link.service.endpoint import folder as folder
-from mocha_link.service.endpoint import named as named
+from mocha_link.service.endpoint import ipc_endpoint as ipc_endpoint
 from mocha_link.service.listener import Listener as Listener
 from mocha_link.service.prometheus import PrometheusServer as PrometheusServer
 from mocha_link.service.requests import Request as Request

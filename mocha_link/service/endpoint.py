@@ -57,7 +57,7 @@ def folder() -> Path:
     return found
 
 
-def named(name: str) -> str:
+def ipc_endpoint(name: str) -> str:
     """The ``ipc`` endpoint of a name, in this user's folder.
 
     Raises:
@@ -72,7 +72,7 @@ def key_file(endpoint: str) -> Path:
     return folder() / f"{address.replace('/', '_')}.key"
 
 
-def kept_key(endpoint: str) -> tuple[bytes, bytes] | None:
+def load_key(endpoint: str) -> tuple[bytes, bytes] | None:
     """The public and the secret key of a TCP endpoint; None if no program has served there."""
     with contextlib.suppress(OSError, ValueError):
         public, secret = key_file(endpoint).read_bytes().split()
@@ -81,7 +81,7 @@ def kept_key(endpoint: str) -> tuple[bytes, bytes] | None:
     return None
 
 
-def keep_key(endpoint: str, key: tuple[bytes, bytes]) -> None:
+def save_key(endpoint: str, key: tuple[bytes, bytes]) -> None:
     """Write the key of a TCP endpoint down, for this user's programs.
 
     Raises:
@@ -105,7 +105,7 @@ def connect(client: zmq.Socket[Any], endpoint: str) -> bool:
     """
     try:
         if endpoint.startswith(TCP):
-            key = kept_key(endpoint)
+            key = load_key(endpoint)
             if key is None:
                 _check(endpoint)
                 return False

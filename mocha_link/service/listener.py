@@ -24,11 +24,20 @@ from zmq.utils import z85
 
 from mocha_link.errors import ListenError, MissingExtraError, PortInUseError
 from mocha_link.loopback import is_loopback
-from mocha_link.node import Callers, CurveServer, Mechanism, Null, Part, Poller, Router, kernel
-from mocha_link.service.endpoint import IPC, TCP, EndpointKeyError, keep_key, kept_key
+from mocha_link.node import (
+    ClientConnections,
+    CurveServer,
+    Mechanism,
+    Null,
+    Part,
+    Poller,
+    Router,
+    kernel,
+)
+from mocha_link.service.endpoint import IPC, TCP, EndpointKeyError, load_key, save_key
 from mocha_link.team import available
 
-LOOK_S = 1.0
+EXPIRE_S = 1.0
 """So often connections are closed that have shown no key in time, or have stopped."""
 
 _BACKLOG = 16
@@ -72,10 +81,10 @@ class Listener:
         listener, mechanism = self._bound(endpoint, f"{what} on {endpoint}", kind)
         self._poller = Poller()
         self._router = Router(
-            listener, self._poller, Callers(most_bytes), max_bytes, mechanism, burst=burst
+            listener, self._poller, ClientConnections(most_bytes), max_bytes, mechanism, burst=burst
         )
         self._router.watch("clients")
-        self._looked_s = time.monotonic()
+        self._expired_s = time.monotonic()
 
     def fileno(self) -> int:
         """Readable when something is to be done."""
@@ -92,9 +101,9 @@ class Listener:
         Answer before you fetch the next.
         """
         now_s = time.monotonic()
-        if now_s - self._looked_s > LOOK_S:
-            self._looked_s = now_s
-            self._router.look(now_s)
+        if now_s - self._expired_s > EXPIRE_S:
+            self._expired_s = now_s
+            self._router.expire(now_s)
         for name, parts in self._router.requests(self._poller.poll(0)):
             start = 1 if len(parts) > 1 and not parts[0] else 0
             envelope = [name, *map(bytes, parts[:start])]
@@ -158,12 +167,12 @@ class Listener:
             )
         if not available():
             raise MissingExtraError(f"{endpoint}, which encrypts,", "PyNaCl", "keys")
-        key = kept_key(endpoint) or zmq.curve_keypair()  # the last one: its clients find back
+        key = load_key(endpoint) or zmq.curve_keypair()  # the last one: its clients find back
         host = _HOST if host == "localhost" else host
         listener = kernel.listener(host, 0 if number == "*" else int(number))
         try:
             self.endpoint = f"{TCP}{host}:{listener.getsockname()[1]}"
-            keep_key(self.endpoint, key)
+            save_key(self.endpoint, key)
         except BaseException:
             listener.close()
             raise

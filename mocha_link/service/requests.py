@@ -32,7 +32,7 @@ class Request(BaseModel, extra="forbid", strict=True):
     ) = None
 
 
-class Answer(NamedTuple):
+class Response(NamedTuple):
     """The fields of an answer to a request that was done, and the data behind them."""
 
     fields: Mapping[str, Any]  # JSON
@@ -49,7 +49,7 @@ class Verb(NamedTuple):
     """
 
     model: type[Request]
-    run: Callable[[Any, Sequence[bytes]], Answer | None]
+    run: Callable[[Any, Sequence[bytes]], Response | None]
     frames: int = 0
 
 
@@ -83,7 +83,7 @@ def check(
     return verb, request
 
 
-def reply(number: object, answer: Answer) -> Frames:
+def reply(number: object, answer: Response) -> Frames:
     """The frames that answer a request which was done; `number` is its id."""
     return [_json({"ok": True, "id": number, **answer.fields}), *answer.data]
 

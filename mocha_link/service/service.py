@@ -26,7 +26,7 @@ from mocha_link.node import IDLE_MS, Node, NodeClosedError
 from mocha_link.ros import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.listener import Listener
-from mocha_link.service.requests import Answer, Frames, Request, Verb
+from mocha_link.service.requests import Frames, Request, Response, Verb
 from mocha_link.service.server import EndpointServer, snapshot
 from mocha_link.service.service_client import TEXT
 from mocha_link.store import MAX_BYTES, Message
@@ -97,7 +97,7 @@ class Service:
         self._typed = Typed(node.team)
         self._types = self._typed.types
         self._waiting: list[_Waiting] = []  # for messages
-        self._done: OrderedDict[str, Answer] = OrderedDict()  # by key, oldest first
+        self._done: OrderedDict[str, Response] = OrderedDict()  # by key, oldest first
         self._boot_id = secrets.token_hex(4)  # after a crash the last numbers may be given again
         self.verbs = {  # what answers each
             "publish": Verb(_Publish, self._publish, frames=1),
@@ -115,9 +115,9 @@ class Service:
             values = requests.parse(frames, MAX_HEADER_BYTES)
             number = values.get("id")
             verb, request = requests.check(values, frames[1:], self.verbs)
-            answer = verb.run(request, frames[1:])
-            if answer is not None:
-                send(requests.reply(number, answer))
+            reply = verb.run(request, frames[1:])
+            if reply is not None:
+                send(requests.reply(number, reply))
             elif isinstance(request, _Since):
                 self._wait(_Waiting(request, now_s + request.wait_s, send))
         except Exception as error:  # noqa: BLE001 - see there
@@ -130,11 +130,11 @@ class Service:
             if ending or now_s >= one.until_s:
                 one.request.wait_s = 0.0
             try:
-                answer = self._since(one.request)
-                if answer is None:
+                reply = self._since(one.request)
+                if reply is None:
                     self._waiting.append(one)
                 else:
-                    one.send(requests.reply(one.request.id, answer))
+                    one.send(requests.reply(one.request.id, reply))
             except Exception as error:  # noqa: BLE001 - see there
                 _refuse(one.request.id, one.send, error)
 
@@ -149,17 +149,17 @@ class Service:
         """When the next of those who wait has waited long enough."""
         return min((one.until_s for one in self._waiting), default=None)
 
-    def _latest(self, request: _Latest, _data: Sequence[bytes]) -> Answer:
+    def _latest(self, request: _Latest, _data: Sequence[bytes]) -> Response:
         found = self._node.latest(request.robot, request.topic)
         fields, frames = self._shown([found] if found else [], request)
-        return Answer({"message": fields[0] if fields else None}, frames)
+        return Response({"message": fields[0] if fields else None}, frames)
 
-    def _list(self, request: _List, _data: Sequence[bytes]) -> Answer:
+    def _list(self, request: _List, _data: Sequence[bytes]) -> Response:
         messages = self._node.messages()
         wanted = [m for m in messages if request.robot in (None, m.robot)]
-        return Answer({"messages": [self.fields(message) for message in wanted]})
+        return Response({"messages": [self.fields(message) for message in wanted]})
 
-    def _publish(self, request: _Publish, data: Sequence[bytes]) -> Answer:
+    def _publish(self, request: _Publish, data: Sequence[bytes]) -> Response:
         if request.key is not None and request.key in self._done:
             return self._done[request.key]
         topic = self._node.team.topic(self._node.name, request.topic)
@@ -174,14 +174,14 @@ class Service:
             own_ros = self._node.robot.ros
             body = self._types.converted(topic.type, data[0], request.ros, own_ros)
         header = self._node.publish(request.topic, body, now=request.now)
-        answer = Answer({"header": str(header)})
+        reply = Response({"header": str(header)})
         if request.key is not None:
-            self._done[request.key] = answer
+            self._done[request.key] = reply
             if len(self._done) > KEPT_KEYS:
                 self._done.popitem(last=False)
-        return answer
+        return reply
 
-    def _since(self, request: _Since, _data: Sequence[bytes] = ()) -> Answer | None:
+    def _since(self, request: _Since, _data: Sequence[bytes] = ()) -> Response | None:
         """What is new; None to wait for something. The request moves on behind what it skips."""
         epoch = f"{self._node.epoch:016x}-{self._boot_id}"
         if request.epoch != epoch:
@@ -205,7 +205,7 @@ class Service:
         fields, frames = self._shown([message for _, message in numbered], request)
         for about, (number, _) in zip(fields, numbered, strict=True):
             about["sequence"] = number
-        return Answer({"epoch": epoch, "sequence": request.sequence, "messages": fields}, frames)
+        return Response({"epoch": epoch, "sequence": request.sequence, "messages": fields}, frames)
 
     def _shown(
         self, messages: Sequence[Message], request: _Read
@@ -253,7 +253,7 @@ class Service:
             about["parts"] = [len(part) for part in message.parts]
         return about
 
-    def _team(self, _request: Request, _data: Sequence[bytes]) -> Answer:
+    def _team(self, _request: Request, _data: Sequence[bytes]) -> Response:
         team = self._node.team
         robots = {
             robot.name: {
@@ -273,10 +273,10 @@ class Service:
             "has_ros": self._types.has_ros,
             "definitions": dict(team.definitions),
         }
-        return Answer(fields)
+        return Response(fields)
 
-    def _links(self, _request: Request, _data: Sequence[bytes]) -> Answer:
-        return Answer(snapshot(self._node))
+    def _links(self, _request: Request, _data: Sequence[bytes]) -> Response:
+        return Response(snapshot(self._node))
 
 
 def _refuse(number: object, send: Send, error: Exception) -> None:
@@ -331,8 +331,8 @@ class ServiceServer(EndpointServer):
     def _turn(self, listener: Listener) -> None:
         for envelope, body in listener.requests():
 
-            def send(answer: Frames, envelope: list[bytes] = envelope) -> None:
-                listener.send(envelope, answer)
+            def send(reply: Frames, envelope: list[bytes] = envelope) -> None:
+                listener.send(envelope, reply)
 
             self._service.request(body[:MAX_FRAMES], send, time.monotonic())
         self._service.tick(time.monotonic())

@@ -24,8 +24,8 @@ MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their t
 TEXT = "std_msgs/String"
 """The type of ROS in which bridges carry JSON."""
 
-LOOK_S = 0.05
-"""So often it is looked whether the program that is to answer has begun."""
+RECONNECT_S = 0.05
+"""Interval between attempts to connect to a server that has not started yet."""
 
 
 class ServiceError(RequestError):
@@ -81,7 +81,7 @@ class _Connection(Closeable):
             left_s = until_s - time.monotonic()
             if self._socket is not None or left_s <= 0:
                 break
-            time.sleep(min(LOOK_S, left_s))
+            time.sleep(min(RECONNECT_S, left_s))
         return self._socket
 
     def _hang_up(self) -> None:
@@ -103,9 +103,9 @@ class EndpointClient(_Connection):
         Whatever `unreachable` makes: the endpoint is none.
     """
 
-    whom: ClassVar[str]
+    server_kind: ClassVar[str]
     """Who answers, as in "is no node"."""
-    option: ClassVar[str]
+    server_option: ClassVar[str]
     """With which option that program answers."""
     refused: ClassVar[type[Any]]
     """What is raised when a request is refused; its `again`: it may be taken later."""
@@ -115,20 +115,20 @@ class EndpointClient(_Connection):
         self._number = 0  # of the latest request
         super().__init__(endpoint)
 
-    def ask(
+    def call(
         self, request: dict[str, Any], data: bytes | None = None, *, wait_s: float = 0.0
     ) -> tuple[dict[str, Any], list[bytes]]:
         """Send a request without what is None in it; returns its answer, and the data behind it."""
         self._number += 1
-        asked = {key: value for key, value in request.items() if value is not None}
-        asked["id"] = self._number
-        frames = [json.dumps(asked).encode()] + ([] if data is None else [data])
+        sent = {key: value for key, value in request.items() if value is not None}
+        sent["id"] = self._number
+        frames = [json.dumps(sent).encode()] + ([] if data is None else [data])
         until_s = time.monotonic() + self._timeout_s + wait_s
         socket = self._connected(until_s)
         if socket is None:
             raise self.unreachable(
-                f"no key of {self.endpoint} in {folder()}; is a {self.whom} running "
-                f"there with {self.option} {self.endpoint}, started by you?"
+                f"no key of {self.endpoint} in {folder()}; is a {self.server_kind} running "
+                f"there with {self.server_option} {self.endpoint}, started by you?"
             )
         try:
             socket.send_multipart(frames, zmq.NOBLOCK)
@@ -136,8 +136,8 @@ class EndpointClient(_Connection):
                 left_ms = int((until_s - time.monotonic()) * 1000)
                 if left_ms <= 0 or not socket.poll(left_ms):
                     break
-                answer, *parts = socket.recv_multipart()
-                values = json.loads(answer)
+                head, *parts = socket.recv_multipart()
+                values = json.loads(head)
                 if values.get("id") not in (self._number, None):
                     continue  # to a request that we gave up
                 if values["ok"]:
@@ -146,17 +146,19 @@ class EndpointClient(_Connection):
         except zmq.ZMQError:
             pass  # its queue is full: it has not been there for long
         except (ValueError, LookupError, AttributeError, TypeError, RecursionError):
-            raise self.another() from None
+            raise self.wrong_server() from None
         self._hang_up()
         raise self.unreachable(
-            f"no answer from {self.endpoint} within {self._timeout_s:g} s; is a {self.whom} "
-            f"running there with {self.option} {self.endpoint}?"
+            f"no answer from {self.endpoint} within {self._timeout_s:g} s; is a {self.server_kind} "
+            f"running there with {self.server_option} {self.endpoint}?"
         )
 
-    def another(self) -> Exception:
-        """Another program answers: hang up, and raise this."""
+    def wrong_server(self) -> Exception:
+        """Disconnect and return the error to raise: another program serves the endpoint."""
         self._hang_up()
-        error: Exception = self.unreachable(f"what answers at {self.endpoint} is no {self.whom}")
+        error: Exception = self.unreachable(
+            f"the program at {self.endpoint} is not a {self.server_kind}"
+        )
         return error
 
     def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
@@ -174,7 +176,7 @@ class ServiceClient(EndpointClient):
         ServiceUnreachableError: the endpoint is none.
     """
 
-    whom, option = "node", "--serve"
+    server_kind, server_option = "node", "--serve"
     refused, unreachable = ServiceError, ServiceUnreachableError
 
     def publish(
@@ -234,7 +236,7 @@ class ServiceClient(EndpointClient):
             messages = list(zip(fields["messages"], parts))  # noqa: B905 - Python 3.8
             return (fields["epoch"], fields["sequence"]), messages
         except (LookupError, TypeError):
-            raise self.another() from None
+            raise self.wrong_server() from None
 
     def team(self) -> dict[str, Any]:
         """Which robot this is, and what there is in the team: robots, topics, types."""
@@ -255,7 +257,7 @@ class ServiceClient(EndpointClient):
         """
         wait = fields.get("wait_s")
         wait_s = wait if isinstance(wait, (int, float)) else 0.0
-        return self.ask({"request": name, **fields}, data, wait_s=wait_s)
+        return self.call({"request": name, **fields}, data, wait_s=wait_s)
 
 
 def split(about: dict[str, Any], data: bytes) -> list[bytes]:
@@ -291,12 +293,12 @@ class Subscription(_Connection):
         try:
             kind, fields = frames[0].decode(), json.loads(frames[1])
         except (ValueError, IndexError, RecursionError):
-            raise self.strange() from None
+            raise self.malformed() from None
         if not isinstance(fields, dict):
-            raise self.strange()
+            raise self.malformed()
         return kind, fields
 
-    def strange(self) -> MetricsError:
+    def malformed(self) -> MetricsError:
         """The error for what is not a node's metrics."""
         return MetricsError(f"what {self.endpoint} sends is not a node's metrics")
 
@@ -322,6 +324,6 @@ def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[
             comes is not a node's metrics.
     """
     with Subscription(endpoint) as subscription:
-        while news := subscription.next(timeout_s):
-            yield news
+        while received := subscription.next(timeout_s):
+            yield received
         raise subscription.silent(timeout_s)

@@ -130,11 +130,11 @@ class _Bringer(NamedTuple):
 
     peer: str
     began_s: float
-    heard_s: float
+    received_s: float
 
     def is_at_it(self, now_s: float) -> bool:
         """Whether it is to be left to it."""
-        return now_s - self.heard_s < STALL_S and now_s - self.began_s < SLOW_S
+        return now_s - self.received_s < STALL_S and now_s - self.began_s < SLOW_S
 
 
 class ReassemblyBuffer:

@@ -11,7 +11,7 @@ from mocha_link.sync.protocol import NEAR_S
 from mocha_link.sync.sync_sender import SyncSender
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
-MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
+MAX_UNACKNOWLEDGED = 3  # after so many flows in a row without an acknowledgement
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
 
 
@@ -31,7 +31,7 @@ class Flows:
     def __init__(self, peer: Peer) -> None:
         self.current: Flow | None = None
         self._peer = peer
-        self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
+        self._unacknowledged = 0  # flows in a row of which the peer has acknowledged nothing
         self._deaf_until_s = 0.0  # datagrams open nothing before that steady time
         self._rate_bytes_s: float | None = None  # of the last flow, for the next
         self._rtt_s: float | None = None  # likewise
@@ -51,7 +51,7 @@ class Flows:
         """Put it in the place of the current one."""
         self.close()
         self.current = flow
-        if self._unheard >= MOST_UNHEARD:
+        if self._unacknowledged >= MAX_UNACKNOWLEDGED:
             # An attacker may be opening in the name of the peer, which drowns in what we send it.
             self._deaf_until_s = now.steady_s + DEAF_S
 
@@ -63,7 +63,7 @@ class Flows:
         """End the current one, and keep what it showed of the way to the peer."""
         flow, self.current = self.current, None
         if flow:
-            self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
+            self._unacknowledged = self._unacknowledged + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
             self._peer.renew_token()
             self._rtt_s = flow.rtt_s

@@ -13,10 +13,10 @@ from mocha_link.sync.frames import header_of, record_id
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.sync_messages import (
     MAX_FRAGMENTS,
-    Answer,
     Digest,
     FragmentRequest,
     Have,
+    HeldGroups,
     Since,
 )
 
@@ -30,12 +30,12 @@ class Holdings:
     """The messages that the node holds, whole or in part, as one peer is told of them.
 
     Attributes:
-        told_sequence: the database's number when the peer was told last.
+        announced_sequence: the database's number when the peer was told last.
         left: messages that the peer was told to leave to another one, which is bringing them.
     """
 
     def __init__(self, peer: Peer) -> None:
-        self.told_sequence = 0
+        self.announced_sequence = 0
         self.left: set[int] = set()
         self._peer = peer
         self._database = peer.node.database
@@ -44,7 +44,7 @@ class Holdings:
     def knowledge(self, now: Instant) -> Since | Have | Digest:
         """What the peer need not send, if it remembers what it offered; otherwise see `all`."""
         owed = self._share(now)
-        self.told_sequence = self._database.sequence  # first: others store meanwhile
+        self.announced_sequence = self._database.sequence  # first: others store meanwhile
         known = self._database.knowledge(self._peer.name)
         if known is None or owed:
             return self.all()
@@ -59,10 +59,10 @@ class Holdings:
     def _share(self, now: Instant) -> bool:
         """Ask for what no other peer brings; whether the peer takes any of that for ours."""
         peer, reassembly = self._peer, self._reassembly
-        for message_id in peer.news | peer.left:
+        for message_id in peer.announced | peer.left:
             if self.wants(message_id, now.unix_s):
                 reassembly.comes_from(message_id, peer.name, now.steady_s)
-        peer.news.clear()
+        peer.announced.clear()
         is_full = len(peer.left) >= _MAX_LEFT
         self.left = set() if is_full else reassembly.elsewhere(peer.name, now.steady_s)
         owed = any(self.wants(each, now.unix_s) for each in peer.left - self.left)
@@ -71,19 +71,19 @@ class Holdings:
 
     def all(self) -> Have | Digest:
         """What the peer need not send, whatever it remembers."""
-        self.told_sequence = self._database.sequence
+        self.announced_sequence = self._database.sequence
         kept = self._database.kept()
         if len(kept) <= MAX_LISTED:
             return Have([*map(record_id, kept), *self.left])
         return Digest(self._database.digests())
 
-    def untold_since(self, given: Container[int]) -> int:
+    def unannounced_since(self, given: Container[int]) -> int:
         """The database's number after which there is something that the peer was not told of.
 
         `given` are the ids of the messages that it gave us itself. Without this a message that we
         wrote during a pull would come back, once the peer had it from another node.
         """
-        for number, record in self._database.numbered_since(self.told_sequence):
+        for number, record in self._database.numbered_since(self.announced_sequence):
             if record_id(record) not in given:
                 return number - 1
         return self._database.sequence
@@ -98,7 +98,7 @@ class Holdings:
         peer.left.add(message_id)
         return True
 
-    def answer(self, robot_id: int, digests: tuple[int, ...]) -> Answer:
+    def differing_groups(self, robot_id: int, digests: tuple[int, ...]) -> HeldGroups:
         """What there is of the groups of a robot's topics of which the peer has other digests."""
         groups = 0
         message_ids = []
@@ -108,7 +108,7 @@ class Holdings:
                 message_ids += [record_id(r) for r in self._database.headers_in(robot_id, group)]
                 here = robot_id, group  # of 16: the lower half of topic ids
                 message_ids += [m for m in self.left if (m >> 56, m >> 48 & 15) == here]
-        return Answer(robot_id, groups, message_ids)
+        return HeldGroups(robot_id, groups, message_ids)
 
     def requests(self, now_s: float) -> list[FragmentRequest]:
         """What is missing of the messages that have come in part; lets go those not wanted now."""

@@ -71,7 +71,7 @@ class ClientSession:
         self._peer = peer
         self._database = peer.node.database
         self._budget = budget
-        self._asked: dict[bytes, tuple[bytes, Header | None, float]] = {}  # code, header, when
+        self._pending: dict[bytes, tuple[bytes, Header | None, float]] = {}  # code, header, when
         self._wanted: deque[Header] = deque()  # headers to ask for yet
         self._window = MIN_WINDOW  # most requests under way
         self._size = float(_GUESS_BYTES)  # of a reply, smoothed, in bytes
@@ -87,13 +87,13 @@ class ClientSession:
         """Take in the body parts of a reply (a good one has one part); what to ask next."""
         frame: Frame = parts[0] if len(parts) == 1 else b""
         self.bytes_in += sum(map(len, parts))
-        asked = self._asked.pop(bytes(frame[:ID_BYTES]), None)
-        if asked is None or self.over:
+        pending = self._pending.pop(bytes(frame[:ID_BYTES]), None)
+        if pending is None or self.over:
             self._peer.refusals.append("a reply to nothing that was asked")
             if not self.over:  # the connection is ours alone, so the peer is no node
                 self.break_off("the peer answered what was not asked")
             return []
-        code, header, asked_s = asked
+        code, header, sent_s = pending
         self.progress(now)
         body = frame[ID_BYTES:]
         if code == GHEAD:
@@ -106,7 +106,7 @@ class ClientSession:
             self._peer.cut.pop(header.key, None)
             self._store(header, body, now)
         else:
-            self.rtt_s = now.steady_s - asked_s
+            self.rtt_s = now.steady_s - sent_s
             if body != ACK:
                 self._peer.refusals.append("a reply to DENDT that is no acknowledgement")
             self.over = True
@@ -123,7 +123,7 @@ class ClientSession:
         timeout_s = self._peer.node.timeout_s
         if not self.reached:
             return f"no connection within {timeout_s:g} s"
-        codes = ", ".join(sorted({code.decode() for code, _, _ in self._asked.values()}))
+        codes = ", ".join(sorted({code.decode() for code, _, _ in self._pending.values()}))
         return f"no byte for {timeout_s:g} s, waiting for the reply to {codes}"
 
     def break_off(self, failure: str | None = None) -> None:
@@ -132,7 +132,7 @@ class ClientSession:
         self.failure = failure
         self._wanted.clear()
         self._learn_rate()
-        cut = next((header for _, header, _ in self._asked.values() if header), None)
+        cut = next((header for _, header, _ in self._pending.values() if header), None)
         if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
             self._peer.cut[cut.key] = self._peer.cut.get(cut.key, 0) + 1
 
@@ -148,10 +148,10 @@ class ClientSession:
     def _request(self, now: Instant, code: bytes, header: Header | None = None) -> bytes:
         node = self._peer.node
         request_id = node.new_id()
-        while request_id in self._asked:
+        while request_id in self._pending:
             request_id = node.new_id()
         argument = header.pack() if header else node.name.encode() if code == DENDT else b""
-        self._asked[request_id] = (code, header, now.steady_s)
+        self._pending[request_id] = (code, header, now.steady_s)
         return request_id + code + argument
 
     def _list(self, body: bytes, now: Instant) -> None:
@@ -210,11 +210,11 @@ class ClientSession:
             self._wanted.clear()
             self.cut_short = True
         requests = []
-        while self._wanted and len(self._asked) < self._window:
+        while self._wanted and len(self._pending) < self._window:
             header = self._wanted.popleft()
             if self._database.wants(header, now.unix_s):  # another peer may have brought it
                 requests.append(self._request(now, GDATA, header))
-        return requests if self._asked else [self._request(now, DENDT)]
+        return requests if self._pending else [self._request(now, DENDT)]
 
 
 def _check_time(header: Header, stamp_ms: int, now_s: float) -> None:
@@ -244,7 +244,7 @@ class ServerSession:
         self._peer = peer
         self._database = peer.node.database
         self._pull: _Served | None = None  # None: none since the last DENDT
-        self._heard_s = 0.0  # steady clock
+        self._received_s = 0.0  # steady clock
         # What was offered stays available, though newer messages replace it, until well after the
         # peer has asked for another list.
         self._offered: Mapping[bytes, Kept] = {}
@@ -253,9 +253,9 @@ class ServerSession:
         self._late: set[bytes] = set()  # topics that come last: first bytes of their headers
         self._under_way = b""  # topic of the large answer that is not known to have arrived
 
-    def answer(self, parts: Sequence[bytes], now: Instant) -> bytes:
+    def handle(self, parts: Sequence[bytes], now: Instant) -> bytes:
         """The reply to the body parts of a request (a good one has one part)."""
-        self._heard_s = now.steady_s
+        self._received_s = now.steady_s
         frame = parts[0] if parts else b""
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         argument = frame[ID_BYTES + CODE_BYTES :]
@@ -266,7 +266,7 @@ class ServerSession:
         elif code == GHEAD:
             self._give_up(now, "the peer began anew")
             self._pull = _Served(now.steady_s)
-            self._peer.tell_start(Direction.OUT, now)
+            self._peer.report_start(Direction.OUT, now)
             body = self._list(now)
         elif code == GDATA:
             body = self._data(argument, now)
@@ -279,7 +279,7 @@ class ServerSession:
 
     def tick(self, now: Instant) -> None:
         """What the peer's silence ends."""
-        silence_s = now.steady_s - self._heard_s
+        silence_s = now.steady_s - self._received_s
         if silence_s <= PATIENCE_S:
             return
         if silence_s > FORGET_S and self._offered:  # a peer that is gone must not keep it all
@@ -290,8 +290,8 @@ class ServerSession:
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: the time brings nothing."""
         if self._pull and not self._pull.given_up:
-            return self._heard_s + PATIENCE_S
-        return self._heard_s + FORGET_S if self._offered else None
+            return self._received_s + PATIENCE_S
+        return self._received_s + FORGET_S if self._offered else None
 
     def _note_arrival(self, code: bytes) -> None:
         """Another request: the large answer that was under way has arrived, or was let go of."""
@@ -304,7 +304,7 @@ class ServerSession:
     def _end(self, now: Instant) -> None:
         pull, self._pull = self._pull, None
         if pull:
-            self._peer.tell_end(
+            self._peer.report_end(
                 Direction.OUT,
                 now,
                 began_s=pull.since_s,
@@ -316,7 +316,7 @@ class ServerSession:
         """Count the pull as broken off; on a slow link its DENDT may still come."""
         if self._pull and not self._pull.given_up:
             self._pull.given_up = True
-            self._peer.tell_timeout(Direction.OUT, reason, now)
+            self._peer.report_timeout(Direction.OUT, reason, now)
 
     def _list(self, now: Instant) -> bytes:
         self._offered_before, self._offered = self._offered, self._database.snapshot()

@@ -72,7 +72,7 @@ class Peer:
         rate_bytes_s: of the last pull that moved enough; None: not known.
         udp_misses: pulls in a row on which datagrams brought nothing.
         cut: by topic key, how often a message of the topic was cut, one time after the other.
-        news: messages that it has stored, as it says, and that we lack, by message id.
+        announced: messages that it has stored, as it says, and that we lack, by message id.
         left: messages that it was told to leave to another peer, as far as they have not come.
     """
 
@@ -102,7 +102,7 @@ class Peer:
         self.rate_bytes_s: float | None = None
         self.udp_misses = 0
         self.cut: dict[int, int] = {}
-        self.news: set[int] = set()
+        self.announced: set[int] = set()
         self.left: set[int] = set()
         self._verify = verify
         self._histories = node.team.histories  # versions that are kept, by topic key
@@ -138,11 +138,11 @@ class Peer:
 
     # --- what its syncs tell
 
-    def tell_start(self, direction: Direction, now: Instant) -> None:
+    def report_start(self, direction: Direction, now: Instant) -> None:
         """A sync begins."""
         self.events.append(SyncStarted(self.name, now.unix_s, direction))
 
-    def tell_end(  # noqa: PLR0913 - what there is to say of it
+    def report_end(  # noqa: PLR0913 - what there is to say of it
         self,
         direction: Direction,
         now: Instant,
@@ -158,7 +158,7 @@ class Peer:
             SyncEnded(self.name, now.unix_s, direction, messages, size, taken_s, complete)
         )
 
-    def tell_timeout(self, direction: Direction, reason: str, now: Instant) -> None:
+    def report_timeout(self, direction: Direction, reason: str, now: Instant) -> None:
         """A sync has broken off, or was turned away."""
         self.events.append(SyncTimedOut(self.name, now.unix_s, direction, reason))
 
@@ -187,7 +187,7 @@ class Peer:
         """Give it another one next time; so a copy of what it said is of use for a while only."""
         self._address_tokens.append(secrets.randbits(64) or 1)
 
-    def admits(self, address_token: int) -> bool:
+    def verify_token(self, address_token: int) -> bool:
         """Whether it is one that we have given to the peer of late."""
         return address_token in self._address_tokens
 

@@ -30,7 +30,9 @@ from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
 
-LOOK_S = 0.025  # a connection that stands within this time tells that an unknown peer is near
+NEAR_CONNECT_S = (
+    0.025  # a connection that stands within this time tells that an unknown peer is near
+)
 PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
 MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
@@ -78,7 +80,7 @@ class Pull:
         """Begin on a fresh connection or the one that stands; `again`: that is no news."""
         self._began_s = self.alive_s = now.steady_s
         if not again:
-            self._peer.tell_start(Direction.IN, now)
+            self._peer.report_start(Direction.IN, now)
         headers_request = self._session.start(now)
         if self.path == "original":
             self._peer.send(headers_request)
@@ -97,7 +99,7 @@ class Pull:
                 # The peer sends little more than it got before it knows that it is us.
                 self._outbox.append(bytes(MESSAGE_ROOM - size))
             known = self._peer.rtt_s is not None
-            wait_s = PATIENCE_S if self._peer.is_near else 0.0 if known else LOOK_S
+            wait_s = PATIENCE_S if self._peer.is_near else 0.0 if known else NEAR_CONNECT_S
             self._datagrams_at_s = now.steady_s + wait_s
             self.transmit(now)
 
@@ -166,14 +168,14 @@ class Pull:
     def tick(self, now: Instant) -> None:
         """What the time alone brings: datagrams that are due, and the end of patience."""
         timeout_s = self._peer.node.timeout_s
-        heard_s = max(self._last_s, self._began_s)
+        received_s = max(self._last_s, self._began_s)
         if self.over:
             self.transmit(now)
         elif now.steady_s - self.alive_s > timeout_s:
             midway = self.path not in ("original", None)
             silent = f"no byte for {timeout_s:g} s in the middle of a sync"
             self.fail(silent if midway else self._session.why_silent(), now)
-        elif self._relies_on_datagrams and now.steady_s - heard_s > IDLE * timeout_s:
+        elif self._relies_on_datagrams and now.steady_s - received_s > IDLE * timeout_s:
             self._peer.udp_misses += 1
             self.fail("only small datagrams of the peer get here", now)
         else:
@@ -193,7 +195,7 @@ class Pull:
         """Break off for a reason that is known outside, e.g. a closed connection."""
         if not self.over:
             self.abandon()
-            self._peer.tell_timeout(Direction.IN, reason, now)
+            self._peer.report_timeout(Direction.IN, reason, now)
 
     def abandon(self) -> None:
         """Break off, and say nothing of it."""
@@ -204,8 +206,8 @@ class Pull:
 
     def disconnected(self, reason: str, now: Instant) -> None:
         """The connection broke; that does not matter while datagrams get through."""
-        heard = self.flow is not None and self.flow.alive_s is not None
-        if self.path != "udp" and not (self.path is None and heard):
+        datagram_received = self.flow is not None and self.flow.alive_s is not None
+        if self.path != "udp" and not (self.path is None and datagram_received):
             self.fail(reason, now)
 
     @property
@@ -214,9 +216,9 @@ class Pull:
         return self._receiver.follows and not self.broken
 
     @property
-    def has_news(self) -> bool:
+    def pull_needed(self) -> bool:
         """Whether the peer has stored since what only the next pull brings."""
-        return self._receiver.has_news
+        return self._receiver.pull_needed
 
     @property
     def goes_on(self) -> bool:
@@ -289,9 +291,9 @@ class Pull:
         if session.over and not self.over:
             self.over, self.broken = True, session.failure is not None
             if session.failure is not None:
-                self._peer.tell_timeout(Direction.IN, session.failure, now)
+                self._peer.report_timeout(Direction.IN, session.failure, now)
                 return
-            self._peer.tell_end(
+            self._peer.report_end(
                 Direction.IN,
                 now,
                 began_s=self._began_s,
@@ -312,7 +314,7 @@ class Pull:
         elif receiver.over and not self.over:
             self.over = True
             self._learn()
-            self._peer.tell_end(
+            self._peer.report_end(
                 Direction.IN,
                 now,
                 began_s=self._began_s,

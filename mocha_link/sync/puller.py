@@ -32,17 +32,17 @@ class Puller:
     Attributes:
         pull: the one under way, if any.
         followed: the one that is over, and on which the peer pushes.
-        told: the robots that we followed when the peer heard of it last, by id.
+        followed_sent: the robots that we followed when the peer heard of it last, by id.
     """
 
     def __init__(self, peer: Peer, link_table: LinkTable) -> None:
         self.pull: Pull | None = None
         self.followed: Pull | None = None
-        self.told: frozenset[int] = frozenset()
+        self.followed_sent: frozenset[int] = frozenset()
         self._peer = peer
         self._link_table = link_table  # learns what a pull has measured
         self._spent_bytes = 0  # of the contact's budget
-        self._ending: tuple[Flow, float] | None = None  # says END until that steady time
+        self._lingering: tuple[Flow, float] | None = None  # says END until that steady time
 
     def sync(self, now: Instant) -> bool:
         """Begin a pull; False if one is under way, or the contact's budget is used up."""
@@ -58,8 +58,8 @@ class Puller:
     def has_all(self) -> bool:
         """Whether all that the peer stores comes by itself, from it or from who made it."""
         followed, peer = self.followed, self._peer
-        lacking = peer.left or not followed or followed.has_news
-        return not lacking and self.told <= peer.node.followed
+        lacking = peer.left or not followed or followed.pull_needed
+        return not lacking and self.followed_sent <= peer.node.followed
 
     def renew_budget(self) -> None:
         """A contact begins, or what counts as one."""
@@ -85,8 +85,8 @@ class Puller:
             self._peer.bytes_in += len(packet)
             pull.packet(packet, now)
             self._finish(pull, now)
-        elif self._ending:
-            flow, _ = self._ending
+        elif self._lingering:
+            flow, _ = self._lingering
             flow.receive(packet, now.steady_s)
             self._transmit(flow, now)
 
@@ -135,11 +135,11 @@ class Puller:
                 followed.tick(now)
             if now.steady_s - followed.alive_s > FOLLOW_S:
                 self.unfollow()
-        if self._ending:
-            flow, until_s = self._ending
+        if self._lingering:
+            flow, until_s = self._lingering
             self._transmit(flow, now)
             if flow.settled or now.steady_s > until_s:
-                self._ending = None
+                self._lingering = None
 
     def unfollow(self) -> None:
         """Take in nothing more of what the peer pushes, if it does."""
@@ -154,8 +154,8 @@ class Puller:
         times = [pull.wake_s for pull in (self.pull, self.followed) if pull]
         if self.followed:
             times.append(self.followed.alive_s + FOLLOW_S)
-        if self._ending:
-            flow, until_s = self._ending
+        if self._lingering:
+            flow, until_s = self._lingering
             times += [flow.wake_s, until_s]
         return min((each for each in times if each is not None), default=None)
 
@@ -196,7 +196,7 @@ class Puller:
             self._peer.node.actions.append(Disconnect(self._peer.name, void))
         if pull.flow and by_datagrams and not pull.follows:
             self._transmit(pull.flow, now)
-            self._ending = (pull.flow, now.steady_s + LINGER_S)
+            self._lingering = (pull.flow, now.steady_s + LINGER_S)
 
     def _follow(self, pull: Pull | None) -> None:
         """Take in what the peer pushes after a pull; None: nothing any more."""
@@ -206,7 +206,7 @@ class Puller:
         self.followed = pull
         if pull:
             node.followed.add(robot_id)
-            self.told = frozenset(node.followed)
+            self.followed_sent = frozenset(node.followed)
         else:
             node.followed.discard(robot_id)
 

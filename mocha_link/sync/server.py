@@ -35,7 +35,7 @@ from mocha_link.sync.sync_sender import SyncSender
 
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
 REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
-UNHEARD_S = 0.1  # so long an acknowledgement may be late
+LATE_ACK_S = 0.1  # so long an acknowledgement may be late
 PADDING = b"\0"  # what a frame without meaning begins with
 
 _HELLO_ROOM = 64
@@ -60,15 +60,15 @@ class Server:
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._standing = False  # the sync began on the connection of the one before, which followed
 
-    def answer(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
+    def handle(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
         frame = parts[0] if len(parts) == 1 else b""
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         if code in (SYNC1, SYNCF, SYNCC):
-            return self._answer_sync(route, frame, now)
+            return self._handle_sync(route, frame, now)
         if code == GHEAD and (request_id, route) in self._opened:
             return None  # the fallback for original nodes
-        return self._session.answer(parts, now)
+        return self._session.handle(parts, now)
 
     def packet(self, packet: bytes, now: Instant) -> bool:
         """Take in a datagram; says whether the peer is where it came from: it is no copy."""
@@ -82,9 +82,9 @@ class Server:
         for frame in flow.receive(packet, now.steady_s):
             if self._sync and self._sync.id == flow.token:
                 self._sync.take(frame)
-                self._look(now)
+                self._check_sync(now)
         if self._sync and flow.refused == refused:
-            self._sync.heard_s = now.steady_s
+            self._sync.received_s = now.steady_s
             self._use_datagrams(self._sync)
         return flow.arrived > arrived
 
@@ -104,27 +104,27 @@ class Server:
         sync, flow = self._sync, self._flows.current
         times = [self._session.wake_s, flow.wake_s if flow else None]
         if sync:
-            times += [sync.heard_s + _patience_s(sync), self._doubt_s(sync)]
+            times += [sync.received_s + _patience_s(sync), self._unreachable_s(sync)]
         elif flow:
             times.append(self._ended_s + LINGER_S)
         return min((each for each in times if each is not None), default=None)
 
-    def invite(self) -> None:
+    def request_pull(self) -> None:
         """Have a peer that follows pull again."""
         if self._sync and self._sync.ended:
-            self._sync.invite()
+            self._sync.request_pull()
 
     def is_well(self, now: Instant) -> bool:
         """Whether the peer that pulls has not been away, and has nothing that we lack."""
-        named = self._sync.named if self._sync and self._standing else None
-        if named is None or len(named) > MAX_NEWS:
+        acknowledged = self._sync.acknowledged if self._sync and self._standing else None
+        if acknowledged is None or len(acknowledged) > MAX_NEWS:
             return False
         wants = self._peer.node.database.wants
-        return not any(wants(header_of(m), now.unix_s, m & STAMP_MASK) for m in named)
+        return not any(wants(header_of(m), now.unix_s, m & STAMP_MASK) for m in acknowledged)
 
-    def heeds(self, robot_ids: AbstractSet[int]) -> bool:
+    def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether the peer is to hear of new messages of these robots."""
-        return self._sync is not None and self._sync.heeds(robot_ids)
+        return self._sync is not None and self._sync.wants_push(robot_ids)
 
     def route(self, stands: Callable[[Route], bool]) -> Route | None:
         """The connection of the sync, if it has one that `stands`.
@@ -136,7 +136,7 @@ class Server:
         if sync and sync.route and not stands(sync.route):
             sync.route = None
             if sync.follows and not sync.by_datagram:
-                self._let_go(sync)
+                self._release(sync)
         return sync.route if sync else None
 
     def supply(self) -> tuple[Route, list[Frame]] | None:
@@ -185,13 +185,13 @@ class Server:
             self._flows.close()
         if sync is None:
             return
-        doubt_s = self._doubt_s(sync)
-        if self._flows.current and doubt_s is not None and now.steady_s > doubt_s:
+        unreachable_s = self._unreachable_s(sync)
+        if self._flows.current and unreachable_s is not None and now.steady_s > unreachable_s:
             sync.leave_datagrams(self._flows.current.reclaim())
-        if now.steady_s - sync.heard_s > _patience_s(sync):
+        if now.steady_s - sync.received_s > _patience_s(sync):
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
-    def _doubt_s(self, sync: SyncSender) -> float | None:
+    def _unreachable_s(self, sync: SyncSender) -> float | None:
         """When it is clear that our datagrams do not get back to the peer: the connection serves.
 
         Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
@@ -200,9 +200,9 @@ class Server:
         flow = self._flows.current
         if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
             return None
-        return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + UNHEARD_S
+        return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + LATE_ACK_S
 
-    def _answer_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
+    def _handle_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         argument = frame[ID_BYTES + CODE_BYTES :]
         sync = self._sync
@@ -227,7 +227,7 @@ class Server:
         if code == SYNC1 and sync.sent and sync.route != route and self._flows.current is None:
             # Its first connection broke, with all that was sent and granted on it.
             sync = self._sync = SyncSender(self._peer, request_id, sync.began_s)
-        sync.heard_s = now.steady_s
+        sync.received_s = now.steady_s
         if sync.route is None or code == SYNC1:
             sync.carry_on(route, now)
             self._opened.append((request_id, route))
@@ -238,7 +238,7 @@ class Server:
             sync.grant(argument)
         elif not sync.take(argument):
             return request_id + SERRM
-        self._look(now)
+        self._check_sync(now)
         return self._rejection(request_id)
 
     def _rejection(self, request_id: bytes) -> bytes | None:
@@ -253,8 +253,8 @@ class Server:
             return False
         before = self._sync
         if before and before.id == token:
-            return self._packet_beside_connection(before, packet, now)
-        if before and not before.ended and now.steady_s - before.heard_s < REPLACED_S:
+            return self._packet_for_connection(before, packet, now)
+        if before and not before.ended and now.steady_s - before.received_s < REPLACED_S:
             return False  # a copy of an old opening must not end what goes well
         sync = SyncSender(self._peer, token, now.steady_s)
         flow = self._flows.make(sync)
@@ -271,7 +271,7 @@ class Server:
         self._flows.begin(flow, now)
         return True
 
-    def _packet_beside_connection(self, sync: SyncSender, packet: bytes, now: Instant) -> bool:
+    def _packet_for_connection(self, sync: SyncSender, packet: bytes, now: Instant) -> bool:
         """The connection was first, so it serves until a probe has come back as a datagram."""
         flow = self._flows.make(sync)
         flow.receive(packet, now.steady_s)
@@ -286,18 +286,18 @@ class Server:
         if self._sync:
             self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
-        self._peer.tell_start(Direction.OUT, now)
-        self._look(now)
+        self._peer.report_start(Direction.OUT, now)
+        self._check_sync(now)
 
-    def _look(self, now: Instant) -> None:
+    def _check_sync(self, now: Instant) -> None:
         """End the pull when the peer says that it is over, or may not have anything."""
         sync = self._sync
         if sync and (sync.over or sync.follows) and not sync.ended:
             self._end(sync, now)
         elif sync and sync.rejection is not None:
-            self._turn_away(sync, sync.rejection, now)
+            self._reject(sync, sync.rejection, now)
 
-    def _turn_away(self, sync: SyncSender, why: Reception, now: Instant) -> None:
+    def _reject(self, sync: SyncSender, why: Reception, now: Instant) -> None:
         """A flow stays until it has said so."""
         self._sync = None
         self._past.append(sync.id)
@@ -308,7 +308,7 @@ class Server:
             reason = (
                 f"{self._peer.name} speaks another version of the sync; install the same release"
             )
-        self._peer.tell_timeout(Direction.OUT, reason, now)
+        self._peer.report_timeout(Direction.OUT, reason, now)
 
     def _end(self, sync: SyncSender, now: Instant) -> None:
         sync.ended = True
@@ -318,7 +318,7 @@ class Server:
             self._sync = None
             self._past.append(sync.id)
             self._ended_s = now.steady_s
-        self._peer.tell_end(
+        self._peer.report_end(
             Direction.OUT,
             now,
             began_s=sync.began_s,
@@ -334,11 +334,11 @@ class Server:
         if settled and not sync.ended:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
-        self._let_go(sync)
+        self._release(sync)
         if not sync.ended:  # otherwise it has ended well, and was told
-            self._peer.tell_timeout(Direction.OUT, reason, now)
+            self._peer.report_timeout(Direction.OUT, reason, now)
 
-    def _let_go(self, sync: SyncSender) -> None:
+    def _release(self, sync: SyncSender) -> None:
         self._sync = None
         self._past.append(sync.id)
         self._flows.close()

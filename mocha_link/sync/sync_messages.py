@@ -224,7 +224,7 @@ def decode_groups(content: bytes) -> dict[int, tuple[int, ...]]:
     return {each[0]: each[1:] for each in _GROUPS.iter_unpack(content)}
 
 
-class Answer(NamedTuple):
+class HeldGroups(NamedTuple):
     """All that the asking side holds in some groups (a bit each) of a robot's topics."""
 
     robot_id: int
@@ -232,11 +232,11 @@ class Answer(NamedTuple):
     message_ids: Sequence[int]
 
 
-def encode_answers(answers: Iterable[Answer]) -> bytes:
+def encode_answers(held_groups: Iterable[HeldGroups]) -> bytes:
     """The content of an ANSWER. What does not fit in a message is left out, and may come twice."""
     parts = []
     room = MAX_SYNC_MESSAGE_BYTES - (1 << 8) * _ANSWER.size
-    for robot_id, groups, message_ids in answers:
+    for robot_id, groups, message_ids in held_groups:
         listed = message_ids[: min(room // _TOPIC_STAMP.size, MAX_LISTED)]
         room -= len(listed) * _TOPIC_STAMP.size
         parts.append(_ANSWER.pack(robot_id, groups, len(listed)))
@@ -244,20 +244,20 @@ def encode_answers(answers: Iterable[Answer]) -> bytes:
     return b"".join(parts)
 
 
-def decode_answers(content: bytes) -> list[Answer]:
+def decode_answers(content: bytes) -> list[HeldGroups]:
     """The reverse of `encode_answers`. Raises SyncFrameError."""
     reader = _Reader(content)
-    answers: list[Answer] = []
+    held_groups: list[HeldGroups] = []
     while not reader.at_end:
-        if len(answers) == MAX_ROBOTS:
+        if len(held_groups) == MAX_ROBOTS:
             raise SyncFrameError("more answers than there can be robots")
         robot_id, groups, count = reader.read(_ANSWER)
         table = reader.table(_TOPIC_STAMP, count)
         message_ids = [
             message_id_of(robot_id, topic, upper << 32 | lower) for topic, upper, lower in table
         ]
-        answers.append(Answer(robot_id, groups, message_ids))
-    return answers
+        held_groups.append(HeldGroups(robot_id, groups, message_ids))
+    return held_groups
 
 
 def encode_skip(message_id: int) -> bytes:

@@ -109,7 +109,7 @@ class SyncReceiver:
         over: all is said.
         follows: all is said, and more may come.
         complete: everything that the peer had has come in.
-        has_news: what the peer stored later waits for the next pull.
+        pull_needed: what the peer stored later waits for the next pull.
         rejection: why the peer and we do not understand each other; nothing more is taken then.
         messages: that were stored.
         bytes: of the frames that came in.
@@ -119,7 +119,7 @@ class SyncReceiver:
         self.over = False
         self.follows = False
         self.complete = False
-        self.has_news = False
+        self.pull_needed = False
         self.rejection: str | None = None
         self.messages = 0
         self.bytes = 0
@@ -135,7 +135,7 @@ class SyncReceiver:
         self._repairs = 0  # rounds that only asked again
         self._now = Instant(0.0, 0.0)  # of the frame at hand
         self._refusals_end = 0  # so many refusals of the peer, and no more are told
-        self._say: list[bytes] = []  # frames in answer to the one at hand
+        self._replies: list[bytes] = []  # frames in answer to the one at hand
         self._next = 0  # frames of chunks of this round: all below it have come, and `_ahead`
         self._ahead: set[int] = set()  # that came ahead of it
         self._damaged = 0  # frames
@@ -172,11 +172,11 @@ class SyncReceiver:
             self._damaged += 1
             self._flawed = True
         done = self._done
-        said = done and self._next + len(self._ahead) + self._damaged >= done.frames
-        if done and said and not self.over:
+        received = done and self._next + len(self._ahead) + self._damaged >= done.frames
+        if done and received and not self.over:
             self._finish(done)
-        say, self._say = self._say, []
-        return say
+        replies, self._replies = self._replies, []
+        return replies
 
     def _begin_round(self, knowledge: Since | Have | Digest) -> None:
         self._round += 1
@@ -184,7 +184,7 @@ class SyncReceiver:
         self._ahead.clear()
         self._skipped.clear()
         self._done, self._flawed = None, False
-        self._say += self._opening(knowledge)
+        self._replies += self._opening(knowledge)
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
         node = self._peer.node
@@ -209,13 +209,13 @@ class SyncReceiver:
             self._on_hello(sync_messages.Hello.decode(message.content))
         elif message.kind == sync.GROUPS:
             groups = sync_messages.decode_groups(message.content)
-            answers = [self._holdings.answer(*each) for each in groups.items()]
-            self._say += self._frames(sync.ANSWER, sync_messages.encode_answers(answers))
+            held = [self._holdings.differing_groups(*each) for each in groups.items()]
+            self._replies += self._frames(sync.ANSWER, sync_messages.encode_answers(held))
         elif message.kind == sync.NEWS:
-            news = sync_messages.decode_news(message.content)
-            wanted = [m for m in news if not self._is_impossible(m) and self._wants(m)]
-            self.has_news |= not news or bool(wanted)
-            self._peer.news.update(wanted[: _MAX_BEGUN - len(self._peer.news)])
+            announced = sync_messages.decode_news(message.content)
+            wanted = [m for m in announced if not self._is_impossible(m) and self._wants(m)]
+            self.pull_needed |= not announced or bool(wanted)
+            self._peer.announced.update(wanted[: _MAX_BEGUN - len(self._peer.announced)])
         else:
             self._done = sync_messages.Done.decode(message.content)
 
@@ -267,7 +267,7 @@ class SyncReceiver:
             more = total - offset - len(data) > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
             if more and message_id not in self._skipped:
                 self._skipped.add(message_id)
-                self._say += self._frames(sync.SKIP, sync_messages.encode_skip(message_id))
+                self._replies += self._frames(sync.SKIP, sync_messages.encode_skip(message_id))
             return
         if message_id not in self._begun and len(self._begun) >= _MAX_BEGUN:
             raise SyncFrameError("parts of too many messages")
@@ -338,14 +338,14 @@ class SyncReceiver:
         is_sound = not (flawed or done.cut_short)
         self.complete = is_sound and not left
         if self.complete:
-            own_sequence = self._holdings.untold_since(self._given)
+            own_sequence = self._holdings.unannounced_since(self._given)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != self._database.knowledge(self._peer.name):
                 self._database.learn(self._peer.name, knowledge)
         self.follows = self._peer.node.follow and is_sound
         followed = sorted(self._peer.node.followed)
-        kind, told = (sync.FOLLOW, followed) if self.follows else (sync.END, [])
-        self._say += self._frames(kind, bytes(told))
+        kind, robots = (sync.FOLLOW, followed) if self.follows else (sync.END, [])
+        self._replies += self._frames(kind, bytes(robots))
 
     def _refuse(self, reason: str) -> None:
         if len(self._peer.refusals) < self._refusals_end:

@@ -36,7 +36,7 @@ class SyncSender:
     Attributes:
         id: what its frames begin with on a connection, the id of the request.
         began_s: when the pull began, steady clock.
-        heard_s: when the newest frame of the peer came, steady clock.
+        received_s: when the newest frame of the peer came, steady clock.
         route: the peer's connection, if it has one.
         routed_s: when the pull came to that, steady clock.
         sent: bytes on that connection.
@@ -50,13 +50,13 @@ class SyncSender:
         rejection: why the peer gets nothing, once it has opened.
         admitted: the peer has shown an address token of ours.
         bytes: of all frames.
-        named: ids of the messages that the peer has stored since it told us last; None: it has not
-            said which, or what it told is not known any more.
+        acknowledged: ids of the messages that the peer reported as stored since its last report;
+            None: it reported none, or its last report is no longer known.
     """
 
     def __init__(self, peer: Peer, request_id: bytes = b"", began_s: float = 0.0) -> None:
         self.id = request_id
-        self.began_s = self.heard_s = began_s
+        self.began_s = self.received_s = began_s
         self.route: Route | None = None
         self.routed_s = 0.0
         self.sent = 0
@@ -70,7 +70,7 @@ class SyncSender:
         self.rejection: Reception | None = None
         self.admitted = False
         self.bytes = 0
-        self.named: Sequence[int] | None = None
+        self.acknowledged: Sequence[int] | None = None
         self._peer = peer
         self._database = peer.node.database
         self._assembler = sync.MessageAssembler(
@@ -81,7 +81,9 @@ class SyncSender:
         self._budget = 0  # bytes of the peer; 0: no limit
         self._free = 0  # bytes of group digests: they must not leave too little for any message
         self._unknown = False  # we cannot say what is new since what the peer knows
-        self._asked: frozenset[int] = frozenset()  # robots whose groups the peer is to answer
+        self._requested_groups: frozenset[int] = (
+            frozenset()
+        )  # robots whose groups the peer is to answer
         self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
         self._queue = SendQueue(peer)  # of this round
         self._sequence = self._opened_at = 0  # what is stored later is new
@@ -133,7 +135,7 @@ class SyncSender:
         elif message.kind == sync.SKIP and message.round == self._round:  # a later one wants it
             self._queue.skip(sync_messages.decode_skip(message.content))
         elif message.round == self._round:
-            self._answer(sync_messages.decode_answers(message.content))
+            self._receive_held(sync_messages.decode_answers(message.content))
 
     # --- the way to it
 
@@ -169,11 +171,11 @@ class SyncSender:
         brief = bool(self._outbox) and head + len(self._outbox[0][1]) <= room
         return self.next(room) if self.by_datagram and (room >= MIN_ROOM or brief) else None
 
-    def invite(self) -> None:
+    def request_pull(self) -> None:
         """Tell the peer that follows to pull, whatever it holds."""
         self._outbox.append((sync.NEWS, sync_messages.encode_news(()), 0))
 
-    def heeds(self, robot_ids: AbstractSet[int]) -> bool:
+    def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether the peer is to hear of new messages of these robots."""
         theirs = robot_ids <= self._followed and robot_ids.isdisjoint(self._peer.pushed)
         return not (self.follows and theirs)
@@ -188,12 +190,12 @@ class SyncSender:
         room -= len(prefix)
         if self.over or self._round < 0:
             return None
-        asleep = self.done and not self.follows
-        if not self._outbox and not asleep:
+        idle = self.done and not self.follows
+        if not self._outbox and not idle:
             self._poll()
         if self._outbox:
             return [prefix + self._message_part(room)]
-        if asleep:
+        if idle:
             return None
         left = room
         if self._budget:
@@ -205,7 +207,7 @@ class SyncSender:
         if parts is not None:
             self.bytes += sum(map(len, parts)) - len(prefix)
             return parts
-        if self.follows or (not self._queue and (self._unknown or self._asked)):
+        if self.follows or (not self._queue and (self._unknown or self._requested_groups)):
             return None
         self._end()
         return [prefix + self._message_part(room)]
@@ -216,7 +218,7 @@ class SyncSender:
         except VersionError:
             self._reject(message.round, Reception.UNREADABLE)
             return
-        self.admitted = self._peer.admits(opening.address_token)
+        self.admitted = self._peer.verify_token(opening.address_token)
         if self._peer.agrees(opening.config_hash):
             self._open(message.round, opening)
         else:
@@ -227,7 +229,7 @@ class SyncSender:
         self._round = round_
         self.rejection = why
         self._queue.clear()
-        self._asked = frozenset()
+        self._requested_groups = frozenset()
         self._unknown = True
         self._outbox = [(sync.HELLO, self._hello(why), 0)]
 
@@ -237,7 +239,7 @@ class SyncSender:
         self._budget = opening.budget
         self._queue.clear()
         self.done = self.cut_short = self._unknown = False
-        self._asked = frozenset()
+        self._requested_groups = frozenset()
         self._outbox.clear()
         self._peer.met(opening.boot_id)
         self._sequence = self._opened_at = self._database.sequence  # before looking at what it has
@@ -247,7 +249,7 @@ class SyncSender:
             case Since(epoch, sequence, message_ids):
                 self._peer.holds(*message_ids)
                 if self._database.remembers(epoch, sequence):
-                    self.named = message_ids
+                    self.acknowledged = message_ids
                     new = self._database.since(sequence)
                 else:
                     self._unknown = True
@@ -261,7 +263,7 @@ class SyncSender:
         reception = Reception.UNKNOWN if self._unknown else Reception.WELCOME
         self._outbox.append((sync.HELLO, self._hello(reception), 0))
         if groups:
-            self._asked = frozenset(robot_id for robot_id, _ in groups)
+            self._requested_groups = frozenset(robot_id for robot_id, _ in groups)
             self._outbox.append((sync.GROUPS, sync_messages.encode_groups(groups), 0))
         if not self._unknown:
             self._queue.resume(opening.requests)
@@ -284,12 +286,14 @@ class SyncSender:
             new = [each for each in self._database.kept() if each.header.robot_id in absent]
         return new, [(each, self._database.group_digests(each)) for each in sorted(differing)]
 
-    def _answer(self, answers: Sequence[sync_messages.Answer]) -> None:
-        if not self._asked:
+    def _receive_held(self, held: Sequence[sync_messages.HeldGroups]) -> None:
+        if not self._requested_groups:
             return
-        self._peer.holds(*(message_id for each in answers for message_id in each.message_ids))
-        differing = dict.fromkeys(self._asked, 0)  # groups, a bit each; none is looked at twice
-        for robot_id, groups, _ in answers:
+        self._peer.holds(*(message_id for each in held for message_id in each.message_ids))
+        differing = dict.fromkeys(
+            self._requested_groups, 0
+        )  # groups, a bit each; none is looked at twice
+        for robot_id, groups, _ in held:
             if robot_id in differing:
                 differing[robot_id] |= groups
         self._queue.add(
@@ -299,7 +303,7 @@ class SyncSender:
             if groups >> group & 1
             for record in self._database.headers_in(robot_id, group)
         )
-        self._asked = frozenset()
+        self._requested_groups = frozenset()
         if not self._queue.frames:
             self._queue.put_one_first()
 
@@ -316,7 +320,7 @@ class SyncSender:
     def _pushed(self, new: Iterable[Record]) -> list[Record]:
         """Those that are pushed; the peer is told of the others that it may lack."""
         peer, pushed = self._peer, []
-        told = []
+        announced = []
         for record in new:
             robot_id, message_id = record.header.robot_id, sync.record_id(record)
             if robot_id in peer.pushed and len(record.body) <= PUSH_BYTES:
@@ -324,9 +328,9 @@ class SyncSender:
             elif (robot_id in peer.pushed or robot_id not in self._followed) and peer.lacks(
                 record, message_id
             ):
-                told.append(message_id)
-        if told:
-            self._outbox.append((sync.NEWS, sync_messages.encode_news(told), 0))
+                announced.append(message_id)
+        if announced:
+            self._outbox.append((sync.NEWS, sync_messages.encode_news(announced), 0))
         return pushed
 
     def _message_part(self, room: int) -> bytes:

@@ -21,7 +21,7 @@ from tests.golden.plain import Tape, Tongue
 
 CALLS = {  # word: method, arguments
     "publish": ("publish", ("topic", "data")),
-    "signal": ("heard", ("peer", "reading")),
+    "signal": ("signal_received", ("peer", "reading")),
     "pull": ("sync", ("peer",)),
     "request": ("request", ("peer", "route", "parts")),
     "supply": ("supply", ("peer",)),

@@ -161,7 +161,7 @@ def synced(options: Mapping[str, Any], changes: Mapping[str, Any]) -> list[Tape]
             if turn == 2 and "datagrams" in options:
                 net.blocked = {("zmq", *pair) for pair in itertools.permutations(names, 2)}
             for one, other in itertools.permutations(names, 2):
-                net.nodes[one].heard(other, -60.0, net.at(one))
+                net.nodes[one].signal_received(other, -60.0, net.at(one))
             net.wait(4.0)
             net.left = None
             if turn == 1:
@@ -170,7 +170,7 @@ def synced(options: Mapping[str, Any], changes: Mapping[str, Any]) -> list[Tape]
                 net.alter = lambda piece: piece.data
                 net.restart(names[0])
             for one, other in itertools.permutations(names, 2):
-                net.nodes[one].heard(other, -95.0, net.at(one))
+                net.nodes[one].signal_received(other, -95.0, net.at(one))
             net.wait(6.0)
     return tapes
 

@@ -3,7 +3,7 @@
 import zmq
 from zmq.utils import z85
 
-from mocha_link.service.endpoint import keep_key
+from mocha_link.service.endpoint import save_key
 
 
 def protect(client: zmq.Socket, secret, server) -> None:
@@ -19,7 +19,7 @@ def bind(server: zmq.Socket, endpoint: str) -> str:
         _, server.curve_secretkey = key = zmq.curve_keypair()
         server.curve_server = True
         server.bind(endpoint)
-        keep_key(server.last_endpoint.decode(), key)
+        save_key(server.last_endpoint.decode(), key)
     else:
         server.bind(endpoint)
     return server.last_endpoint.decode()

@@ -62,7 +62,7 @@ class _WorldSim(ChannelSim):
     def report(self) -> None:
         for heard in self.step.readings:
             node = self._nodes[self._numbers[heard.robot]]
-            node.gossip.heard(heard.peer, heard.rssi_dbm, node.now)
+            node.gossip.signal_received(heard.peer, heard.rssi_dbm, node.now)
 
     def tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
         """The readings tell."""

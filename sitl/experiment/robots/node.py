@@ -16,7 +16,7 @@ from typing import Final
 
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage
 from mocha_link.clock import Instant
-from mocha_link.links import NOT_HEARD, ContactBegan, ContactEnded, LinkEvent, MessageStored
+from mocha_link.links import NO_SIGNAL, ContactBegan, ContactEnded, LinkEvent, MessageStored
 from mocha_link.node import Gossip
 from mocha_link.store import wire
 from mocha_link.sync import ID_BYTES, Action
@@ -259,11 +259,11 @@ class Node:
         """The radio hears a peer, or not any more: the robot is told, as by a node with a radio."""
         at_s = self.now.unix_s
         if self.triggered:
-            self.gossip.heard(peer, self._heard_dbm if up else None, self.now)
+            self.gossip.signal_received(peer, self._heard_dbm if up else None, self.now)
         elif up:
             self._hear(ContactBegan(peer, at_s, None))
         else:
-            self._hear(ContactEnded(peer, at_s, self._queue.now_s - began_s, NOT_HEARD))
+            self._hear(ContactEnded(peer, at_s, self._queue.now_s - began_s, NO_SIGNAL))
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What the node wants done, and of what it told its robot."""

@@ -366,7 +366,7 @@ def test_who_answers_but_is_no_flight_is_told_as_such():
         thread.start()
         with ControlClient(endpoint) as client:
             for _ in range(3):
-                with pytest.raises(ControlUnreachableError, match="is no flight"):
+                with pytest.raises(ControlUnreachableError, match="is not a flight"):
                     client.hold()
         thread.join()
     with pytest.raises(ControlUnreachableError, match="is no endpoint"):

@@ -330,7 +330,7 @@ def test_something_else_there(answer):
         thread.start()
         with (
             ServiceClient(endpoint, timeout_s=60) as client,
-            pytest.raises(ServiceUnreachableError, match="is no node"),
+            pytest.raises(ServiceUnreachableError, match="is not a node"),
         ):
             client.since()
         thread.join()

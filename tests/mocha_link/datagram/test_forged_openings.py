@@ -81,11 +81,11 @@ def test_a_ticket_is_good_for_a_few_syncs():
     """So a copy of an opening is of use for that long only."""
     known = peer_of()
     address_token = known.next_token
-    assert not known.admits(0)
+    assert not known.verify_token(0)
     for _ in range(3):
-        assert known.admits(address_token)
+        assert known.verify_token(address_token)
         known.renew_token()
-    assert not known.admits(address_token)
+    assert not known.verify_token(address_token)
     assert known.next_token != address_token
 
 
@@ -96,13 +96,13 @@ def test_only_syncs_that_got_through_use_tokens_up(server):
         io.cast(at(100 * number))
         said(server)
         server.tick(at(100 * number + 50))
-    assert server._peer.admits(address_token)
+    assert server._peer.verify_token(address_token)
     for number in range(3):
         io = Asker(server, (100 + number).to_bytes(6))
         io.cast(at(1000 + 100 * number))
         io.run(1000 + 100 * number, FAR_S)
         server.tick(at(1000 + 100 * number + 50))
-    assert not server._peer.admits(address_token)
+    assert not server._peer.verify_token(address_token)
 
 
 @pytest.fixture

@@ -27,24 +27,24 @@ def trigger(*, by_timer: bool = False) -> SyncTrigger:
 
 def test_a_sync_at_once_then_every_interval():
     it = trigger()
-    assert it.heard("io", -75, 10)
+    assert it.signal_received("io", -75, 10)
     assert it.due(10) == ["io"]
     assert it.due(11.9) == []
-    assert not it.heard("io", -60, 11.9)
+    assert not it.signal_received("io", -60, 11.9)
     assert it.due(12) == ["io"]
     assert it.due(12) == []
 
 
 def test_a_silent_radio_hears_no_peer():
     it = trigger()
-    it.heard("io", -70, 0)
-    it.look(6)
+    it.signal_received("io", -70, 0)
+    it.expire_signals(6)
     assert it.reading("io")
-    it.look(6.1)
+    it.expire_signals(6.1)
     assert it.reading("io") is None
-    it.look(20)
+    it.expire_signals(20)
     assert it.due(20) == []
-    assert [event for event in it.news() if isinstance(event, RssiChanged)] == [
+    assert [event for event in it.take_events() if isinstance(event, RssiChanged)] == [
         RssiChanged("io", 0, -70, Reading(-70, Unit.DBM, "radio")),
         RssiChanged("io", 6.1, None),
     ]
@@ -82,9 +82,9 @@ def test_a_peer_that_asks_after_a_while_is_asked_back():
     it = trigger(by_timer=True)
     it.follow(["io", "europa"])
     pulls(it, 20)
-    it.asked("io", 15.9)  # soon after it was asked
+    it.peer_pulled("io", 15.9)  # soon after it was asked
     assert it.due(20) == []
-    it.asked("io", 20)
+    it.peer_pulled("io", 20)
     assert it.due_s == -inf
     assert it.due(20) == ["io"]
     assert it.due(34) == ["europa"]
@@ -95,15 +95,15 @@ def test_two_at_rest_take_turns():
     it = trigger(by_timer=True)
     it.follow(["io", "europa"])
     assert pulls(it, 20) == [0, 2, 6, 14]
-    it.asked("io", 30, well=True)
+    it.peer_pulled("io", 30, well=True)
     assert it.due(34) == ["europa"]
     assert it.due_s == 44  # not later, however often the peer asks
-    it.asked("io", 43, well=True)
+    it.peer_pulled("io", 43, well=True)
     assert it.due(43.9) == []
     assert it.due(44) == ["io"]
-    it.asked("io", 59, well=True)
+    it.peer_pulled("io", 59, well=True)
     assert "io" not in it.due(64)
-    it.asked("io", 70, well=False)
+    it.peer_pulled("io", 70, well=False)
     assert it.due(70) == ["io"]
 
 
@@ -111,68 +111,70 @@ def test_a_peer_that_is_asked_more_often_is_asked_back_also_when_all_is_well():
     it = trigger(by_timer=True)
     it.follow(["io", "europa"])
     assert pulls(it, 10) == [0, 2, 6]
-    it.asked("io", 10, well=True)
+    it.peer_pulled("io", 10, well=True)
     assert it.due(10) == ["io"]
 
 
 def test_it_says_when_something_is_due():
     it = trigger()
     assert it.due_s == inf
-    it.heard("io", -75, 10)
+    it.signal_received("io", -75, 10)
     assert it.due_s == -inf
     it.due(10)
     assert it.due_s == 12
-    it.heard("io", -80, 13)
+    it.signal_received("io", -80, 13)
     assert it.due_s == 19
-    it.look(19.1)
+    it.expire_signals(19.1)
     assert it.due_s == inf
 
 
 def test_a_clock_set_back_stops_nothing():
     it = trigger()
-    it.heard("io", -70, 1000)
+    it.signal_received("io", -70, 1000)
     assert it.due(1000) == ["io"]
-    it.look(10)
+    it.expire_signals(10)
     assert it.due(10) == ["io"]
-    it.look(16)
+    it.expire_signals(16)
     assert it.reading("io")
-    it.look(16.1)
+    it.expire_signals(16.1)
     assert it.reading("io") is None
 
 
 @pytest.mark.parametrize("unit", list(Unit))
 def test_each_unit_has_its_threshold(unit):
     it, threshold = trigger(), THRESHOLDS[unit]
-    assert not it.heard("io", Reading(threshold - 0.1, unit, "x"), 0)
-    assert it.heard("io", Reading(threshold, unit, "x"), 1)
-    assert not it.heard("io", Reading(threshold - 3, unit, "x"), 2)
+    assert not it.signal_received("io", Reading(threshold - 0.1, unit, "x"), 0)
+    assert it.signal_received("io", Reading(threshold, unit, "x"), 1)
+    assert not it.signal_received("io", Reading(threshold - 3, unit, "x"), 2)
     assert it.in_contact("io")
-    it.heard("io", Reading(threshold - 3.1, unit, "x"), 3)
+    it.signal_received("io", Reading(threshold - 3.1, unit, "x"), 3)
     assert not it.in_contact("io")
     assert it.reading("io") == Reading(threshold - 3.1, unit, "x")
-    assert it.news()[-2].rssi_dbm == (pytest.approx(-78.1) if unit is Unit.DBM else None)
+    assert it.take_events()[-2].rssi_dbm == (pytest.approx(-78.1) if unit is Unit.DBM else None)
 
 
 def test_sources_are_not_compared():
     it = trigger()
-    assert it.heard("io", Reading(40, Unit.DEVICE, "rajant"), 0)
-    assert not it.heard("io", Reading(-90, Unit.DBM, "wifi"), 0)  # says nothing of the other one
+    assert it.signal_received("io", Reading(40, Unit.DEVICE, "rajant"), 0)
+    assert not it.signal_received(
+        "io", Reading(-90, Unit.DBM, "wifi"), 0
+    )  # says nothing of the other one
     assert it.in_contact("io")
-    assert not it.heard("io", Reading(-77, Unit.DBM, "wifi"), 1)  # had no contact to hold
-    it.heard("io", Reading(10, Unit.DEVICE, "rajant"), 1)
+    assert not it.signal_received("io", Reading(-77, Unit.DBM, "wifi"), 1)  # had no contact to hold
+    it.signal_received("io", Reading(10, Unit.DEVICE, "rajant"), 1)
     assert not it.in_contact("io")
-    assert not it.heard("io", Reading(-74, Unit.SNR_DB, "wifi"), 2)
-    assert it.heard("io", Reading(-74, Unit.DBM, "wifi"), 2)
+    assert not it.signal_received("io", Reading(-74, Unit.SNR_DB, "wifi"), 2)
+    assert it.signal_received("io", Reading(-74, Unit.DBM, "wifi"), 2)
 
 
 def test_a_source_that_falls_silent_leaves_the_others():
     it = trigger()
-    it.heard("io", Reading(40, Unit.DEVICE, "rajant"), 0)
-    it.heard("io", Reading(-70, Unit.DBM, "wifi"), 4)
-    it.look(7)
+    it.signal_received("io", Reading(40, Unit.DEVICE, "rajant"), 0)
+    it.signal_received("io", Reading(-70, Unit.DBM, "wifi"), 4)
+    it.expire_signals(7)
     assert it.in_contact("io")
     assert it.reading("io") == Reading(-70, Unit.DBM, "wifi")
-    it.look(10.1)
+    it.expire_signals(10.1)
     assert it.reading("io") is None
     assert not it.in_contact("io")
 
@@ -180,21 +182,21 @@ def test_a_source_that_falls_silent_leaves_the_others():
 def test_the_sources_of_a_peer_are_bounded():
     it = trigger()
     for number in range(100):
-        it.heard("io", Reading(-70, Unit.DBM, f"x{number}"), number / 100)
+        it.signal_received("io", Reading(-70, Unit.DBM, f"x{number}"), number / 100)
     assert len(it._links["io"].signals) == MAX_SOURCES
 
 
 def test_contacts_are_news():
     it = trigger()
     strong, weak = Reading(-70, Unit.DBM, "radio"), -90
-    it.heard("io", weak, 0)
-    it.heard("io", -70, 1)
-    it.heard("io", weak, 3)
-    it.heard("io", -70, 4)
-    it.heard("io", None, 5)
-    it.heard("io", -70, 6)
-    it.look(20)
-    assert [event for event in it.news() if not isinstance(event, RssiChanged)] == [
+    it.signal_received("io", weak, 0)
+    it.signal_received("io", -70, 1)
+    it.signal_received("io", weak, 3)
+    it.signal_received("io", -70, 4)
+    it.signal_received("io", None, 5)
+    it.signal_received("io", -70, 6)
+    it.expire_signals(20)
+    assert [event for event in it.take_events() if not isinstance(event, RssiChanged)] == [
         ContactBegan("io", 1, strong),
         ContactEnded("io", 3, 2, "too weak"),
         ContactBegan("io", 4, strong),
@@ -202,7 +204,7 @@ def test_contacts_are_news():
         ContactBegan("io", 6, strong),
         ContactEnded("io", 20, 14, "the radio is silent"),
     ]
-    assert it.news() == []
+    assert it.take_events() == []
 
 
 @given(
@@ -224,9 +226,9 @@ def test_contacts_begin_and_end_in_turn(reports):
     it, now_s, expected = trigger(), 0.0, ContactBegan
     for reading, later_s in reports:
         now_s += later_s
-        it.look(now_s)
-        began = it.heard("io", reading, now_s)
-        news = it.news()
+        it.expire_signals(now_s)
+        began = it.signal_received("io", reading, now_s)
+        news = it.take_events()
         for event in news:
             if isinstance(event, RssiChanged):
                 continue

@@ -12,7 +12,7 @@ import zmq
 from zmq.utils import z85
 
 from mocha_link.node import connection as module
-from mocha_link.node.connection import EAGER_S, Connection
+from mocha_link.node.connection import SEND_BEFORE_READY_S, Connection
 from mocha_link.node.kernel import Poller
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.team.keys import SecretKey
@@ -139,11 +139,11 @@ def test_the_handshake_leaves_at_once_the_requests_a_moment_later(line, peer):
     assert line.turn(100.0)  # it stands
     connection = peer.accept()
     read(connection, HELLO_BYTES)
-    assert not line.is_ready(set(), 100.0 + EAGER_S / 2)
-    assert not line.turn(100.0 + EAGER_S / 2)
+    assert not line.is_ready(set(), 100.0 + SEND_BEFORE_READY_S / 2)
+    assert not line.turn(100.0 + SEND_BEFORE_READY_S / 2)
     assert nothing_to_read(connection)
-    assert line.is_ready(set(), 100.0 + EAGER_S)
-    line.turn(100.0 + EAGER_S)
+    assert line.is_ready(set(), 100.0 + SEND_BEFORE_READY_S)
+    line.turn(100.0 + SEND_BEFORE_READY_S)
     both = request(b"one") + request(b"two")
     assert read(connection, len(both)) == both
     line.send(b"three")  # nothing more before the peer has said anything

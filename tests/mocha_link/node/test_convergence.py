@@ -50,10 +50,10 @@ class Life:
     def meet(self) -> None:
         net, (a, b) = self.net, self.random.sample(NAMES, 2)
         net.left = self.random.choice((None, 3, 10))
-        net.nodes[a].heard(b, NEAR_DBM, net.at(a))
+        net.nodes[a].signal_received(b, NEAR_DBM, net.at(a))
         net.wait(self.random.choice((0.05, 1.0, 3.0)))
         net.left = None
-        net.nodes[a].heard(b, None, net.at(a))
+        net.nodes[a].signal_received(b, None, net.at(a))
 
     def happen(self, number: int) -> None:
         what = self.random.random()

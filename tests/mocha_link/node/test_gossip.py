@@ -58,14 +58,14 @@ def test_a_data_mule_carries_between_robots_that_never_meet(any_ether):
 
 def test_a_contact_triggers_at_once_then_every_interval(net):
     io = net.nodes["io"]
-    io.heard("titan", -80, net.now)
+    io.signal_received("titan", -80, net.now)
     assert io.take() == ([], [RssiChanged("titan", T, -80, Reading(-80, Unit.DBM, "radio"))])
-    io.heard("titan", -70, net.now)
+    io.signal_received("titan", -70, net.now)
     actions, events = io.take()
     assert [type(a) for a in actions] == [Connect, Send, Send]
     assert [a.frame[6:11] for a in actions[1:]] == [b"SYNC1", b"GHEAD"]
     assert [type(e) for e in events] == [RssiChanged, ContactBegan, SyncStarted]
-    io.heard("titan", -70, net.now)
+    io.signal_received("titan", -70, net.now)
     assert io.take() == ([], [])
     assert io.links(net.now)["titan"].state is LinkState.STARTED
 
@@ -81,7 +81,7 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(net):
     io = net.nodes["io"]
     for second in range(9):
         net.time_s = float(second)
-        io.heard("titan", -70, net.now)
+        io.signal_received("titan", -70, net.now)
         io.tick(net.now)
     actions, events = io.take()
     assert [type(a) for a in actions] == [Connect, Send, Send, Disconnect, Connect, Send, Send]
@@ -224,7 +224,7 @@ def test_a_machine_whose_clock_is_set_goes_on_as_if_it_was_not(net, step_s):
     def live(first: int, last: int) -> list[object]:
         events = []
         for quarter in range(4 * first, 4 * last):
-            io.heard("titan", -60, at(quarter / 4))
+            io.signal_received("titan", -60, at(quarter / 4))
             io.tick(at(quarter / 4))
             events += io.take()[1]
             assert io.due_in_s(at(quarter / 4)) <= 6
@@ -261,8 +261,8 @@ def test_what_comes_while_the_links_are_brought_up_to_date_counts_once(net, monk
     def interrupted(events, now):
         catch_up(events, now)
         if late:
-            io.tell(late.pop())
+            io.announce(late.pop())
 
     monkeypatch.setattr(table, "catch_up", interrupted)
-    io.tell(SyncTimedOut("titan", T, Direction.IN, "no connection"))
+    io.announce(SyncTimedOut("titan", T, Direction.IN, "no connection"))
     assert [io.links(net.now)["titan"].timeouts for _ in range(3)] == [1, 2, 2]

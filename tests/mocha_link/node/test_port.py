@@ -15,7 +15,7 @@ from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.port import MAX_REQUEST_BYTES, Port
-from mocha_link.node.router import BURST, MAX_CONNECTIONS, Callers
+from mocha_link.node.router import BURST, MAX_CONNECTIONS, ClientConnections
 from mocha_link.node.zmtp import Null, ZmtpSession
 from mocha_link.store.trust import config_hash_of
 from mocha_link.sync import frames as sync
@@ -46,7 +46,7 @@ class Shell:
     def __init__(self, kind: bool, titan: Robot) -> None:
         self.poller = Poller()
         keys = {"secret": OF_TITAN, "key": OF_IO.public} if kind is PROTECTED else {}
-        self.port = Port(self.poller, Callers(), titan, "io", **keys)
+        self.port = Port(self.poller, ClientConnections(), titan, "io", **keys)
         self.port.watch(self.poller)
 
     def turn(self, wait_ms: int = 0) -> list[tuple[tuple[bytes, ...], list[bytes]]]:
@@ -195,11 +195,11 @@ def test_a_message_whose_parts_never_end_never_gets_in(shell, kind, titan, clien
     unsent = memoryview(b"".join(session.encoded([b"", *[bytes(20_000)] * 200])))
     held: list[int] = []
     with hostile:
-        while not (refused := shell.port.look(0.0)):
+        while not (refused := shell.port.expire(0.0)):
             with contextlib.suppress(BlockingIOError):
                 unsent = unsent[hostile.send(unsent) :] if unsent else unsent
             assert shell.turn() == []
-            held += [caller.holds_bytes for caller in shell.port._router._inside.values()]
+            held += [client.holds_bytes for client in shell.port._router._inside.values()]
     assert refused[0].startswith("a client ")
     assert MAX_REQUEST_BYTES // 2 < max(held) < 2 * MAX_REQUEST_BYTES
     other = clients.dial(titan)
@@ -214,12 +214,12 @@ def test_only_the_key_of_the_peer_opens_its_port(titan):
     ):
         stranger = clients.dial(titan, own=SecretKey(b"x" * 32))
         stranger.send_multipart([b"", b"?"])
-        while not (refused := shell.port.look(0.0)):
+        while not (refused := shell.port.expire(0.0)):
             assert shell.turn(20) == []
         assert refused[0] == "a client came with a wrong key"
         other = clients.dial(titan, own=OF_TITAN)  # of the team, but not of this port
         other.send_multipart([b"", b"?"])
-        while not (refused := shell.port.look(0.0)):
+        while not (refused := shell.port.expire(0.0)):
             assert shell.turn(20) == []
         assert refused[0] == "a client came with a wrong key"
         friend = clients.dial(titan, own=OF_IO)
@@ -243,7 +243,7 @@ def test_strangers_do_not_push_out_who_has_the_key(titan):
         refused: list[str] = []
         while len(refused) < MAX_CONNECTIONS:
             assert shell.turn(20) == []
-            refused += shell.port.look(0.0)
+            refused += shell.port.expire(0.0)
         assert set(refused) == {"a client connected too often"}
         shell.port.reply(route, b"!")
         assert friend.poll(WAIT_MS)
@@ -405,7 +405,7 @@ def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
     port.send_datagram(b"to no peer yet")
     sender.send(b"hello")
     assert ready(port)
-    ((_, port.caller),) = port.packets(64)
+    ((_, port.datagram_address),) = port.packets(64)
     port.send_datagram(b"hello back")
     assert sender.recv(100) == b"hello back"
 
@@ -417,7 +417,7 @@ def test_a_datagram_port_that_is_taken_is_done_without(kind, titan, caplog):
             port = shell.port
             assert f"no datagrams on port {titan.port_for('io')} of titan" in caplog.text
             assert list(port.packets(64)) == []
-            port.caller = other.getsockname()
+            port.datagram_address = other.getsockname()
             port.send_datagram(b"nothing")
             assert len(shell.poller._selector.get_map()) == 1
 

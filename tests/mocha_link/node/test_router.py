@@ -16,7 +16,7 @@ import zmq
 from mocha_link.node import router
 from mocha_link.node.kernel import Poller
 from mocha_link.node.port import MAX_REQUEST_BYTES, Port
-from mocha_link.node.router import HANDSHAKE_S, Caller, Callers
+from mocha_link.node.router import HANDSHAKE_S, ClientConnection, ClientConnections
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.team import Robot
@@ -101,14 +101,14 @@ def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypa
     monkeypatch.setattr(router, "MAX_WAITING_BYTES", most)
     waited: list[int] = []
     relieved: list[int] = []
-    relieve = Callers.relieve
+    relieve = ClientConnections.relieve
 
-    def watched(callers: Callers) -> None:
-        waited.append(sum(each.waiting_bytes for each in callers.routers))
-        relieve(callers)
-        relieved.append(sum(each.waiting_bytes for each in callers.routers))
+    def watched(clients: ClientConnections) -> None:
+        waited.append(sum(each.waiting_bytes for each in clients.routers))
+        relieve(clients)
+        relieved.append(sum(each.waiting_bytes for each in clients.routers))
 
-    monkeypatch.setattr(Callers, "relieve", watched)
+    monkeypatch.setattr(ClientConnections, "relieve", watched)
     node, _, _ = field.node("titan")
     header = node.publish("/map", os.urandom(size))
     request = SESSION.request(b"ididid" + GDATA + header.pack())
@@ -122,7 +122,7 @@ def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypa
         assert max(relieved) <= most
         _, _, saw = field.node("io", datagrams=False)
         assert saw.pull("titan").messages == 1
-    while len(node._transport._callers.routers) > 1:  # that of io, which follows
+    while len(node._transport._clients.routers) > 1:  # that of io, which follows
         pass
 
 
@@ -135,7 +135,7 @@ def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
         assert len(request) == size
         shell.port.reply(route, b"done")
         assert client.recv_multipart() == [b"", b"done"]
-    assert shell.port.look(0.0) == []
+    assert shell.port.expire(0.0) == []
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
 def test_who_says_what_no_node_says_is_sent_away_and_counted(shell, titan, said):
     with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20) as client:
         client.sendall(said)
-        while not (told := shell.port.look(0.0)):
+        while not (told := shell.port.expire(0.0)):
             assert shell.turn(20) == []
         assert told == ["a client sent what is no request"]
         with contextlib.suppress(ConnectionError):
@@ -173,14 +173,14 @@ def test_what_was_asked_before_the_end_is_still_a_request(shell, titan):
         shell.turn(20)
 
 
-def inside_of(port: Port) -> dict[bytes, Caller]:
+def inside_of(port: Port) -> dict[bytes, ClientConnection]:
     """The connections that a port has taken, by name."""
     return port._router._inside
 
 
 def inside(shell: Shell, count: int) -> None:
     """Until so many connections have made their handshake."""
-    while sum(caller.ready for caller in inside_of(shell.port).values()) != count:
+    while sum(client.ready for client in inside_of(shell.port).values()) != count:
         shell.turn(20)
 
 
@@ -195,7 +195,7 @@ def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
         clients[0].sendall(SESSION.request(b"?"))
         shell.request()
         stack.enter_context(dial(titan))
-        while not (told := shell.port.look(0.0)):
+        while not (told := shell.port.expire(0.0)):
             shell.turn(20)
         assert told == ["a client connected too often"]
         with contextlib.suppress(ConnectionError):
@@ -208,7 +208,7 @@ def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
 
 def test_all_ports_together_have_so_many(titan, monkeypatch):
     monkeypatch.setattr(router, "MAX_ALL_CONNECTIONS", 2)
-    callers = Callers()
+    clients = ClientConnections()
     with contextlib.ExitStack() as stack:
         poller = stack.enter_context(contextlib.closing(Poller()))
         ports = {}
@@ -216,20 +216,20 @@ def test_all_ports_together_have_so_many(titan, monkeypatch):
         for number, peer in enumerate([peer for peer in titan.peers for _ in range(2)], 1):
             if peer not in ports:
                 ports[peer] = stack.enter_context(
-                    contextlib.closing(Port(poller, callers, titan, peer))
+                    contextlib.closing(Port(poller, clients, titan, peer))
                 )
                 ports[peer].watch(poller)
             stack.enter_context(dial(titan, peer))
-            while len(callers.routers) + len(told) < number or not all(
-                each.ready for each in callers.routers
+            while len(clients.routers) + len(told) < number or not all(
+                each.ready for each in clients.routers
             ):
                 ready = poller.poll(20)
                 for port in ports.values():
                     assert list(port.requests(ready)) == []
-                    told += port.look(0.0)
+                    told += port.expire(0.0)
         assert told == ["a client connected too often or did not take its replies"] * 2
         first, second = ports.values()
-        assert list(callers.routers.values()) == [second._router] * 2
+        assert list(clients.routers.values()) == [second._router] * 2
         assert not first._router._inside
 
 
@@ -253,7 +253,7 @@ def test_without_descriptors_a_client_waits_and_the_node_sleeps(shell, titan, mo
         assert shell.turn() == []
         assert listener.fileno() not in shell.poller.poll(0)
         monkeypatch.undo()
-        assert port.look(0.0) == []
+        assert port.expire(0.0) == []
         assert listener.fileno() in shell.poller.poll(WAIT_MS)
         shell.turn()
         assert len(inside_of(port)) == 1
@@ -263,10 +263,10 @@ def test_who_says_nothing_at_all_does_not_stay(shell, titan):
     with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20):
         while not inside_of(shell.port):
             shell.turn(20)
-        (caller,) = inside_of(shell.port).values()
-        shell.port.look(caller.began_s + HANDSHAKE_S - 1)
+        (client,) = inside_of(shell.port).values()
+        shell.port.expire(client.began_s + HANDSHAKE_S - 1)
         assert inside_of(shell.port)
-        shell.port.look(caller.began_s + HANDSHAKE_S + 1)
+        shell.port.expire(client.began_s + HANDSHAKE_S + 1)
         assert not inside_of(shell.port)
 
 

@@ -25,10 +25,10 @@ from mocha_link.node.connection import Connection
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.node import Node
-from mocha_link.node.router import Caller
+from mocha_link.node.router import ClientConnection
 from mocha_link.node.zmtp import Part
 from mocha_link.radios import ManualRadio
-from mocha_link.sync.pull import LOOK_S
+from mocha_link.sync.pull import NEAR_CONNECT_S
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import Server
 from tests.mocha_link.conftest import WAIT_S, Witness, free_ports
@@ -72,7 +72,7 @@ def test_datagrams_from_elsewhere_are_not_listened_to(field):
     now = Instant(time.time(), time.monotonic())
     io.sync("titan", now)
     io.progress("titan", now, 0.5)  # a far peer: datagrams at once
-    io.tick(now._replace(steady_s=now.steady_s + LOOK_S))
+    io.tick(now._replace(steady_s=now.steady_s + NEAR_CONNECT_S))
     packets = [action.packet for action in io.take()[0] if hasattr(action, "packet")]
     assert packets
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
@@ -111,7 +111,7 @@ def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("owner", "does"), [(Server, "tick"), (Server, "supply"), (Server, "answer"), (Puller, "tick")]
+    ("owner", "does"), [(Server, "tick"), (Server, "supply"), (Server, "handle"), (Puller, "tick")]
 )
 def test_an_error_with_one_peer_does_not_stop_the_others(field, monkeypatch, owner, does):
     titan, _, _ = field.node("titan")
@@ -225,17 +225,17 @@ def test_a_node_at_rest_sleeps_and_looks_at_no_connection(field, monkeypatch):
 def test_what_is_said_at_once_leaves_in_one_packet(field, monkeypatch):
     """Each packet wakes the peer, and the radios of both."""
     sent: list[int] = []
-    flush = Caller.flush
+    flush = ClientConnection.flush
 
-    def noted(caller: Caller) -> bool:
-        sent.append(caller.waiting_bytes)
-        return flush(caller)
+    def noted(client: ClientConnection) -> bool:
+        sent.append(client.waiting_bytes)
+        return flush(client)
 
     titan, _, _ = field.node("titan")
     titan.publish("/map", b"grid")
     _, _, saw = field.node("io")
     saw.pull("titan")
-    monkeypatch.setattr(Caller, "flush", noted)
+    monkeypatch.setattr(ClientConnection, "flush", noted)
     assert saw.pull("titan").messages == 0
     assert len([size for size in sent if size]) == 1  # that it is welcome, and that all is said
 

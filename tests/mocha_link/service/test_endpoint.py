@@ -12,7 +12,7 @@ import zmq
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import router
 from mocha_link.node.zmtp import ZmtpSession
-from mocha_link.service.endpoint import connect, kept_key, key_file
+from mocha_link.service.endpoint import connect, key_file, load_key
 from mocha_link.service.listener import Listener
 
 WAIT_MS = 20_000
@@ -123,10 +123,10 @@ def test_only_who_knows_the_key_is_heard():
                 assert parted.poll(WAIT_MS)
                 intruder.disable_monitor()
             assert not intruder.poll(0)
-        known = kept_key(endpoint)
-        assert kept_key(endpoint.replace("127.0.0.1", "localhost")) == known
+        known = load_key(endpoint)
+        assert load_key(endpoint.replace("127.0.0.1", "localhost")) == known
     with contextlib.closing(listen(endpoint)):
-        assert kept_key(endpoint) == known  # its clients find back
+        assert load_key(endpoint) == known  # its clients find back
 
 
 # --- what programs that do not know when to stop may cost
@@ -147,7 +147,7 @@ def raw(endpoint: str) -> socket.socket:
 
 def kept_bytes(echo: Echo) -> int:
     """What is kept for all clients."""
-    return sum(each.holds_bytes for each in list(echo.listener._router._callers.routers))
+    return sum(each.holds_bytes for each in list(echo.listener._router._clients.routers))
 
 
 def test_a_message_whose_parts_never_end_costs_its_sender_the_connection(tmp_path):
@@ -259,7 +259,7 @@ def test_held_connections_keep_no_client_out(echo):
 
 def test_who_shows_no_key_in_time_is_closed(monkeypatch):
     monkeypatch.setattr(router, "KEY_S", 0.05)
-    monkeypatch.setattr("mocha_link.service.listener.LOOK_S", 0.01)
+    monkeypatch.setattr("mocha_link.service.listener.EXPIRE_S", 0.01)
     with (
         contextlib.closing(Echo("tcp://127.0.0.1:*")) as echo,
         raw(echo.endpoint) as stranger,

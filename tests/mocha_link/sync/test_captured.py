@@ -110,7 +110,7 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
     peer = peer_of(held, name=pull.client)
     session = ServerSession(peer)
     for request, reply in exchange(*pull.connections):
-        assert session.answer([request], NOW) == reply
+        assert session.handle([request], NOW) == reply
     messages = len(exchange(*pull.connections)) - 2
     size = sum(len(reply) for _, reply in exchange(*pull.connections))
     assert peer.events == [

@@ -105,7 +105,7 @@ class ManualContact:
 
     def say(self):
         net = self._net
-        net.nodes[self._name].heard(self._peer, NEAR_DBM, net.at(self._name))
+        net.nodes[self._name].signal_received(self._peer, NEAR_DBM, net.at(self._name))
         net.later(self.say, net.time_s + 1)
 
 
@@ -201,7 +201,7 @@ def test_what_a_peer_does_not_follow_itself_is_announced_to_it(team):
     net.wait(0.9)
     assert net.held("io")["callisto", "/pose"] == b"there"
     assert len(net.carried) - before == 2  # it crosses each link once, and no more is said of it
-    net.nodes["io"].heard("callisto", None, net.now)
+    net.nodes["io"].signal_received("callisto", None, net.now)
     net.blocked = {("zmq", "callisto", "io"), ("zmq", "io", "callisto")}
     publish(net, "callisto", "/pose", b"elsewhere")
     net.wait(2.5)
@@ -218,9 +218,9 @@ def test_many_that_are_announced_are_not_listed():
 
 
 def test_who_is_not_in_contact_any_more_gets_nothing(net):
-    net.nodes["io"].heard("titan", NEAR_DBM, net.now)
+    net.nodes["io"].signal_received("titan", NEAR_DBM, net.now)
     net.settle()
-    net.nodes["io"].heard("titan", None, net.now)
+    net.nodes["io"].signal_received("titan", None, net.now)
     publish(net, "titan", "/map", b"far away")
     net.wait(10 * FAR_S)
     assert net.held("io")["titan", "/map"] == b"grid"
@@ -318,7 +318,7 @@ def test_what_waits_says_when_it_is_due(net):
     """A node sleeps until then; of a peer only its long silence is waited for."""
     io, titan = net.nodes["io"], net.nodes["titan"]
     assert io.due_in_s(net.now) == math.inf
-    io.heard("titan", NEAR_DBM, net.now)
+    io.signal_received("titan", NEAR_DBM, net.now)
     assert io.wake_s == pytest.approx(net.now.steady_s + STANDS_S, abs=0.5)
     assert titan.due_in_s(net.now) == math.inf
     net.settle()

@@ -133,18 +133,18 @@ def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypat
     lines: list[mock.Mock] = []  # on which something of the pull before comes in
 
     def new_connection(*_: object) -> mock.Mock:
-        line = mock.Mock(failure="the peer closed the connection", eager=True)
+        line = mock.Mock(failure="the peer closed the connection", send_before_ready=True)
         line.rtt_s.return_value = None
         line.replies = lambda: [[line.send.call_args.args[0][:6] + b"SERRM"]]
         lines.append(line)
         return line
 
     monkeypatch.setattr(transport._dialer, "_new_connection", new_connection)
-    gossip.heard("io", -50.0, now())
+    gossip.signal_received("io", -50.0, now())
     transport._act()
     time_s[0] = 3.0  # nothing came for long
-    gossip.heard("io", None, now())
-    gossip.heard("io", -50.0, now())
+    gossip.signal_received("io", None, now())
+    gossip.signal_received("io", -50.0, now())
     transport._attend(lines[0], "io", now())
     assert [e.reason for e in events if isinstance(e, SyncTimedOut)] == [
         "stalled, and a new contact began"

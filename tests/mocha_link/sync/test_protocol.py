@@ -31,8 +31,8 @@ class Session:
         self._peer = peer_of(database)
         self._session = ServerSession(self._peer)
 
-    def answer(self, parts: list[bytes], now: Instant) -> tuple[bytes, list[object]]:
-        return self._session.answer(parts, now), self._told()
+    def handle(self, parts: list[bytes], now: Instant) -> tuple[bytes, list[object]]:
+        return self._session.handle(parts, now), self._told()
 
     def tick(self, now: Instant) -> list[object]:
         self._session.tick(now)
@@ -67,7 +67,7 @@ def database() -> Database:
 def test_any_parts_are_answered(parts):
     held = Database()
     held.insert(record(1500), 2000)
-    reply, _ = Session(held).answer(parts, at(0))
+    reply, _ = Session(held).handle(parts, at(0))
     first = parts[0] if parts else b""
     assert reply.startswith(first[:6])
     body, code = reply[len(first[:6]) :], first[6:11]
@@ -83,13 +83,13 @@ def test_any_parts_are_answered(parts):
 
 def test_silence_and_a_new_beginning_break_a_pull_off(database):
     session = Session(database)
-    session.answer([ID + b"GHEAD"], at(0))
+    session.handle([ID + b"GHEAD"], at(0))
     assert session.tick(at(13)) == []
     (broken,) = session.tick(at(13.1))
     assert broken == SyncTimedOut("io", 2000, OUT, "the peer asked nothing for 13 s")
     assert session.tick(at(50)) == []
-    session.answer([ID + b"GHEAD"], at(60))
-    assert session.answer([ID + b"GHEAD"], at(61))[1] == [
+    session.handle([ID + b"GHEAD"], at(60))
+    assert session.handle([ID + b"GHEAD"], at(61))[1] == [
         SyncTimedOut("io", 2000, OUT, "the peer began anew"),
         SyncStarted("io", 2000, OUT),
     ]
@@ -98,18 +98,18 @@ def test_silence_and_a_new_beginning_break_a_pull_off(database):
 def test_what_was_offered_stays_available(database):
     session = Session(database)
     ask = ID + b"GDATA" + record(1500).header.pack()
-    session.answer([ID + b"GHEAD"], at(0))
+    session.handle([ID + b"GHEAD"], at(0))
     database.insert(record(1600, b"\0\0newer"), 2000)
     # Old nodes would store an error reply as a message: a slow one gets what it was promised.
-    assert session.answer([ask], at(100))[0] == ID + b"\0\0body"
-    assert session.answer([ID + b"GDATA" + record(1600).header.pack()], at(100))[0] == (
+    assert session.handle([ask], at(100))[0] == ID + b"\0\0body"
+    assert session.handle([ID + b"GDATA" + record(1600).header.pack()], at(100))[0] == (
         ID + b"\0\0newer"
     )
-    session.answer([ID + b"GHEAD"], at(101))
+    session.handle([ID + b"GHEAD"], at(101))
     # It may still be busy with the list before: 13 s after the new one it is not.
-    assert session.answer([ask], at(114))[0] == ID + b"\0\0body"
-    assert session.answer([ask], at(114.1))[0] == ID + b"SERRM"
-    assert Session(database).answer([ask], at(0))[0] == ID + b"SERRM"
+    assert session.handle([ask], at(114))[0] == ID + b"\0\0body"
+    assert session.handle([ask], at(114.1))[0] == ID + b"SERRM"
+    assert Session(database).handle([ask], at(0))[0] == ID + b"SERRM"
 
 
 def test_a_list_makes_no_header_anew(database, monkeypatch):
@@ -119,7 +119,7 @@ def test_a_list_makes_no_header_anew(database, monkeypatch):
     made = []
     pack = Header.pack
     monkeypatch.setattr(Header, "pack", lambda header: made.append(header) or pack(header))
-    reply, _ = Session(database).answer([ID + b"GHEAD"], at(0))
+    reply, _ = Session(database).handle([ID + b"GHEAD"], at(0))
     assert len(reply) == len(ID) + 50 * Header.SIZE
     assert made == []
 
@@ -129,12 +129,12 @@ def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
     session = Session(database)
     for second in range(1501, 1600):
         database.insert(record(second, bytes(1000)), 2000)
-        session.answer([ID + b"GHEAD"], at(0))
+        session.handle([ID + b"GHEAD"], at(0))
     database.insert(record(1600), 2000)
 
     def holds(second: int, steady_s: float) -> bool:
         ask = ID + b"GDATA" + record(second).header.pack()
-        return not session.answer([ask], at(steady_s))[0].endswith(b"SERRM")
+        return not session.handle([ask], at(steady_s))[0].endswith(b"SERRM")
 
     assert [second for second in range(1500, 1601) if holds(second, 1)] == [1598, 1599, 1600]
     assert [second for second in range(1500, 1601) if holds(second, 14)] == [1599, 1600]
@@ -144,9 +144,9 @@ def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
     """Otherwise every peer ever met would keep all that there was then."""
     session = Session(database)
     ask = ID + b"GDATA" + record(1500).header.pack()
-    session.answer([ID + b"GHEAD"], at(0))
+    session.handle([ID + b"GHEAD"], at(0))
     database.insert(record(1600, b"\0\0newer"), 2000)
     session.tick(at(50))
-    assert session.answer([ask], at(50))[0] == ID + b"\0\0body"
+    assert session.handle([ask], at(50))[0] == ID + b"\0\0body"
     session.tick(at(111))
-    assert session.answer([ask], at(111))[0] == ID + b"SERRM"
+    assert session.handle([ask], at(111))[0] == ID + b"SERRM"

@@ -303,17 +303,17 @@ def test_a_new_contact_ends_a_short_gap_at_once(net):
         net = NetworkSim(ether_team, datagrams=True, delay_s=FAR_S)
         net.publish("titan", "/slow", noise(2_000_000))
         io = net.nodes["io"]
-        io.heard("titan", -60, net.now)
+        io.signal_received("titan", -60, net.now)
         until_some_came(net)
         net.silent.add("titan")
-        io.heard("titan", None, net.now)
+        io.signal_received("titan", None, net.now)
         net.wait(3.9)
         before = io.links(net.now)["titan"].bytes_in
         net.silent.clear()
         begin_s = net.time_s
         if on_contact:
-            io.heard("titan", -60, net.now)
-            net.nodes["titan"].heard("io", -60, net.now)
+            io.signal_received("titan", -60, net.now)
+            net.nodes["titan"].signal_received("io", -60, net.now)
         while io.links(net.now)["titan"].bytes_in == before:
             net.wait(0.01)
         assert not net.told("io", SyncTimedOut)
@@ -344,13 +344,13 @@ def test_a_stalled_connection_is_dialled_anew_when_a_contact_begins(team):
     net = NetworkSim(team, delay_s=FAR_S)
     net.publish("titan", "/slow", noise(2_000_000))
     io = net.nodes["io"]
-    io.heard("titan", -60, net.now)
+    io.signal_received("titan", -60, net.now)
     until_some_came(net)
     net.silent.add("titan")
     net.wait(1.5)
-    io.heard("titan", None, net.now)
+    io.signal_received("titan", None, net.now)
     net.silent.clear()
-    io.heard("titan", -60, net.now)
+    io.signal_received("titan", -60, net.now)
     actions, events = io.take()
     assert sum(isinstance(action, Connect) for action in actions) == 1
     assert [e.reason for e in events if isinstance(e, SyncTimedOut)] == [
@@ -395,7 +395,7 @@ def test_the_next_contact_has_a_budget_of_its_own():
         net.publish("titan", f"/t{number}", noise(2_000, number))
     io = net.nodes["io"]
     for contact in range(1, 7):
-        io.heard("titan", -60, net.now)
+        io.signal_received("titan", -60, net.now)
         net.settle()
         held = len(net.held("io"))
         assert min(40, 8 * contact) <= held <= 10 * contact
@@ -404,10 +404,10 @@ def test_the_next_contact_has_a_budget_of_its_own():
             last = [end for end in net.told(name, SyncEnded) if end.direction is direction][-1]
             assert last.complete == (held == 40)
         net.wait(3)
-        io.heard("titan", -60, net.now)
+        io.signal_received("titan", -60, net.now)
         net.settle()
         assert len(net.held("io")) <= held + 1
-        io.heard("titan", None, net.now)
+        io.signal_received("titan", None, net.now)
         if held == 40:
             break
     assert net.held("io") == net.held("titan")

@@ -71,7 +71,7 @@ class Asker:
     def ask(
         self, content: bytes, route: tuple[bytes, ...] = ROUTE, now: Instant | None = None
     ) -> bytes | None:
-        return self.server.answer(route, [self.id + content], now or at(0))
+        return self.server.handle(route, [self.id + content], now or at(0))
 
     def drain(self, now: Instant | None = None) -> list[tuple[tuple[bytes, ...], bytes]]:
         """All that the server gives for connections now, without reading it."""
@@ -303,7 +303,7 @@ def test_the_fallback_is_answered_elsewhere(server, io, database):
     io.open(GRANT.pack(0, 65_536))
     told_by(server)
     assert io.ask(b"GHEAD", OTHER) == b"ididid" + database.header_list()
-    assert server.answer(ROUTE, [b"others" + b"GHEAD"], at(0)) == (
+    assert server.handle(ROUTE, [b"others" + b"GHEAD"], at(0)) == (
         b"others" + database.header_list()
     )
     assert io.ask(b"DENDTio") == b"idididAck"
@@ -479,7 +479,7 @@ def test_who_followed_on_a_connection_that_is_gone_does_not_any_more(server, dat
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
     assert server.route(lambda _route: stands) == (ROUTE if stands else None)
     assert database.insert(record(0, age_ms=0), NOW_S)
-    assert server.heeds({1}) is stands
+    assert server.wants_push({1}) is stands
     assert (server.wake_s is not None) is bool(io.drain()) is stands
     assert told_by(server) == []
 
@@ -535,7 +535,7 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
         now = at(time_s)
         route = rng.choice((ROUTE, OTHER))
         if what == "ask":
-            server.answer(route, [rng.choice((b"ididid", b"others")) + code + rest], now)
+            server.handle(route, [rng.choice((b"ididid", b"others")) + code + rest], now)
         elif what == "good":
             asker.ask(code + PLENTY + asker.opening, route, now)
             asker.ask(code + asker.opening, route, now)

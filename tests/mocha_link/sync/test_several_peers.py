@@ -57,7 +57,7 @@ def meet(net):
         net.pull(relay, "zed")
     net.carried.clear()
     for relay in relays_of(net):
-        net.nodes["io"].heard(relay, NEAR_DBM, net.at("io"))
+        net.nodes["io"].signal_received(relay, NEAR_DBM, net.at("io"))
 
 
 def crossed(net, *sources):

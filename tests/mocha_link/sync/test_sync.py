@@ -14,11 +14,11 @@ from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import LARGE_BYTES, SyncFrameError
 from mocha_link.sync.sync_messages import (
     VERSION,
-    Answer,
     Digest,
     Done,
     FragmentRequest,
     Have,
+    HeldGroups,
     Hello,
     Open,
     Reception,
@@ -57,7 +57,7 @@ OPENS = st.builds(
 
 
 def test_an_answer_that_is_too_long_for_a_message_leaves_some_out():
-    answers = [Answer(robot, 0xFFFF, [robot << 56] * 2_000) for robot in range(256)]
+    answers = [HeldGroups(robot, 0xFFFF, [robot << 56] * 2_000) for robot in range(256)]
     content = sync_messages.encode_answers(answers)
     assert len(content) <= sync.MAX_SYNC_MESSAGE_BYTES
     read = sync_messages.decode_answers(content)

@@ -272,7 +272,7 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
     digest = Open(1, 0, Digest({n: n for n in range(5)})).encode()
     since = Open(1, 0, Since(server.database.epoch, 3, (1, 2, 3))).encode()
     answer = sync_messages.encode_answers(
-        [sync_messages.Answer(n, 0xFFFF, [n << 56]) for n in range(5)]
+        [sync_messages.HeldGroups(n, 0xFFFF, [n << 56]) for n in range(5)]
     )
     for round_, (kind, content) in enumerate(
         [
