@@ -80,7 +80,7 @@ class MissingExtraError(MochaLinkError):
         )
 
 
-def told(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """An expected error as the message that ends a command."""
     if isinstance(error, OSError):
         place = f"{error.filename}: " if error.filename is not None else ""

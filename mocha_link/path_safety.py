@@ -59,16 +59,16 @@ def new_file(path: Path) -> IO[bytes]:
         OSError: it cannot be made, or would replace a folder or, in `/tmp`, another user's file.
     """
     check_links(path.parent)
-    beside = path.with_name(f".{path.name[:40]}.{secrets.token_hex(8)}")
+    temporary = path.with_name(f".{path.name[:40]}.{secrets.token_hex(8)}")
     try:
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     except OSError as error:  # it names the temporary file, for which no caller asked
         raise OSError(error.errno, error.strerror, str(path)) from None
     try:
-        beside.replace(path)
+        temporary.replace(path)
     except OSError as error:
         os.close(descriptor)
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from None
     return os.fdopen(descriptor, "wb")
 

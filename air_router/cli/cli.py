@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from air_router.errors import EXPECTED, exit_code
 from mocha_link.cli import Program
-from mocha_link.errors import told
+from mocha_link.errors import error_text
 
 _EXIT_CODES = """\
 exit codes:
@@ -56,7 +56,7 @@ def program_of(
 
 
 def _ended(error: Exception) -> tuple[int, str]:
-    return exit_code(error), told(error)
+    return exit_code(error), error_text(error)
 
 
 PROGRAM = program_of(

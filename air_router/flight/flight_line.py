@@ -20,7 +20,7 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     if status.waiting is not None:
         parts.append(f"waiting: {status.waiting.why} ({status.waiting.for_s:.0f} s)")
     signals = {
-        peer: link.signal.words for peer, link in sorted(links.items()) if link.signal is not None
+        peer: link.signal.text for peer, link in sorted(links.items()) if link.signal is not None
     }
     sought = status.robot
     if sought is not None:

@@ -101,7 +101,7 @@ class FlightView:
         return {
             "peer": link.peer,
             "state": link.state.name,
-            "signal": None if link.signal is None else link.signal.words,
+            "signal": None if link.signal is None else link.signal.text,
             "rssi_dbm": link.rssi_dbm,
             "rtt_s": link.rtt_s,
             "bandwidth_bytes_s": link.bandwidth_bytes_s,

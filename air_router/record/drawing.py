@@ -147,7 +147,7 @@ class FlightDrawing:
         for name, position in self._robots.items():
             link = self._links.get(name)
             signal = None if link is None else link.signal
-            words = name if signal is None else f"{name} {signal.words}"
+            words = name if signal is None else f"{name} {signal.text}"
             lines = []
             if self._vehicle is not None and signal is not None:
                 ends = [self._vehicle, (*position, 0.0)]

@@ -25,7 +25,7 @@ from air_router.errors import RefusedError
 from air_router.files import sync_folder
 from air_router.record.channels import RecordChannel
 from air_router.record.serialization import SCHEMA_VERSION
-from mocha_link.errors import told
+from mocha_link.errors import error_text
 from mocha_link.path_safety import made_folder
 
 _log = logging.getLogger(__name__)
@@ -86,7 +86,7 @@ def open_record(
 def no_folder(error: OSError) -> RefusedError:
     """Why nothing can be recorded in the folder that the operator named, and what to do."""
     advice = "name a folder that can be written to, --log-dir D, or say --no-record"
-    return RefusedError(f"{told(error)}; {advice}")
+    return RefusedError(f"{error_text(error)}; {advice}")
 
 
 def _version(name: str) -> str:

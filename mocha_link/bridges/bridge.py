@@ -28,11 +28,11 @@ from mocha_link.service import (
 )
 
 WAIT_S = 1.0  # of a request for news
-LEAVES_S = 30.0  # at its end what the robot has said leaves as long as the node answers
+DRAIN_S = 30.0  # at its end what the robot has said leaves as long as the node answers
 PAUSE_S = 0.5  # before a node that does not answer is asked again
 QUIET_S = 20.0  # of a topic, until that is told of
-MAX_HELD = 1000  # messages of the robot that wait for the node
-MAX_HELD_BYTES = 64 * 1024 * 1024
+MAX_QUEUED = 1000  # messages of the robot that wait for the node
+MAX_QUEUED_BYTES = 64 * 1024 * 1024
 JSON_PACKAGE = "json/"
 
 LOG = logging.getLogger("mocha_link")
@@ -62,11 +62,11 @@ class Middleware(Protocol):
         """Give up everything."""
 
 
-class Outbox:
+class PublishQueue:
     """Messages of the robot on their way to the node, in order; the oldest give way to too many."""
 
     def __init__(self) -> None:
-        self._held: deque[tuple[str, bytes]] = deque()  # topic, data
+        self._queued: deque[tuple[str, bytes]] = deque()  # topic, data
         self._size = 0  # bytes held
         self._changed = threading.Condition()  # a message came, or it ends
         self.dropped = 0  # messages given up
@@ -74,26 +74,28 @@ class Outbox:
     def put(self, topic: str, data: bytes) -> None:
         """Add a message, from any thread."""
         with self._changed:
-            held = self._held
-            held.append((topic, data))
+            queued = self._queued
+            queued.append((topic, data))
             self._size += len(data)
-            while len(held) > 1 and (len(held) > MAX_HELD or self._size > MAX_HELD_BYTES):
+            while len(queued) > 1 and (len(queued) > MAX_QUEUED or self._size > MAX_QUEUED_BYTES):
                 if not self.dropped:
                     LOG.warning("too much waits for the node: the oldest are given up")
                 self.dropped += 1
-                self._size -= len(held.popleft()[1])
+                self._size -= len(queued.popleft()[1])
             self._changed.notify()
 
     def first(self, timeout_s: float) -> tuple[str, bytes] | None:
         """The oldest message, which stays until `done`."""
         with self._changed:
-            return self._held[0] if self._changed.wait_for(lambda: self._held, timeout_s) else None
+            return (
+                self._queued[0] if self._changed.wait_for(lambda: self._queued, timeout_s) else None
+            )
 
     def done(self, message: tuple[str, bytes]) -> None:
         """A message has left."""
         with self._changed:
-            if self._held and self._held[0] is message:
-                self._size -= len(self._held.popleft()[1])
+            if self._queued and self._queued[0] is message:
+                self._size -= len(self._queued.popleft()[1])
 
 
 class Bridge:
@@ -117,7 +119,7 @@ class Bridge:
         self._progress = progress
         self._clock = clock
         self._quiet: dict[str, str] = {}  # subscribed topics of which nothing has come: their types
-        self._outbox = Outbox()
+        self._publish_queue = PublishQueue()
         self._stopping = threading.Event()
         self._complaints: Counter[str] = Counter()  # by subject: the first is a warning
         self._away = False  # the node does not answer, as told
@@ -129,7 +131,7 @@ class Bridge:
     def run(self) -> None:
         """Hand messages on until `stop`."""
         with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
-            team = self._patiently(client.team)
+            team = self._retry(client.team)
             if team is None:
                 return
             self._subscribe(team)
@@ -141,7 +143,7 @@ class Bridge:
                 self._follow(client, team, quiet_s)
             finally:
                 self._stopping.set()
-                for _ in range(int(LEAVES_S / PAUSE_S)):
+                for _ in range(int(DRAIN_S / PAUSE_S)):
                     if not self._away:
                         outgoing.join(PAUSE_S)
 
@@ -158,7 +160,9 @@ class Bridge:
                 self._quiet.pop(name, None)
                 try:
                     plain = kind.startswith(JSON_PACKAGE)
-                    self._outbox.put(name, self._middleware.from_text(data) if plain else data)
+                    self._publish_queue.put(
+                        name, self._middleware.from_text(data) if plain else data
+                    )
                 except ValueError as error:
                     self._complain(name, f"not handed on: {error}")
 
@@ -196,7 +200,7 @@ class Bridge:
                 need = "publishers need these names and types, and this domain or master"
                 LOG.info("nothing has come on %s yet: %s", topics, need)
                 self._quiet = {}
-            found = self._patiently(
+            found = self._retry(
                 lambda: client.since(self._progress.place, wait_s=WAIT_S, ros=self._middleware.ros)
             )
             if found is None:
@@ -232,25 +236,25 @@ class Bridge:
     def _send(self) -> None:
         """Publish through the node what the robot says."""
         with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
-            while (message := self._outbox.first(WAIT_S)) or not self._stopping.is_set():
+            while (message := self._publish_queue.first(WAIT_S)) or not self._stopping.is_set():
                 if message is None:
                     continue
                 topic, data = message
                 key = uuid.uuid4().hex
                 with contextlib.suppress(_GivenUpError):
-                    header = self._patiently(
+                    header = self._retry(
                         lambda: client.publish(topic, data, ros=self._middleware.ros, key=key),  # noqa: B023
                         topic,
                     )
                     if header is None:
                         return
-                self._outbox.done(message)
+                self._publish_queue.done(message)
 
-    def _patiently(self, ask: Callable[[], Any], about: str = "") -> Any:
+    def _retry(self, request: Callable[[], Any], about: str = "") -> Any:
         """What a request answers, as soon as the node does; when stopping None after one try."""
         while True:
             try:
-                answer = ask()
+                reply = request()
             except ServiceUnreachableError as error:
                 if not self._away:
                     LOG.warning("waiting for the node: %s", error)
@@ -263,7 +267,7 @@ class Bridge:
                 if self._away:
                     LOG.warning("the node answers again")
                 self._away = False
-                return answer
+                return reply
             if self._stopping.wait(PAUSE_S):
                 return None
 

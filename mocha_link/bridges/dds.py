@@ -125,7 +125,7 @@ class DdsTypes:
 
 MAX_DOMAIN = 232  # its ports are the last ones
 MIN_DEPTH = 10  # samples that wait for a reader
-TAKEN = 100  # samples at once
+MAX_SAMPLES = 100  # samples at once
 _RELIABILITY = 11  # the policy's number in DDS
 _LISTENER: Any = Listener  # whose arguments have no types
 
@@ -228,7 +228,7 @@ class Dds(Cdr, Closeable):
                 readers = list(self._readers)
             for reader, _, hand in readers:
                 try:
-                    for sample in reader.take(TAKEN):
+                    for sample in reader.take(MAX_SAMPLES):
                         data = getattr(sample, "data", b"")  # that a publisher ended has none
                         if data:
                             with self._guard:
@@ -240,8 +240,8 @@ class Dds(Cdr, Closeable):
 def _refused(topic: str, status: Any) -> None:
     """Log that DDS does not join a publisher to a subscriber that wants more than it offers."""
     if status.last_policy_id == _RELIABILITY:
-        words = "%s is not received: its publisher is not reliable; say --best-effort %s"
-        LOG.warning(words, topic, topic)
+        text = "%s is not received: its publisher is not reliable; say --best-effort %s"
+        LOG.warning(text, topic, topic)
     else:
         LOG.warning("%s is not received: its publisher's QoS offers less than ours asks for", topic)
 

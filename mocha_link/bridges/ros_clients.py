@@ -55,18 +55,22 @@ class Ros1:
         """See `bridge.Middleware`. Publishers of another type are told once, and not heard."""
         md5 = self.types.get(kind, {}).get("md5", "*")
 
-        def heard(message: Any) -> None:
+        def received(message: Any) -> None:
             header = message._connection_header  # noqa: SLF001 - rospy's way
-            said, its_md5 = header.get("type", kind), header.get("md5sum", "*")
-            if said == kind and (its_md5 == md5 or "*" in (its_md5, md5)):
+            published_type, its_md5 = header.get("type", kind), header.get("md5sum", "*")
+            if published_type == kind and (its_md5 == md5 or "*" in (its_md5, md5)):
                 hand(message._buff)  # noqa: SLF001 - the bytes; AnyMsg has nothing else
             elif topic not in self._odd:
                 self._odd.add(topic)
-                theirs, ours = f"{said} ({its_md5})", f"{kind} ({md5})"
+                theirs, ours = f"{published_type} ({its_md5})", f"{kind} ({md5})"
                 LOG.warning("%s is published as %s; the team says %s", topic, theirs, ours)
 
         subscriber = self._rospy.Subscriber(
-            topic, self._rospy.AnyMsg, heard, queue_size=max(100, history), buff_size=BUFFER_BYTES
+            topic,
+            self._rospy.AnyMsg,
+            received,
+            queue_size=max(100, history),
+            buff_size=BUFFER_BYTES,
         )
         self._subscribers.append(subscriber)
 

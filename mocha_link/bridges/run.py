@@ -66,14 +66,14 @@ def _run(kind: str, options: SimpleNamespace) -> None:
 
 def _team(client: ServiceClient) -> dict[str, Any]:
     """What the node says of its team, as soon as it runs."""
-    told = False
+    logged = False
     while True:
         try:
             return client.team()
         except ServiceUnreachableError as error:
-            if not told:
+            if not logged:
                 LOG.warning("waiting for the node: %s", error)
-            told = True
+            logged = True
 
 
 def _state_file(name: str) -> Path | None:
@@ -124,9 +124,9 @@ ADVICE = {
 
 def main(arguments: Sequence[str]) -> int:
     """What ``__main__`` runs in a foreign Python: one argument, the options as JSON."""
-    said = json.loads(arguments[0])
-    said["state"] = said["state"] and Path(said["state"])
-    options = SimpleNamespace(**said)
+    settings = json.loads(arguments[0])
+    settings["state"] = settings["state"] and Path(settings["state"])
+    options = SimpleNamespace(**settings)
     form = "%(levelname)s %(message)s"
     logging.basicConfig(stream=sys.stderr, level=options.log_level, format=form)
     try:

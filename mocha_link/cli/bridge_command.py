@@ -123,10 +123,10 @@ def _has_ros(python: str, kind: str) -> bool:
 
 def _become(python: str, kind: str, options: Options) -> NoReturn:
     folder = str(Path(bridges.__file__).parent)
-    said = {
+    settings = {
         "kind": kind,
         "log_level": log_level(click.get_current_context(), logging.INFO),
         **vars(options),
     }
     sys.stderr.flush()
-    os.execv(python, [python, folder, json.dumps(said, default=str)])  # noqa: S606
+    os.execv(python, [python, folder, json.dumps(settings, default=str)])  # noqa: S606

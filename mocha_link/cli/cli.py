@@ -12,7 +12,7 @@ from mocha_link.errors import (
     MissingExtraError,
     MochaLinkError,
     NotInTeamError,
-    told,
+    error_text,
 )
 from mocha_link.team import DocumentError
 
@@ -40,7 +40,9 @@ def _ended(error: Exception) -> tuple[int, str]:
         return INVALID_FILE, str(error)
     if isinstance(error, MissingExtraError):
         return MISSING_EXTRA, f"mocha-link: {error}"
-    return USAGE if isinstance(error, NotInTeamError) else FAILED, f"mocha-link: {told(error)}"
+    return USAGE if isinstance(
+        error, NotInTeamError
+    ) else FAILED, f"mocha-link: {error_text(error)}"
 
 
 PROGRAM = Program(

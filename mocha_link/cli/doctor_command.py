@@ -101,22 +101,22 @@ class _Trial:
         self._seconds = seconds  # how long at most
         self._gossip = Gossip(team, robot.name, by_timer=True, timeout_s=seconds / 2, follow=False)
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
-        self._heard: dict[str, Reading | None] = {}  # what the radio says, by peer
+        self._readings: dict[str, Reading | None] = {}  # what the radio says, by peer
         self._ends: dict[tuple[str, Direction], SyncEnded | SyncTimedOut] = {}  # the newest
         self._serves = True  # peers can ask: the ports are ours
         self._has_node = False  # its node runs beside us
-        self._hears = robot.radio is not None  # its radio is ours
+        self._owns_radio = robot.radio is not None  # its radio is ours
 
     def run(self) -> None:
         """Try it all, then judge."""
         with closing(self._transport()), self._radio():
             self._watch()
         for peer in self._robot.peers:
-            self.findings.append(self._asking(peer))
+            self.findings.append(self._outgoing(peer))
             if self._serves:
-                self.findings.append(self._answering(peer))
+                self.findings.append(self._incoming(peer))
             self.findings.extend(self._clock(peer))
-            if self._hears:
+            if self._owns_radio:
                 self.findings.append(self._signal(peer))
 
     def _transport(self) -> Transport:
@@ -158,12 +158,12 @@ class _Trial:
             return nullcontext()
         try:
             radio = open_radio(self._robot.radio, self._team, self._robot.name)
-            radio.start(lambda peer, reading: self._heard.update({peer: as_reading(reading)}))
+            radio.start(lambda peer, reading: self._readings.update({peer: as_reading(reading)}))
         except RadioError as error:
             text = "its node reads the radio: 'mocha-link monitor' shows the signals"
             found = Finding(None, self._has_node, text if self._has_node else f"radio: {error}")
             self.findings.append(found)
-            self._hears = False
+            self._owns_radio = False
             return nullcontext()
         return closing(radio)
 
@@ -173,7 +173,7 @@ class _Trial:
         if self._serves:
             wanted |= {(peer, OUT) for peer in self._robot.peers}
         until_s = time.monotonic() + self._seconds
-        while wanted or self._hears:
+        while wanted or self._owns_radio:
             try:
                 event = self._events.get(timeout=max(until_s - time.monotonic(), 0.0))
             except queue.Empty:
@@ -183,7 +183,7 @@ class _Trial:
                 if isinstance(event, SyncEnded):
                     wanted.discard((event.peer, event.direction))
 
-    def _asking(self, peer: str) -> Finding:
+    def _outgoing(self, peer: str) -> Finding:
         robot = self._team.robot(peer)
         place = f"{robot.address}:{robot.port_for(self._robot.name)}"
         end = self._ends.get((peer, IN))
@@ -208,7 +208,7 @@ class _Trial:
             hint = f"; something takes connections there that is no node of {peer}, or hangs"
         return Finding(peer, False, f"asked at {place}: {why}{hint}")
 
-    def _answering(self, peer: str) -> Finding:
+    def _incoming(self, peer: str) -> Finding:
         end, port = self._ends.get((peer, OUT)), self._robot.port_for(peer)
         if end is None:
             return Finding(
@@ -218,10 +218,10 @@ class _Trial:
                 "robot by radio, its team file has another address than "
                 f"{self._robot.address}:{port}, or a firewall here stops TCP and UDP",
             )
-        asks = f"it asks this robot, at port {port}"
+        pulls = f"it asks this robot, at port {port}"
         if isinstance(end, SyncEnded):
-            return Finding(peer, True, asks)
-        return Finding(peer, False, f"{asks}: {end.reason}")
+            return Finding(peer, True, pulls)
+        return Finding(peer, False, f"{pulls}: {end.reason}")
 
     def _clock(self, peer: str) -> Iterator[Finding]:
         robot_id = self._team.robot(peer).robot_id
@@ -236,9 +236,9 @@ class _Trial:
             yield Finding(peer, False, text)
 
     def _signal(self, peer: str) -> Finding:
-        reading = self._heard.get(peer)
+        reading = self._readings.get(peer)
         if reading is None:
-            where = "it reports of others" if self._heard else "it reports nothing at all"
+            where = "it reports of others" if self._readings else "it reports nothing at all"
             return Finding(peer, False, f"the radio does not hear it ({where})")
         limit = threshold(self._team.trigger, reading.unit)
         text = f"the radio hears it at {reading.value:g} {reading.unit.value}"

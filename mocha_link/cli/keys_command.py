@@ -12,7 +12,7 @@ import click
 import yaml
 
 from mocha_link.cli.program import PATH, Options, command, examples, option
-from mocha_link.errors import MochaLinkError, told
+from mocha_link.errors import MochaLinkError, error_text
 from mocha_link.path_safety import check_links, new_file
 from mocha_link.team import (
     Document,
@@ -36,7 +36,7 @@ class _Plan(NamedTuple):
     """What becomes of one robot: `secret` is to be written, `public` goes into the team file."""
 
     robot: Robot
-    told: str  # what is done, in words
+    summary: str  # the action, as text for the operator
     secret: SecretKey | None = None
     public: str | None = None
 
@@ -73,9 +73,9 @@ def run(options: Options) -> int:
         print("\n".join(_lines_to_add(public)))
     elif changed != text:
         _write(options.team, start + changed.encode())
-    told = sys.stderr if options.print else sys.stdout
-    print("\n".join([f"{plan.robot.name}: {plan.told}" for plan in plans]), file=told)
-    print("\n".join(["", *protection_lines(after)]), file=told)
+    output = sys.stderr if options.print else sys.stdout
+    print("\n".join([f"{plan.robot.name}: {plan.summary}" for plan in plans]), file=output)
+    print("\n".join(["", *protection_lines(after)]), file=output)
     if public:
         print(
             "\ngive every robot the new team file, and each secret to its robot alone",
@@ -204,7 +204,7 @@ def _write(path: Path, raw: bytes) -> None:
     try:
         check_links(path)
     except OSError as error:
-        raise TeamTextError(told(error)) from None
+        raise TeamTextError(error_text(error)) from None
     path = path.resolve()  # the file itself, not a link to it
     fresh = path.with_name(path.name + ".new")
     try:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from mocha_link.sanitize import sanitize
 
-MAX_NEWS = 200
+MAX_EVENTS = 200
 SILENT_S = 3.0  # snapshots come every second
 BAR_CELLS = 8
 DECADES = 3  # what a bar spans, down from the best link
@@ -30,15 +30,15 @@ UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, OverflowError, OS
 
 def event_line(fields: dict[str, Any], *, date: bool = True) -> str:
     """One event, given as `server.as_fields` has it and `event`, its type."""
-    unsaid = {"event", "peer", "at_s"}
+    hidden = {"event", "peer", "at_s"}
     if "signal" in fields:
-        unsaid.add("rssi_dbm")  # the same
+        hidden.add("rssi_dbm")  # the same
     if fields.get("complete") is True:
-        unsaid.add("complete")
-    words = [f"{key}={_shown(value)}" for key, value in fields.items() if key not in unsaid]
+        hidden.add("complete")
+    parts = [f"{key}={_shown(value)}" for key, value in fields.items() if key not in hidden]
     at = datetime.fromtimestamp(fields["at_s"], UTC).isoformat(timespec="milliseconds")
     at = at[:-6] if date else at[11:-6]
-    return " ".join([f"{at}Z", str(fields["event"]), str(fields["peer"]), *words])
+    return " ".join([f"{at}Z", str(fields["event"]), str(fields["peer"]), *parts])
 
 
 def _shown(value: object) -> str:
@@ -114,9 +114,9 @@ class NodeView:
     def __init__(self, endpoint: str) -> None:
         self._endpoint = endpoint
         self._links: dict[str, Any] = {}  # the newest answer
-        self._heard_s = 0.0  # when it came, monotonic
-        self._told = EventFilter()
-        self._news: deque[str] = deque(maxlen=MAX_NEWS)  # lines; the newest are last
+        self._received_s = 0.0  # when it came, monotonic
+        self._filter = EventFilter()
+        self._events: deque[str] = deque(maxlen=MAX_EVENTS)  # lines; the newest are last
 
     @property
     def ready(self) -> bool:
@@ -125,7 +125,7 @@ class NodeView:
 
     def printed(self, style: Style) -> str:
         """What has just been heard, for an output that is no terminal."""
-        return "\n".join(self.lines(PRINTED, style, self._heard_s))
+        return "\n".join(self.lines(PRINTED, style, self._received_s))
 
     def take(self, kind: str, fields: dict[str, Any], steady_s: float) -> None:
         """Take in a message of the metrics stream, which came at a steady time.
@@ -137,20 +137,20 @@ class NodeView:
             self._links = fields
         else:
             line = sanitize(event_line(fields, date=False))  # what is strange is found out here
-            if self._told.is_new(fields):
-                self._news.append(line)
-        self._heard_s = steady_s
+            if self._filter.is_new(fields):
+                self._events.append(line)
+        self._received_s = steady_s
 
     def lines(self, size: os.terminal_size, style: Style, steady_s: float) -> list[str]:
         """The screen at a steady time: title, table, and the latest news in what room is left."""
-        silent_s = steady_s - self._heard_s
+        silent_s = steady_s - self._received_s
         title = f"links of {sanitize(str(self._links['robot']))}, {self._endpoint}"
         colour = BOLD
         fault = self._links.get("storage_fault")
         if fault:
             title, colour = f"NOT ON DISK: {sanitize(str(fault))}  {title}", RED
         if silent_s > SILENT_S:
-            title, colour = f"NO NEWS FOR {silent_s:.0f} s  {title}", RED
+            title, colour = f"NO DATA FOR {silent_s:.0f} s  {title}", RED
         colours = ["", *(str(link["state"]) for link in self._links["links"].values())]
         table = _table(self._links, silent_s, unicode=style.unicode)
         rows = zip(_fitted(table, size.columns), colours, strict=True)
@@ -159,9 +159,9 @@ class NodeView:
             *(style.paint(row, _COLOURS.get(state, "")) for row, state in rows),
         ]
         room = size.lines - len(lines) - 2
-        if room > 0 and self._news:
-            news = list(self._news)[-room:]
-            lines += ["", *(style.paint(line[: size.columns], DIM) for line in news)]
+        if room > 0 and self._events:
+            events = list(self._events)[-room:]
+            lines += ["", *(style.paint(line[: size.columns], DIM) for line in events)]
         return lines[: max(1, size.lines - 1)]
 
 

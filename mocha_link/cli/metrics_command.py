@@ -37,7 +37,7 @@ from mocha_link.service import MetricsError, watch
 )
 def run(options: Options) -> int:
     """Do it; returns the exit code."""
-    picture, news, shown = NodeView(options.endpoint), EventFilter(), False
+    picture, event_filter, shown = NodeView(options.endpoint), EventFilter(), False
     for kind, fields in watch(options.endpoint, timeout_s=options.timeout):
         text = ""
         try:
@@ -45,7 +45,7 @@ def run(options: Options) -> int:
                 picture.take(kind, fields, time.monotonic())
                 text = "" if shown else picture.printed(Style(colour=False))
                 shown = True
-            elif news.is_new(fields):
+            elif event_filter.is_new(fields):
                 text = event_line(fields)
         except UNREADABLE:
             raise MetricsError(f"what {options.endpoint} sends is not a node's metrics") from None

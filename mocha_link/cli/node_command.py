@@ -31,7 +31,7 @@ from mocha_link.service import MetricsServer, PrometheusServer, ServiceServer, a
 from mocha_link.team import Team
 
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
-LOOK_S = 1.0  # Python overlooks a signal that comes just before a wait, until that ends
+POLL_S = 1.0  # Python overlooks a signal that comes just before a wait, until that ends
 
 LOG = logging.getLogger("mocha_link")
 
@@ -95,13 +95,13 @@ def run(options: Options) -> int:
     with until_terminated(), node, contextlib.ExitStack() as stack:
         if options.metrics:
             server = stack.enter_context(MetricsServer(node, options.metrics))
-            _say(f"metrics on {server.endpoint}")
+            _print_line(f"metrics on {server.endpoint}")
         if options.prometheus:
             web = stack.enter_context(PrometheusServer(node, options.prometheus))
-            _say(f"metrics on {web.url}")
+            _print_line(f"metrics on {web.url}")
         if options.serve:
             service = stack.enter_context(ServiceServer(node, options.serve))
-            _say(f"serves programs on {service.endpoint}")
+            _print_line(f"serves programs on {service.endpoint}")
         robot = node.robot
         if robot.original:
             LOG.warning(
@@ -112,23 +112,23 @@ def run(options: Options) -> int:
             )
         if options.storage and not node.storage_fault:
             count = len(node.messages())
-            _say(f"{options.storage} has {count} message{'s' * (count != 1)}")
+            _print_line(f"{options.storage} has {count} message{'s' * (count != 1)}")
         for peer in robot.peers:
-            _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
-        _say("ready; Ctrl-C ends")
+            _print_line(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
+        _print_line("ready; Ctrl-C ends")
         _show(events, as_json=options.json)
     return 0
 
 
 def _show(events: queue.SimpleQueue[LinkEvent], *, as_json: bool) -> NoReturn:
-    news = EventFilter()
+    event_filter = EventFilter()
     while True:
         try:
-            event = events.get(timeout=LOOK_S)
+            event = events.get(timeout=POLL_S)
         except queue.Empty:
             continue
         fields = {"event": type(event).__name__, **as_fields(event)}
-        if not as_json and not news.is_new(fields):
+        if not as_json and not event_filter.is_new(fields):
             continue
         try:
             print(json.dumps(fields) if as_json else event_line(fields), flush=True)
@@ -137,5 +137,5 @@ def _show(events: queue.SimpleQueue[LinkEvent], *, as_json: bool) -> NoReturn:
             LOG.warning("no event is printed any more (%s); the node goes on", error.strerror)
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     print(line, file=sys.stderr, flush=True)

@@ -170,15 +170,15 @@ class Command(_WithEpilog):
         needy = {name for each in options if each.needs_value for name in each.opts}
         spread: list[str] = []
         current = ""
-        for word in args:
-            if word in known and spread and spread[-1] in needy and not ctx.resilient_parsing:
-                message = f"Option '{spread[-1]}' requires an argument, not '{word}'."
+        for argument in args:
+            if argument in known and spread and spread[-1] in needy and not ctx.resilient_parsing:
+                message = f"Option '{spread[-1]}' requires an argument, not '{argument}'."
                 raise click.BadOptionUsage(spread[-1], message, ctx)
-            if word.startswith("-"):
-                current = word if word in many else ""
+            if argument.startswith("-"):
+                current = argument if argument in many else ""
             elif current and spread[-1] != current:
                 spread.append(current)
-            spread.append(word)
+            spread.append(argument)
         return spread
 
     def invoke(self, ctx: click.Context) -> int:
@@ -295,16 +295,16 @@ class Program(Group):
         """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
         leave_when_interrupted()  # a command is imported when it is asked for
         prepare_output()
-        words = list(sys.argv[1:] if argv is None else argv)
+        arguments = list(sys.argv[1:] if argv is None else argv)
         name = str(self.name)
         try:
             if instruction := os.environ.get(_variable(name)):
                 return _complete(self, instruction)
-            if not words:
+            if not arguments:
                 with self.make_context(name, [], resilient_parsing=True) as ctx:
                     click.echo(self.get_help(ctx), err=True)
                 return USAGE
-            with self.make_context(name, words) as ctx:
+            with self.make_context(name, arguments) as ctx:
                 return int(self.invoke(ctx))
         except click.exceptions.Exit as end:  # --help, --version
             return end.exit_code
@@ -323,15 +323,15 @@ class Program(Group):
         return code
 
 
-def _with_values(words: Sequence[str]) -> list[str]:
+def _with_values(arguments: Sequence[str]) -> list[str]:
     """The words, each that is a negative number after no option with a blank before it.
 
     Else ``ask goto -33.9,151.2`` would be an option.
     """
     made: list[str] = []
-    for word in words:
-        value = _NEGATIVE.match(word) and not (made and made[-1].startswith("-"))
-        made.append(f" {word}" if value else word)
+    for argument in arguments:
+        value = _NEGATIVE.match(argument) and not (made and made[-1].startswith("-"))
+        made.append(f" {argument}" if value else argument)
     return made
 
 

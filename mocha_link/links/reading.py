@@ -52,7 +52,7 @@ class Reading:
             raise RadioError(f"a source must be 1 to {MAX_SOURCE_LETTERS} printable letters")
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The value, rounded, and its unit."""
         return f"{self.value:.0f} {self.unit.value}"
 

@@ -92,8 +92,8 @@ class RajantRadio(BackgroundRadio):
                     async for line in self.lines(stream):
                         printed = True
                         silence.reschedule(asyncio.get_running_loop().time() + self._silent_s)
-                        heard = monitor.feed(line.decode(errors="replace"), time.monotonic())
-                        self.pass_on_best(heard, self._peers)
+                        readings = monitor.feed(line.decode(errors="replace"), time.monotonic())
+                        self.pass_on_best(readings, self._peers)
             except (OSError, RadioError) as error:
                 why = str(error) or "no answer"
             if why != complaint:  # once, not every two seconds

@@ -25,12 +25,12 @@ from mocha_link.team import RadioUrl
 MAX_LINE_BYTES = 2048
 MAX_PROGRAMS = 8  # connected to one port
 READ_BYTES = 4096
-ALIVE_S, ANSWER_S, TRIES = 15, 5, 3  # a program that is gone without a word is noticed in 30 s
+ALIVE_S, PROBE_S, TRIES = 15, 5, 3  # a program that is gone without a word is noticed in 30 s
 UNKNOWN = 255  # in a RADIO_STATUS
 STATUS_NAMES = ("RADIO_STATUS", "RADIO")  # RADIO: the same fields, from old SiK firmware
 
 KEYS = {"rssi_dbm": Unit.DBM, "snr_db": Unit.SNR_DB, "device": Unit.DEVICE}
-WORDS = {"dbm": Unit.DBM, "db": Unit.SNR_DB, "device": Unit.DEVICE}
+UNITS = {"dbm": Unit.DBM, "db": Unit.SNR_DB, "device": Unit.DEVICE}
 
 
 def parse_report(raw: bytes, source: str = "radio") -> tuple[str, Reading | None]:
@@ -44,7 +44,7 @@ def parse_report(raw: bytes, source: str = "radio") -> tuple[str, Reading | None
         line = raw.decode().strip()
     except UnicodeDecodeError:
         raise RadioError("a report must be UTF-8 text") from None
-    return _from_json(line, source) if line.startswith("{") else _from_words(line, source)
+    return _from_json(line, source) if line.startswith("{") else _from_text(line, source)
 
 
 def _from_json(line: str, source: str) -> tuple[str, Reading | None]:
@@ -66,20 +66,20 @@ def _from_json(line: str, source: str) -> tuple[str, Reading | None]:
     return peer, None
 
 
-def _from_words(line: str, source: str) -> tuple[str, Reading | None]:
-    words = line.split()
-    if len(words) == 2 and words[1].lower() == "none":
-        return words[0], None
-    if len(words) not in (2, 3):
+def _from_text(line: str, source: str) -> tuple[str, Reading | None]:
+    fields = line.split()
+    if len(fields) == 2 and fields[1].lower() == "none":
+        return fields[0], None
+    if len(fields) not in (2, 3):
         raise RadioError("a report in words must be: PEER VALUE [dBm|dB|device], or PEER none")
-    unit = WORDS.get(words[2].lower()) if words[2:] else Unit.DBM
+    unit = UNITS.get(fields[2].lower()) if fields[2:] else Unit.DBM
     if unit is None:
-        raise RadioError(f"'{words[2][:20]}' is no unit; write dBm, dB (for SNR) or device")
+        raise RadioError(f"'{fields[2][:20]}' is no unit; write dBm, dB (for SNR) or device")
     try:
-        value = float(words[1])
+        value = float(fields[1])
     except ValueError:
-        raise RadioError(f"'{words[1][:20]}' is no number") from None
-    return words[0], Reading(value, unit, source)
+        raise RadioError(f"'{fields[1][:20]}' is no number") from None
+    return fields[0], Reading(value, unit, source)
 
 
 def accept(radio: BackgroundRadio, raw: bytes, source: str) -> None:
@@ -185,19 +185,19 @@ class TcpRadio(_ListeningRadio):
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)  # connections inherit it
         if sys.platform == "linux":
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, ALIVE_S)
-            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, ANSWER_S)
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, PROBE_S)
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, TRIES)
         listener.listen(MAX_PROGRAMS)
         self._begin(report, self._serve(listener))
 
     async def _serve(self, listener: socket.socket) -> None:
-        server = await asyncio.start_server(self._hear, sock=listener, limit=MAX_LINE_BYTES)
+        server = await asyncio.start_server(self._receive, sock=listener, limit=MAX_LINE_BYTES)
         try:
             await asyncio.get_running_loop().create_future()
         finally:
             server.close()
 
-    async def _hear(self, stream: asyncio.StreamReader, program: asyncio.StreamWriter) -> None:
+    async def _receive(self, stream: asyncio.StreamReader, program: asyncio.StreamWriter) -> None:
         """Take in what a program says until it hangs up."""
         if self._programs >= MAX_PROGRAMS:
             self.refuse(RadioError(f"more than {MAX_PROGRAMS} programs connected"))

@@ -93,7 +93,7 @@ class WifiRadio(BackgroundRadio):
         """How each station is heard, by MAC address."""
         stations, complaint = {}, ""
         try:
-            stations = parse_station_dump(await self._ask())
+            stations = parse_station_dump(await self._station_dump())
         except OSError as error:
             complaint = f"cannot run {self._command[0]}: {error.strerror}"
         if complaint and complaint != self._complaint:  # once, not every second
@@ -101,7 +101,7 @@ class WifiRadio(BackgroundRadio):
         self._complaint = complaint
         return stations
 
-    async def _ask(self) -> str:
+    async def _station_dump(self) -> str:
         """What `iw` says; nothing if it has no answer now. Raises OSError if it cannot run."""
         iw = await asyncio.create_subprocess_exec(
             *self._command, stdin=DEVNULL, stdout=PIPE, stderr=PIPE

@@ -124,15 +124,15 @@ class Document:
         keys = detail["loc"][:-1] if missing else detail["loc"]
         at_key = unknown or keys[-1:] == ("[key]",)
         place = self.place_of_key(*keys) if at_key else self.place(*keys)
-        text = text_of_error(detail, model, self._words(keys))
+        text = text_of_error(detail, model, self._scalars(keys))
         return Problem(self.path, *place, text, code_of(detail), tuple(keys))
 
-    def _words(self, keys: Sequence[Key]) -> list[str]:
+    def _scalars(self, keys: Sequence[Key]) -> list[str]:
         """The entries of a list of single values, as they are written; none of anything else."""
         node = self.node(*keys)
         entries = node.value if isinstance(node, yaml.SequenceNode) else []
-        words = [entry.value for entry in entries if isinstance(entry, yaml.ScalarNode)]
-        return words if len(words) == len(entries) else []
+        scalars = [entry.value for entry in entries if isinstance(entry, yaml.ScalarNode)]
+        return scalars if len(scalars) == len(entries) else []
 
     def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
         """The value node and its key node; steps that the document does not have are skipped."""

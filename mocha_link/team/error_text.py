@@ -105,17 +105,17 @@ def text_of_error(detail: ErrorDetails, model: type[BaseModel], written: Sequenc
         advice = _advice(kind, found, keys_of)
         what = f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {advice}"
     elif kind in _LIMITS:
-        words, limit = _LIMITS[kind]
-        what = f"{name} must be {words} {context.get(limit)}, found {_shown(found)}; change it"
+        phrase, limit = _LIMITS[kind]
+        what = f"{name} must be {phrase} {context.get(limit)}, found {_shown(found)}; change it"
     elif kind in ("literal_error", "enum"):
         choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
         what = f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
     elif kind == "string_pattern_mismatch" and (wanted := _described(model, keys)):
         what = f"{name} must be {wanted}, found {_shown(found)}; correct it"
     elif kind in ("too_short", "too_long"):
-        words, limit = _LENGTHS[kind]
+        phrase, limit = _LENGTHS[kind]
         count = context.get(limit)
-        what = f"{name} must have {words} {count} {'entry' if count == 1 else 'entries'}, "
+        what = f"{name} must have {phrase} {count} {'entry' if count == 1 else 'entries'}, "
         advice = _length_advice(kind, count, found, written)
         what += f"found {context.get('actual_length') or 'none'}; {advice or 'change it'}"
     elif "-" in kind:  # an error of a model of ours, that says itself what to do
@@ -191,9 +191,9 @@ def _as_number(text: str) -> float | None:
         return None
 
 
-def _suggestion(word: str, known: Iterable[str]) -> str:
+def _suggestion(text: str, known: Iterable[str]) -> str:
     known = sorted(known)
-    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(text.lower(), known, n=1, cutoff=0.6)
     if close:
         return f"did you mean '{close[0]}'?"
     return f"use one of {', '.join(known)}" if known else "remove it"

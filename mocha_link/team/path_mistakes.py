@@ -10,10 +10,12 @@ from typing import Final
 
 from mocha_link.team.value_mistakes import plain
 
-_MOST_LOOKED_AT: Final = 1_000
+_MAX_COMPARED: Final = 1_000
 """Names of a folder that are compared with the one that is not there."""
 
-_ALIKE: Final = 0.7  # of difflib: 'team.yml' and 'team.yaml', but not 'team.yaml' and 'world.yaml'
+_SIMILARITY: Final = (
+    0.7  # of difflib: 'team.yml' and 'team.yaml', but not 'team.yaml' and 'world.yaml'
+)
 
 
 def path_advice(path: Path, otherwise: str = "correct the path") -> str:
@@ -41,9 +43,9 @@ def _in_folder(path: Path, text: str) -> str:
         if path.is_dir():
             inside = path / "mission.yaml"
             return f"name the file in it{f': {inside}' * inside.is_file()}"
-        names = [each.name for each in islice(path.parent.iterdir(), _MOST_LOOKED_AT)]
+        names = [each.name for each in islice(path.parent.iterdir(), _MAX_COMPARED)]
     except OSError:
         return ""
     same = [name for name in names if name.lower() == path.name.lower()]
-    near = same or difflib.get_close_matches(path.name, sorted(names), n=1, cutoff=_ALIKE)
+    near = same or difflib.get_close_matches(path.name, sorted(names), n=1, cutoff=_SIMILARITY)
     return f"did you mean '{near[0]}'?" if near else ""

@@ -77,7 +77,7 @@ class ProblemList:
     """
 
     def __init__(self) -> None:
-        self._told: list[Problem] = []  # the first of each kind
+        self._kept: list[Problem] = []  # the first of each kind
         self._numbers: Counter[tuple[Path, str]] = Counter()  # all that were found
         self._last: dict[tuple[Path, str], Problem] = {}  # of each file and kind
 
@@ -86,10 +86,10 @@ class ProblemList:
         self._numbers[path, code] += 1
         if self._numbers[path, code] <= MOST_OF_A_KIND:
             self._last[path, code] = make()
-            self._told.append(self._last[path, code])
+            self._kept.append(self._last[path, code])
 
     def __iter__(self) -> Iterator[Problem]:
-        yield from self._told
+        yield from self._kept
         for (path, code), last in self._last.items():
             if (left := self._numbers[path, code] - MOST_OF_A_KIND) > 0:
                 message = f"{left} more problems of the kind '{code}' in this file"

@@ -184,11 +184,11 @@ class Trust(enum.Enum):
     SIGNED = "signed"
 
 
-def _a_priority(word: object) -> Priority:
-    words = {priority.name.lower(): priority for priority in Priority}
-    if isinstance(word, str) and word in words:
-        return words[word]
-    expected = ", ".join(map(repr, words))
+def _a_priority(value: object) -> Priority:
+    names = {priority.name.lower(): priority for priority in Priority}
+    if isinstance(value, str) and value in names:
+        return names[value]
+    expected = ", ".join(map(repr, names))
     raise PydanticCustomError("literal_error", "must be one of {expected}", {"expected": expected})
 
 

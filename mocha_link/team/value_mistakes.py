@@ -96,8 +96,8 @@ def _mapping_advice(bare: str) -> Iterator[str]:
 
 def bool_advice(text: str) -> str:
     """What to write instead of a text that was to be true or false."""
-    word = plain(text).lower()
-    return "write true" if word in _TRUE else "write false" if word in _FALSE else ""
+    entry = plain(text).lower()
+    return "write true" if entry in _TRUE else "write false" if entry in _FALSE else ""
 
 
 def list_advice(text: str) -> str:
@@ -119,18 +119,18 @@ def key_advice(key: str) -> str:
     return ""
 
 
-def pair_advice(words: Sequence[str]) -> str:
+def pair_advice(entries: Sequence[str]) -> str:
     """What was to be a pair of numbers, as it is written, and has more entries."""
-    joined = ",".join(word.strip() for word in words)
+    joined = ",".join(entry.strip() for entry in entries)
     if match := _TWO_COMMAS.fullmatch(joined):
         return f"decimals stand behind a point: [{match[1]}.{match[2]}, {match[3]}.{match[4]}]"
-    if len(words) == 3:
-        first, second, third = words
+    if len(entries) == 3:
+        first, second, third = entries
         if _whole(first) and _digits(second) and not _whole(third) and _number(third):
             return f"decimals stand behind a point: [{first}.{second}, {third}]"
         if not _whole(first) and _number(first) and _whole(second) and _digits(third):
             return f"decimals stand behind a point: [{first}, {second}.{third}]"
-        if all(map(_number, words)):
+        if all(map(_number, entries)):
             return f"a place is two numbers: an altitude ({third}?) has a key of its own"
     return ""
 

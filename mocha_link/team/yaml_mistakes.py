@@ -65,10 +65,10 @@ class _Text:
         return len(self.lines[line]) - len(self.lines[line].lstrip(" "))
 
 
-Answer = tuple[str, Place]
+Advice = tuple[str, Place]
 
 
-def explained(error: yaml.MarkedYAMLError, text: str) -> Answer:
+def explained(error: yaml.MarkedYAMLError, text: str) -> Advice:
     """What is wrong and what to do, and where."""
     mark = error.problem_mark or error.context_mark
     lines = _LINE_BREAK.split(text)
@@ -83,10 +83,10 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> Answer:
         mark.column if mark else 0,
         None if begun is None else (min(begun.line, last), begun.column),
     )
-    for look in _LOOKS:
-        answer = look(found)
-        if answer is not None:
-            return answer
+    for check in _CHECKS:
+        advice = check(found)
+        if advice is not None:
+            return advice
     message = (
         "cannot be read from here on; look for a missing colon, quote or bracket on this line and "
         "the one above, and indent both alike"
@@ -94,7 +94,7 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> Answer:
     return message, (found.line + 1, found.column + 1)
 
 
-def _tab(found: _Text) -> Answer | None:
+def _tab(found: _Text) -> Advice | None:
     above = found.before(found.line)
     tabs = "\\t" in found.problem or "tab" in found.problem
     for number in (found.line, *(above if tabs else _first(above))):
@@ -105,7 +105,7 @@ def _tab(found: _Text) -> Answer | None:
     return None
 
 
-def _foreign_line(found: _Text) -> Answer | None:
+def _foreign_line(found: _Text) -> Advice | None:
     """A line of another language, on the line that cannot be read or right above it."""
     near = [
         found.line,
@@ -123,7 +123,7 @@ def _foreign_line(found: _Text) -> Answer | None:
     return None
 
 
-def _quote(found: _Text) -> Answer | None:
+def _quote(found: _Text) -> Advice | None:
     if "quoted scalar" in found.context and found.begun is not None:
         place = (found.begun[0] + 1, found.begun[1] + 1)
         if "escape" in found.problem:
@@ -169,7 +169,7 @@ def _tokens(found: _Text) -> Iterator[yaml.Token]:
             yield token
 
 
-def _bracket(found: _Text) -> Answer | None:
+def _bracket(found: _Text) -> Advice | None:
     shown = re.search(r"(?:found|got) '([\]}])'", found.problem)
     here = (found.line + 1, found.column + 1)
     if "flow" not in found.context and "flow" not in found.problem:
@@ -204,7 +204,7 @@ def _last_open(found: _Text) -> tuple[str, tuple[int, int]]:
     return opened[-1] if opened else ("[", (found.line, found.column))
 
 
-def _colon(found: _Text) -> Answer | None:
+def _colon(found: _Text) -> Advice | None:
     """A key whose colon, or the blank behind it, is missing: on this line or above."""
     if "simple key" in found.context and found.begun is not None:
         number = found.begun[0]
@@ -220,12 +220,12 @@ def _colon(found: _Text) -> Answer | None:
     return None
 
 
-def _anywhere_above(found: _Text) -> Answer | None:
+def _anywhere_above(found: _Text) -> Advice | None:
     """The line above may lack its colon; only that one, the others have been read."""
     return next((a for n in _first(found.before(found.line)) if (a := _key_line(found, n))), None)
 
 
-def _key_line(found: _Text, number: int) -> Answer | None:
+def _key_line(found: _Text, number: int) -> Advice | None:
     line = found.lines[number]
     place = (number + 1, found.indent(number) + 1)
     if match := _NO_BLANK.match(line):
@@ -244,7 +244,7 @@ def _key_line(found: _Text, number: int) -> Answer | None:
     return None
 
 
-def _indentation(found: _Text) -> Answer | None:
+def _indentation(found: _Text) -> Advice | None:
     moved = "block mapping start" in found.problem or "block sequence start" in found.problem
     entry = "'-'" in found.problem or "block entry" in found.problem
     if not (moved or entry or "mapping values" in found.problem):
@@ -281,16 +281,16 @@ _OTHERS: Final = (
 """What a parser says, in part, and what it means; {} is the character where it noticed."""
 
 
-def _other(found: _Text) -> Answer | None:
+def _other(found: _Text) -> Advice | None:
     character = found.lines[found.line][found.column : found.column + 1] or " "
-    said = f"{found.context} {found.problem}"
-    message = next((words for part, words in _OTHERS if part in said), None)
+    reported = f"{found.context} {found.problem}"
+    message = next((advice_text for part, advice_text in _OTHERS if part in reported), None)
     if message is None:
         return None
     return message.format(character), (found.line + 1, found.column + 1)
 
 
-_LOOKS: Final[tuple[Callable[[_Text], Answer | None], ...]] = (
+_CHECKS: Final[tuple[Callable[[_Text], Advice | None], ...]] = (
     _tab,
     _foreign_line,
     _quote,

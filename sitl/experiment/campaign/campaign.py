@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 from air_router.errors import EXPECTED, UsageError
 from air_router.flight import StatusLine
 from air_router.words import counted
-from mocha_link.errors import told
+from mocha_link.errors import error_text
 from sitl.experiment import Experiment, Record, Row, Task, value_of
 
 _BAR: Final = 24
@@ -253,6 +253,6 @@ def _attempt(work: Work, task: Task) -> Record | str:
     try:
         return work(task)
     except EXPECTED as error:
-        return told(error)
+        return error_text(error)
     except Exception:  # noqa: BLE001 - whatever it is, it is told, and others go on
         return traceback.format_exc()

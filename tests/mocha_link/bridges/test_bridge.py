@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, QUIET_S, Bridge, Outbox
+from mocha_link.bridges.bridge import MAX_QUEUED, MAX_QUEUED_BYTES, QUIET_S, Bridge, PublishQueue
 from mocha_link.bridges.progress import SPARE, Progress
 from mocha_link.bridges.run import _state_file
 from mocha_link.links.metrics import MessageStored
@@ -137,7 +137,7 @@ def test_what_the_robot_said_before_the_end_leaves(server, one, progress):
 
 
 def test_a_bridge_ends_while_the_robot_goes_on_talking(server, progress, monkeypatch):
-    monkeypatch.setattr("mocha_link.bridges.bridge.LEAVES_S", 600.0)
+    monkeypatch.setattr("mocha_link.bridges.bridge.DRAIN_S", 600.0)
     publish, talking, over = ServiceClient.publish, threading.Event(), threading.Event()
     try:
         with running(server.endpoint, progress) as middleware:
@@ -262,7 +262,7 @@ def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_said, 
         over.wait()
         raise ServiceUnreachableError("no answer")
 
-    monkeypatch.setattr("mocha_link.bridges.bridge.LEAVES_S", 600.0)
+    monkeypatch.setattr("mocha_link.bridges.bridge.DRAIN_S", 600.0)
     monkeypatch.setattr(ServiceClient, "publish", publish)
     try:
         with running(server.endpoint, progress) as middleware:
@@ -278,19 +278,19 @@ def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_said, 
 
 
 def test_the_outbox_is_bounded(caplog):
-    outbox = Outbox()
-    for number in range(MAX_HELD + 5):
-        outbox.put("/a", str(number).encode())
-    assert outbox.dropped == 5
+    queue = PublishQueue()
+    for number in range(MAX_QUEUED + 5):
+        queue.put("/a", str(number).encode())
+    assert queue.dropped == 5
     assert caplog.text.count("the oldest are given up") == 1
-    first = outbox.first(0)
+    first = queue.first(0)
     assert first == ("/a", b"5")
-    outbox.done(first)
-    assert outbox.first(0) == ("/a", b"6")
-    outbox.put("/b", bytes(MAX_HELD_BYTES))
-    assert outbox.first(0)[0] == "/b"
-    outbox.done(first)
-    assert outbox.first(0)[0] == "/b"
+    queue.done(first)
+    assert queue.first(0) == ("/a", b"6")
+    queue.put("/b", bytes(MAX_QUEUED_BYTES))
+    assert queue.first(0)[0] == "/b"
+    queue.done(first)
+    assert queue.first(0)[0] == "/b"
 
 
 # What a bridge remembers over a restart.

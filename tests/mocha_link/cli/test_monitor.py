@@ -112,7 +112,7 @@ def test_ages_grow_without_news():
         *("3.2s", "/pose", "3.2s", "/path", "25h")
     ]
     lines = it.lines(size(150, 20), Style(), 109.0)
-    assert lines[0].startswith("\x1b[31mNO NEWS FOR 9 s  links of titan")
+    assert lines[0].startswith("\x1b[31mNO DATA FOR 9 s  links of titan")
 
 
 def test_news_fill_the_room_below():
