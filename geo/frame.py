@@ -1,12 +1,12 @@
-"""The local frame of a mission: metres east and north of an origin on the WGS-84 ellipsoid.
+"""The local frame of a mission: meters east and north of an origin on the WGS-84 ellipsoid.
 
-The projection is azimuthal equidistant: distances and directions from the origin are exact, and
-distances between any two points within 5 km of it are right to better than a millimetre (within
-10 km: five), anywhere on Earth: at UTM zone borders, on the antimeridian and at the poles.
+The projection is azimuthal equidistant. Distances and directions from the origin are exact.
+Distances between any two points within 5 km of the origin are right to better than a millimeter
+(within 10 km: five), anywhere on Earth, including UTM zone borders, the antimeridian and the poles.
 
-Lines that are straight on a map in degrees, as plans, GeoJSON and autopilots draw them, are bent on
-the ground: by 2 cm on 1 km at mid-latitudes, by 0.2 m on 2 km far north. A ring whose long sides
-have corners in between (`dense_ring`) is right to within a few centimetres in a local frame too.
+Plans, GeoJSON and autopilots draw lines that are straight in degrees. On the ground these lines are
+curved: by 2 cm on 1 km at mid-latitudes, by 0.2 m on 2 km far north. `dense_ring` adds corners to
+long sides, so that a ring is right to a few centimeters in a local frame.
 """
 
 from __future__ import annotations
@@ -29,18 +29,27 @@ _FARTHEST_M = 19_000_000.0
 
 
 class FrameError(ValueError):
-    """A coordinate that is not a place on Earth, or too far from the frame's origin."""
+    """A coordinate that is not on Earth, or too far from the frame's origin."""
 
 
 class Point(NamedTuple):
-    """A place in a local frame, in metres east and north of its origin."""
+    """A place in a local frame, in meters east and north of its origin."""
 
     east_m: float
     north_m: float
 
 
 def off_line_m(place: Point, start: Point, end: Point) -> float:
-    """Distance of a place from the straight line between two others."""
+    """Distance of a place from a straight segment.
+
+    Args:
+        place: the place.
+        start: where the segment begins.
+        end: where it ends.
+
+    Returns:
+        Meters.
+    """
     east_m, north_m = end[0] - start[0], end[1] - start[1]
     length_2 = east_m**2 + north_m**2
     along = (place[0] - start[0]) * east_m + (place[1] - start[1]) * north_m
@@ -57,7 +66,7 @@ class Geodetic(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LocalFrame:
-    """Converts between WGS-84 degrees and metres east/north of `origin`.
+    """Converts between WGS-84 degrees and meters east and north of `origin`.
 
     Raises:
         FrameError: the origin, or a converted coordinate, is not finite or out of range.
@@ -69,7 +78,18 @@ class LocalFrame:
         check_on_earth(*self.origin)
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> Point:
-        """Metres east and north of the origin, of a place given in degrees."""
+        """Convert a place from degrees.
+
+        Args:
+            latitude_deg: -90 to 90.
+            longitude_deg: -180 to 180.
+
+        Returns:
+            Meters east and north of the origin.
+
+        Raises:
+            FrameError: the place is not on Earth, or too far from the origin.
+        """
         check_on_earth(latitude_deg, longitude_deg)
         to_local, _ = _transformers(*self.origin)
         east_m, north_m = to_local.transform(longitude_deg, latitude_deg)
@@ -80,7 +100,18 @@ class LocalFrame:
         return Point(east_m, north_m)
 
     def to_local_many(self, latitudes_deg: ArrayLike, longitudes_deg: ArrayLike) -> Floats:
-        """`to_local` of many places: an array with a row (east, north) in metres for each."""
+        """`to_local` of many places.
+
+        Args:
+            latitudes_deg: array of any shape.
+            longitudes_deg: array that broadcasts with it.
+
+        Returns:
+            Array of the broadcast shape plus one axis of length 2: east and north in meters.
+
+        Raises:
+            FrameError: a place is not on Earth, or too far from the origin.
+        """
         latitudes, longitudes = np.broadcast_arrays(
             np.asarray(latitudes_deg, dtype=float), np.asarray(longitudes_deg, dtype=float)
         )
@@ -94,7 +125,17 @@ class LocalFrame:
         return places
 
     def to_geodetic_many(self, points: ArrayLike) -> Floats:
-        """`to_geodetic` of rows (east, north): an array with a row (latitude, longitude) each."""
+        """`to_geodetic` of many places.
+
+        Args:
+            points: array of shape (n, 2), east and north in meters.
+
+        Returns:
+            Array of shape (n, 2), latitude and longitude in degrees.
+
+        Raises:
+            FrameError: a place is too far from the origin.
+        """
         places = np.asarray(points, dtype=float).reshape(-1, 2)
         legal = np.hypot(*places.T) < _FARTHEST_M
         for index in np.flatnonzero(~legal)[:1]:
@@ -107,7 +148,17 @@ class LocalFrame:
         return np.stack([latitudes, longitudes], axis=-1)
 
     def to_geodetic(self, point: Point) -> Geodetic:
-        """Latitude and longitude in degrees, of a place given in metres east and north."""
+        """Convert a place to degrees.
+
+        Args:
+            point: meters east and north of the origin.
+
+        Returns:
+            Latitude and longitude.
+
+        Raises:
+            FrameError: the place is too far from the origin.
+        """
         east_m, north_m = point
         if not math.hypot(east_m, north_m) < _FARTHEST_M:
             raise FrameError(f"{east_m}, {north_m} metres is not a place of this local frame")
@@ -119,7 +170,11 @@ class LocalFrame:
 
 
 def check_on_earth(latitude_deg: float, longitude_deg: float) -> None:
-    """Raise FrameError where there is no such latitude or longitude."""
+    """Check a latitude and a longitude in degrees.
+
+    Raises:
+        FrameError: a value is not finite or out of range.
+    """
     if not abs(latitude_deg) <= 90:  # also catches NaN
         raise FrameError(f"latitude {latitude_deg} is not within -90..90 degrees")
     if not abs(longitude_deg) <= 180:
@@ -159,9 +214,16 @@ _SEGMENTS = 64  # of a circle that is not too large for so few
 def circle_around(
     centre: Geodetic, radius_m: float, segments: int | None = None
 ) -> tuple[Geodetic, ...]:
-    """The corners of a polygon around a circle, counterclockwise; no side cuts into it.
+    """A polygon around a circle on the ellipsoid; no side cuts into the circle.
 
-    By itself it has so many that its sides are straight on the ground and in degrees.
+    Args:
+        centre: the center.
+        radius_m: the radius.
+        segments: the number of sides; None: as many as keep the sides straight on the ground and in
+            degrees.
+
+    Returns:
+        The corners, counterclockwise.
     """
     if segments is None:
         farthest_deg = abs(centre.latitude_deg) + radius_m / _DEGREE_M
@@ -175,9 +237,19 @@ def circle_around(
 def arc_around(
     centre: Geodetic, start: tuple[float, float], end: tuple[float, float], *, clockwise: bool
 ) -> tuple[Geodetic, ...]:
-    """Places on an arc between two places, these included, each given as `polar` does.
+    """Places on an arc, including both ends.
 
-    Between ends of different distances it is a spiral; ends in one direction make it a full turn.
+    Between ends of different distances the arc is a spiral. Ends in the same direction make a full
+    turn.
+
+    Args:
+        centre: the center.
+        start: azimuth in degrees and distance in meters, as `polar` returns them.
+        end: the same of the other end.
+        clockwise: the direction of the arc.
+
+    Returns:
+        Places at most `ARC_ERROR_M` from the arc by their chords.
     """
     span_deg = (end[0] - start[0]) % 360.0 if clockwise else -((start[0] - end[0]) % 360.0)
     span_deg = span_deg or (360.0 if clockwise else -360.0)
@@ -197,7 +269,15 @@ def _from_centre(
 
 
 def polar(centre: Geodetic, place: Geodetic) -> tuple[float, float]:
-    """A place as degrees clockwise from north, and metres, from a centre."""
+    """Azimuth and distance of a place.
+
+    Args:
+        centre: the reference.
+        place: the place.
+
+    Returns:
+        Degrees clockwise from north, and meters.
+    """
     azimuth_deg, _, distance_m = _ellipsoid().inv(
         centre.longitude_deg, centre.latitude_deg, place.longitude_deg, place.latitude_deg
     )
@@ -210,7 +290,16 @@ def _ellipsoid() -> Geod:
 
 
 def stepped(start: Point, end: Point, step_m: float) -> list[Point]:
-    """A side's start and, where it is longer than a step, places on it, straight on the ground."""
+    """Divide a straight side of a local frame.
+
+    Args:
+        start: where the side begins; part of the result.
+        end: where it ends; not part of the result.
+        step_m: the greatest distance between places.
+
+    Returns:
+        The places, evenly spaced.
+    """
     steps = max(math.ceil(math.dist(start, end) / step_m), 1)
     shares = [step / steps for step in range(steps)]
     return [
@@ -220,9 +309,16 @@ def stepped(start: Point, end: Point, step_m: float) -> list[Point]:
 
 
 def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodetic]:
-    """The ring with corners in between on long sides, on the straight line in degrees.
+    """Add corners to the long sides of a ring, on the straight line in degrees.
 
-    A side goes around the Earth the short way, over the antimeridian if that is shorter.
+    A side takes the short way around the Earth, across the antimeridian if that is shorter.
+
+    Args:
+        ring: the corners.
+        step_m: the greatest length of a side, in meters.
+
+    Returns:
+        The corners with those added.
 
     Raises:
         FrameError: a corner is not on Earth.
@@ -243,7 +339,7 @@ def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodeti
 
 
 def step_at_m(latitude_deg: float) -> float:
-    """How long a side may be there before it is cut: up to here straight is straight everywhere."""
+    """The greatest length of a side at a latitude that needs no more corners, in meters."""
     bent = math.tan(math.radians(min(abs(latitude_deg), _STEEPEST_DEG)))
     return STEP_M / math.sqrt(max(bent / _BENT, 1.0))
 

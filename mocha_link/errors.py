@@ -1,7 +1,7 @@
 """The root of the package's errors; each cause has its own class in the module that finds it.
 
-Extras are packages that only some features need: here is what is missing, and how to install it.
-A `Guard` keeps an error that is a mistake of ours from ending more than what it happened in.
+Extras are packages that only some features need. `needs_extra` names the missing package and the
+command that installs it. A `Guard` limits an unexpected error to the operation that raised it.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ LOG = logging.getLogger("mocha_link")
 
 
 class MochaLinkError(Exception):
-    """Anything that mocha_link reports: the message says what, where, and what to do."""
+    """Any error that mocha_link reports: the message names the cause, the place and the remedy."""
 
 
 class NotInTeamError(MochaLinkError):
-    """A caller names what the team does not have: of a command, wrong usage."""
+    """A name that the team does not have; in a command line, wrong usage."""
 
 
 class RequestError(MochaLinkError):
-    """A request that is none, or cannot be done. `again`: the same may be taken later."""
+    """An invalid request, or one that cannot be executed. `again`: it may succeed later."""
 
     def __init__(self, message: str, *, again: bool = False) -> None:
         super().__init__(message)
@@ -50,11 +50,11 @@ class RequestError(MochaLinkError):
 
 
 class RadioError(MochaLinkError):
-    """A radio that cannot be used, or a report that is none."""
+    """A radio that cannot be used, or an invalid report."""
 
 
 class PortInUseError(MochaLinkError):
-    """A port that the node needs is taken by another process or node."""
+    """Another process or node has a port that the node needs."""
 
 
 class ListenError(MochaLinkError):
@@ -65,10 +65,10 @@ class MissingExtraError(MochaLinkError):
     """A package of an extra is not installed; the message has the command that installs it.
 
     Args:
-        what: Needs it, as the subject of a sentence.
-        package: What is missing.
-        extra: The extra that has it.
-        distribution: Whose extra that is.
+        what: the feature that needs it, as the subject of a sentence.
+        package: the missing package.
+        extra: the extra that contains it.
+        distribution: the distribution that has the extra.
     """
 
     def __init__(
@@ -81,7 +81,11 @@ class MissingExtraError(MochaLinkError):
 
 
 def error_text(error: Exception) -> str:
-    """An expected error as the message that ends a command."""
+    """The text of an expected error, as a command prints it.
+
+    Args:
+        error: the error; an OSError is printed as path and reason.
+    """
     if isinstance(error, OSError):
         place = f"{error.filename}: " if error.filename is not None else ""
         return f"{place}{error.strerror or str(error) or type(error).__name__}"
@@ -90,10 +94,15 @@ def error_text(error: Exception) -> str:
 
 @contextmanager
 def needs_extra(what: str, extra: str, distribution: str = "mocha-link") -> Iterator[None]:
-    """Where modules are imported that need an extra.
+    """A context for imports that need an extra.
+
+    Args:
+        what: the feature, as the subject of a sentence.
+        extra: the extra that contains the packages.
+        distribution: the distribution that has the extra.
 
     Raises:
-        MissingExtraError: one of their packages is not installed.
+        MissingExtraError: one of the packages is not installed.
     """
     try:
         yield
@@ -105,7 +114,12 @@ def needs_extra(what: str, extra: str, distribution: str = "mocha-link") -> Iter
 
 
 def install_command(extra: str, distribution: str = "mocha-link") -> str:
-    """What adds an extra to a distribution: from its checkout or wheel, else its packages."""
+    """The command that installs an extra: from the checkout or wheel, else by package names.
+
+    Args:
+        extra: the name of the extra.
+        distribution: the distribution that has it.
+    """
     from importlib import metadata  # noqa: PLC0415 - half of what a command's start would take
 
     try:
@@ -125,17 +139,17 @@ def install_command(extra: str, distribution: str = "mocha-link") -> str:
 
 
 class Guard:
-    """Around what may fail by a mistake of ours: nothing that comes from outside may end the rest.
+    """Limits an unexpected error: input from outside must not end other work.
 
-    For ``with``, in one thread. An error ends there and is logged with its traceback: the first
-    one at once, of those that follow one in `GUARD_LOG_S` with how many there were.
+    Use it in ``with``, in one thread. The guard logs an error with its traceback: the first one at
+    once, later ones at most every `GUARD_LOG_S` seconds with their number.
 
     Args:
-        what: What goes on all the same, as the beginning of a line in the log.
-        clock: Steady seconds.
+        what: the work that continues, as the beginning of the log line.
+        clock: steady seconds.
 
     Attributes:
-        errors: So many have ended here.
+        errors: the number of errors so far.
     """
 
     def __init__(self, what: str, clock: Callable[[], float] = time.monotonic) -> None:

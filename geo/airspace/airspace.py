@@ -1,12 +1,15 @@
-"""Where a vehicle may be: inside of every fence and clear of every no-fly zone.
+"""Where a vehicle may be: inside every fence and clear of every no-fly zone.
 
-All tests are exact, by distance to the zones and fences as they were drawn: nothing is rastered,
-no buffer polygon takes part, and the distance to a circle is that to its centre less its radius.
+All tests are exact, by distance to the zones and fences as drawn. There is no raster and no buffer
+polygon, and the distance to a circle is the distance to its center less its radius.
 
-The distance to keep from a zone is the zone's own clearance, or else that of the airspace, plus the
-margin of the airspace; from a fence's border it is the airspace's clearance plus the margin. A
-place or a leg is clear when it keeps these distances (less a tolerance of a micrometre, so that
-points computed to lie on the limit count as clear). What is not finite is not clear.
+The required distance to a zone is the zone's own clearance, or else that of the airspace, plus the
+margin of the airspace. The required distance to a fence's border is the airspace's clearance plus
+the margin. A place or a leg is clear when it keeps these distances (less a tolerance of a
+micrometer, so that points computed to lie on the limit count as clear). A coordinate that is not
+finite is not clear.
+
+Places are (east, north) in meters in the local frame of the mission.
 """
 
 from __future__ import annotations
@@ -40,14 +43,14 @@ FENCE = "fence"
 
 
 class Airspace:
-    """Fences (or none), no-fly zones, and the distance to keep from both.
+    """Fences (or none), no-fly zones, and the required distance to both.
 
     Args:
-        fences: the vehicle stays inside of all of these; None or an empty list: no fence.
-        zones: the vehicle stays outside of these; they may overlap and touch.
-        clearance_m: the least distance to every zone that has no clearance of its own, and to the
-            fences' borders.
-        margin_m: kept on top of every clearance. It may be negative: no distance gets less than 0.
+        fences: the vehicle stays inside all of these; None or an empty list: no fence.
+        zones: the vehicle stays outside these; they may overlap and touch.
+        clearance_m: the least distance to every zone without its own clearance, and to the borders
+            of fences.
+        margin_m: added to every clearance. It may be negative; no required distance is below 0.
         relaxed_m: see `relaxed`.
 
     Raises:
@@ -81,36 +84,55 @@ class Airspace:
         self._last_leg: tuple[Point, Point, bool] | None = None
 
     def with_margin(self, margin_m: float) -> Airspace:
-        """The same with another margin on top of every clearance."""
+        """The airspace with another margin.
+
+        Args:
+            margin_m: added to every clearance.
+        """
         return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.relaxed_m)
 
     def as_drawn(self) -> Airspace:
-        """The same fences and zones, with no distance to keep from them."""
+        """The same fences and zones, with a required distance of 0."""
         return self.with_margin(-math.inf)
 
     def relaxed(self, shortfall_m: float, floor_m: float) -> Airspace:
-        """The same with every distance shorter by `shortfall_m`, but none below `floor_m` for that.
+        """The airspace with shorter required distances, for a vehicle that is already too near.
 
-        For a vehicle that is too near to something: it may stay as near for a moment. The floor is
-        how near it is, so that a zone with a wide clearance does not take away all of the others'.
+        Args:
+            shortfall_m: subtracted from every required distance.
+            floor_m: the subtraction does not go below this distance. It is the vehicle's present
+                distance, so that one zone with a wide clearance does not remove that of the others.
         """
         relaxed_m = (shortfall_m, floor_m)
         return Airspace(self.fences, self.zones, self.clearance_m, self.margin_m, relaxed_m)
 
     def without(self, names: Sequence[str]) -> Airspace:
-        """The airspace without the zones (or the fences) of these names."""
+        """The airspace without the zones of these names, or without the fences.
+
+        Args:
+            names: names of zones; `FENCE` stands for all fences.
+        """
         fences = () if FENCE in names else self.fences
         return self._of(fences, (zone for zone in self.zones if zone.name not in names))
 
     def without_zones_at(self, point: Point) -> Airspace:
-        """The airspace without the zones that a point is in, and the fences that it is not in."""
+        """The airspace without the zones that contain a point and the fences that do not.
+
+        Args:
+            point: the place of the vehicle.
+        """
         place = ShapelyPoint(point)
         beyond = self._index.distances_m(place) > 0
         zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
         return self._of([fence.shape for fence in self._fences if fence.depth_m(place) >= 0], zones)
 
     def clear_of_leg(self, start: Point, end: Point) -> Airspace:
-        """The airspace with only those zones and fences that a leg keeps its distance from."""
+        """The airspace with only the zones and fences that a leg is clear of.
+
+        Args:
+            start: where the leg begins.
+            end: where it ends.
+        """
         leg = leg_line(start, end)
         far = self._index.far(leg)
         zones = (zone for zone, clear in zip(self.zones, far, strict=True) if clear)
@@ -118,27 +140,42 @@ class Airspace:
         return self._of([fence.shape for fence in self._fences if fence.keeps(things)[0]], zones)
 
     def around(self, point: Point, reach_m: float) -> Airspace:
-        """The airspace with only the zones that come nearer than this to a point."""
+        """The airspace with only the zones near a point.
+
+        Args:
+            point: the place.
+            reach_m: the greatest distance of a zone.
+        """
         distances_m = self._index.distances_m(ShapelyPoint(point))
         near = zip(self.zones, distances_m, strict=True)
         return self._of(self.fences, (zone for zone, distance_m in near if distance_m <= reach_m))
 
     def at(self, low_m: float, high_m: float) -> Airspace:
-        """The airspace with only the zones that apply somewhere in a range above home."""
+        """The airspace with only the zones that apply somewhere in a range of altitude.
+
+        Args:
+            low_m: the lower end, meters above home.
+            high_m: the upper end, meters above home.
+        """
         zones = (z for z in self.zones if z.band is None or z.band.meets(low_m, high_m))
         return self._of(self.fences, zones)
 
     def during(self, start: datetime, end: datetime | None) -> Airspace:
-        """The airspace with only the zones that apply at some time between (None: for ever)."""
+        """The airspace with only the zones that apply at some time in an interval.
+
+        Args:
+            start: the beginning, UTC.
+            end: the end, UTC; None: without end.
+        """
         zones = (z for z in self.zones if not z.validity or z.validity.active_between(start, end))
         return self._of(self.fences, zones)
 
     def point_clear(self, point: Point) -> bool:
-        """Whether the vehicle may be here."""
+        """Whether a point is clear."""
         return math.isfinite(point[0] + point[1]) and self._clear(ShapelyPoint(point))
 
     def leg_clear(self, start: Point, end: Point) -> bool:
-        """Whether every point of the straight leg is clear."""
+        """Whether every point of the straight leg from `start` to `end` is clear."""
         if not math.isfinite(start[0] + start[1] + end[0] + end[1]):
             return False
         last_leg = self._last_leg
@@ -151,18 +188,41 @@ class Airspace:
         return not self._index.leg_close(start, end, leg) and self._within_fences(leg)
 
     def legs_clear(self, start: Point, ends: Sequence[Point]) -> list[bool]:
-        """`leg_clear` from one place to many, in bulk."""
+        """`leg_clear` from one place to many.
+
+        Args:
+            start: where all legs begin.
+            ends: where they end.
+
+        Returns:
+            A flag for each end.
+        """
         there = np.array(ends, dtype=float).reshape(-1, 2)
         starts = np.broadcast_to(start, there.shape)
         return [bool(clear) for clear in self.legs_clear_between(starts, there)]
 
     def points_clear(self, points: Sequence[Point]) -> list[bool]:
-        """`point_clear` of many places, in bulk."""
+        """`point_clear` of many places.
+
+        Args:
+            points: the places.
+
+        Returns:
+            A flag for each place.
+        """
         places = np.array(points, dtype=float).reshape(-1, 2)
         return [bool(clear) for clear in self.legs_clear_between(places, places)]
 
     def legs_clear_between(self, starts: Floats, ends: Floats) -> Flags:
-        """`leg_clear` of many legs at once; both arrays have a row of (east, north) for each."""
+        """`leg_clear` of many legs.
+
+        Args:
+            starts: array of shape (n, 2), east and north in meters.
+            ends: array of the same shape.
+
+        Returns:
+            Array of n flags.
+        """
         clear = np.asarray(np.isfinite(np.hstack((starts, ends))).all(axis=1))
         if not clear.all():
             starts, ends = (np.where(clear[:, None], places, 0.0) for places in (starts, ends))
@@ -174,17 +234,28 @@ class Airspace:
         return clear
 
     def swept_clear(self, points: Sequence[Point]) -> bool:
-        """Whether the convex hull of the points is clear.
+        """Whether the convex hull of points is clear.
 
-        A vehicle that is moving when it is sent elsewhere cuts a curve; its caller gives corners
-        of an area that contains it.
+        A moving vehicle that is sent elsewhere flies a curve; the points are the corners of an area
+        that contains the curve.
+
+        Args:
+            points: the corners, in any order.
         """
         if not np.isfinite(points).all():
             return False
         return self._clear(MultiPoint(points).convex_hull)
 
     def blockers(self, start: Point, end: Point) -> tuple[str, ...]:
-        """Names of the zones (and `FENCE`) that keep the leg from being clear."""
+        """The obstacles of a leg.
+
+        Args:
+            start: where the leg begins.
+            end: where it ends.
+
+        Returns:
+            Names of the zones (and `FENCE`) that the leg is not clear of.
+        """
         leg = leg_line(start, end)
         names = [self.zones[index].name for index in sorted(self._index.close(leg))]
         if not self._within_fences(leg):
@@ -192,7 +263,14 @@ class Airspace:
         return tuple(names)
 
     def zones_at(self, point: Point) -> tuple[str, ...]:
-        """Names of the zones that the point is in, and `FENCE` if it is outside of a fence."""
+        """The zones that contain a point.
+
+        Args:
+            point: the place.
+
+        Returns:
+            Names of the zones, and `FENCE` if the point is outside a fence.
+        """
         place = ShapelyPoint(point)
         names = [self.zones[index].name for index in self._index.holding(place)]
         if any(fence.depth_m(place) < 0 for fence in self._fences):
@@ -202,28 +280,49 @@ class Airspace:
     def distance_m(self, point: Point) -> float:
         """Distance to the nearest zone or fence border.
 
-        It is negative inside a zone (how deep) and outside of a fence (how far); infinite when
-        there is neither zone nor fence.
+        Args:
+            point: the place.
+
+        Returns:
+            Meters; negative inside a zone (depth) and outside a fence (distance); infinite without
+            zones and fences.
         """
         return self.nearest(point)[0]
 
     def nearest(self, point: Point) -> tuple[float, str]:
-        """`distance_m`, and the name of the zone (or `FENCE`) that is so near; "" for nothing."""
+        """The nearest zone or fence border.
+
+        Args:
+            point: the place.
+
+        Returns:
+            `distance_m`, and the name of the zone, or `FENCE`; "" without zones and fences.
+        """
         return self._least(point, 0.0, 0.0)
 
     def clearance_left_m(self, point: Point) -> tuple[float, str]:
-        """How much farther away than it has to be a point is, and from what; negative: too near.
+        """The least clearance left over all zones and fences.
 
-        The least over all zones and fences of the distance to them less the distance to keep.
-        Infinite, and "", when there is neither.
+        Args:
+            point: the place.
+
+        Returns:
+            Distance less required distance in meters, negative if the point is too near, and the
+            name of the zone, or `FENCE`; infinite and "" without zones and fences.
         """
         return self._least(point, np.array(self.distances_m), self.fence_distance_m)
 
     def required_m(self, name: str) -> float:
-        """The distance to keep from the zones of this name, or from the fences' borders.
+        """The required distance to the zones of a name, or to the borders of fences.
+
+        Args:
+            name: the name of a zone, or `FENCE`.
+
+        Returns:
+            Meters; the greatest if several zones have the name.
 
         Raises:
-            KeyError: nothing has this name.
+            KeyError: no zone has this name.
         """
         required = [
             d for zone, d in zip(self.zones, self.distances_m, strict=True) if zone.name == name
@@ -235,10 +334,15 @@ class Airspace:
         return max(required)
 
     def track_distance_m(self, points: Sequence[Point]) -> tuple[float, str]:
-        """Closest approach of a polyline, and the name of what it approached.
+        """Closest approach of a polyline.
 
-        Where the track enters a zone or leaves the fence the distance is 0 or, by as much as one of
-        its points lies beyond the border, negative. Without zones and fence: infinity and "".
+        Args:
+            points: the corners of the polyline.
+
+        Returns:
+            Meters, and the name of the zone, or `FENCE`. Where the track enters a zone or leaves
+            the fence, the distance is 0, or negative by the depth of its points. Without zones and
+            fence: infinity and "".
         """
         if not points:
             return math.inf, ""
@@ -255,9 +359,10 @@ class Airspace:
         return min(closest, *(self.nearest(point) for point in points))
 
     def inflated(self) -> list[BaseGeometry]:
-        """Every zone, grown by the distance to keep from it, or slightly more.
+        """Every zone, grown by its required distance or slightly more.
 
-        In the order of `zones`.
+        Returns:
+            Polygons in the order of `zones`.
         """
         reaches = zip(self.zones, self.distances_m, strict=True)
         return [rounded(zone.shape, distance_m) for zone, distance_m in reaches]

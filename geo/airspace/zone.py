@@ -1,4 +1,7 @@
-"""No-fly zones and fences: outlines with holes, circles, and what makes them valid areas."""
+"""No-fly zones and fences.
+
+Outlines with holes, circles, and the checks that make them valid areas.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,16 @@ _EXCESS_M = 0.02  # how much farther out a grown circle's corners may be
 
 
 def arc_excess(steps: int) -> float:
-    """By what a reach is multiplied so that no chord falls short of it.
+    """The factor that makes every chord of a buffered arc reach the full distance.
 
-    GEOS rounds the number of steps of an arc, so that a step may be half as long again: the usual
-    compensation for the chord still falls short, this one does not.
+    GEOS rounds the number of steps of an arc, so that a step may be half as long again. The usual
+    compensation for the chord falls short then; this factor does not.
 
     Args:
-        steps: Of a quarter circle.
+        steps: per quarter circle.
+
+    Returns:
+        The factor, more than 1.
     """
     return 1 / math.cos(0.75 * (math.pi / 2) / steps)
 
@@ -40,11 +46,11 @@ ARC_EXCESS = arc_excess(ARC_STEPS)
 
 
 class ZoneError(ValueError):
-    """A shape that bounds no area: the message says why.
+    """A shape that bounds no area.
 
     Attributes:
-        code: The same for programs, e.g. `zone-self-intersects`; listed in docs/errors.md.
-        place: Where the border is wrong, if that is at one place.
+        code: the error code, e.g. `zone-self-intersects`; listed in docs/errors.md.
+        place: where the border is wrong, if the error has one place.
     """
 
     def __init__(self, message: str, code: str, place: Point | None = None) -> None:
@@ -55,11 +61,16 @@ class ZoneError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """The area within a ring and outside of its holes; possibly concave.
+    """The area within a ring and outside its holes; it may be concave.
+
+    Attributes:
+        ring: the corners of the border, meters east and north.
+        holes: rings within the border, apart from each other.
+        polygon: the area as a shapely polygon.
 
     Raises:
-        ZoneError: as `checked_ring`, or a hole lies outside of the ring, on its border or on
-            another hole.
+        ZoneError: as `checked_ring`, or a hole lies outside the ring, on its border or on another
+            hole.
     """
 
     ring: Ring
@@ -83,7 +94,7 @@ class Outline:
 
     @property
     def corners(self) -> Ring:
-        """All corners, those of holes too."""
+        """All corners, including those of holes."""
         return (*self.ring, *(corner for hole in self.holes for corner in hole))
 
     @property
@@ -94,10 +105,15 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """All that is within a radius of a centre. No test ever makes a polygon of it.
+    """All places within a radius of a center. No test uses a polygon of it.
+
+    Attributes:
+        centre: the center, meters east and north.
+        radius_m: the radius.
+        polygon: a polygon around the circle, for drawings.
 
     Raises:
-        ZoneError: the centre is not finite, or the radius is not a positive finite number.
+        ZoneError: the center is not finite, or the radius is not a positive finite number.
     """
 
     centre: Point
@@ -122,10 +138,10 @@ circle; no test uses it) and `corners` are the polygon's."""
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """From a lower to an upper altitude, in metres above home; both may be infinite.
+    """A range of altitude, in meters above home; both ends may be infinite.
 
     Raises:
-        ZoneError: a limit is not a number, or the upper one is below the lower one.
+        ZoneError: an end is not a number, or the upper one is below the lower one.
     """
 
     lower_m: float = -math.inf
@@ -139,7 +155,7 @@ class Band:
             )
 
     def meets(self, low_m: float, high_m: float) -> bool:
-        """Whether the band has an altitude in common with this range, its ends included."""
+        """Whether the band overlaps the range from `low_m` to `high_m`, including its ends."""
         return self.lower_m <= high_m and low_m <= self.upper_m
 
 
@@ -147,16 +163,16 @@ class Band:
 class Zone:
     """A no-fly zone.
 
-    Attributes:
-        name: What people call it.
-        shape: Where it is; a bare ring is taken as an outline without holes.
-        clearance_m: What the vehicle keeps away from this zone; None: what it keeps from all.
-        band: At which altitudes it applies; None: at all.
-        validity: When it applies; None: always.
-        crosses_fence: It is meant to reach beyond the fence.
+    Args:
+        name: the name for the operator.
+        shape: the area; a bare ring is an outline without holes.
+        clearance_m: the clearance of this zone; None: that of the airspace.
+        band: the altitudes at which the zone applies; None: all.
+        validity: the times at which the zone applies; None: always.
+        crosses_fence: the zone may reach beyond the fence.
 
     Raises:
-        ZoneError: the ring is not a simple polygon, or the clearance no distance.
+        ZoneError: the ring is not a simple polygon, or the clearance is not a distance.
     """
 
     name: str
@@ -190,17 +206,23 @@ class Zone:
 
     @property
     def polygon(self) -> Polygon:
-        """A polygon that covers the zone: exact for outlines, drawn outward for circles."""
+        """A polygon that covers the zone: exact for outlines, circumscribed for circles."""
         return self.shape.polygon
 
 
 def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
-    """The ring without repeated corners and without a closing one.
+    """Check a ring.
+
+    Args:
+        corners: the corners, in either direction.
+
+    Returns:
+        The ring without repeated corners and without a closing one.
 
     Raises:
         ZoneError: a coordinate is not finite, fewer than three corners differ, the ring crosses or
-            touches itself, or it has no area. Such a ring is refused and not repaired: every
-            repair makes a part of what the operator drew flyable.
+            touches itself, or the ring has no area. A bad ring is never repaired: every repair
+            makes a part of the operator's zone flyable.
     """
     ring: list[Point] = []
     for corner in corners:
@@ -227,10 +249,15 @@ def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
 def circle_ring(
     centre: Point, radius_m: float, *, outward: bool = True, within_m: float | None = None
 ) -> Ring:
-    """A circle as a polygon that lies around it (`outward`, a zone) or within it (a fence).
+    """A polygon around a circle (for a zone) or within it (for a fence).
 
-    With 48 sides the two differ by 0.2 % of the radius at most; `within_m` asks for as many sides
-    as it takes (12 to 360) to differ by no more than that.
+    With 48 sides the polygon and the circle differ by at most 0.2 % of the radius.
+
+    Args:
+        centre: the center.
+        radius_m: the radius.
+        outward: the polygon lies around the circle, else within it.
+        within_m: the greatest difference to the circle; the polygon has 12 to 360 sides for it.
 
     Raises:
         ZoneError: the radius is not a positive finite number.
@@ -253,7 +280,7 @@ def circle_ring(
 
 
 def polygons_of(shape: BaseGeometry) -> list[Polygon]:
-    """The polygons with an area that a shapely geometry consists of; lines and points are left."""
+    """The polygons of a shapely geometry that have an area, without its lines and points."""
     if isinstance(shape, Polygon):
         return [shape] if shape.area > 0 else []
     return [polygon for part in getattr(shape, "geoms", ()) for polygon in polygons_of(part)]
@@ -288,7 +315,11 @@ def _explained(polygon: Polygon) -> tuple[str, Point | None]:
 def rounded(shape: Shape, reach_m: float) -> BaseGeometry:
     """A shape grown by a distance, or by slightly more.
 
-    Corners become round: at most 0.3 % of the distance, and two centimetres at circles, more.
+    Corners become round. The excess is at most 0.3 % of the distance, plus 2 cm for circles.
+
+    Args:
+        shape: the shape.
+        reach_m: the distance.
     """
     if isinstance(shape, Circle):
         return Polygon(circle_ring(shape.centre, shape.radius_m + reach_m, within_m=_EXCESS_M))

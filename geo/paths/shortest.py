@@ -1,8 +1,8 @@
 """The shortest clear path between any two places of an airspace.
 
-Found in a mesh of the clear area's lean shape; where that has no path, or where its cut corners
-might make a short path noticeably longer, in the tight shape. Every leg is judged by the airspace's
-own exact test before it is handed out.
+The search runs in a mesh of the lean shape of the clear area. Where that has no path, or where its
+cut corners might make a short path noticeably longer, the search runs in the tight shape. The exact
+test of the airspace checks every leg of a result.
 """
 
 from __future__ import annotations
@@ -44,16 +44,19 @@ many at a time, the search goes on that knows the path to be longer: it is likel
 
 @lru_cache(maxsize=8)
 def shortest_paths(airspace: Airspace) -> ShortestPaths:
-    """The paths of an airspace; made once, then kept."""
+    """The path finder of an airspace; cached."""
     return ShortestPaths(airspace)
 
 
 class ShortestPaths:
-    """Finds shortest clear paths, and which places are connected.
+    """Finds shortest clear paths and connected parts of an airspace.
 
-    A gap counts as open when it is wider than the distances to keep from both its sides by 0.2 mm;
-    between pointed corners of two zones by 0.01 % more, of a zone and a fence by up to 0.6 %,
-    beside a circle by 1 cm or 0.004 % of it.
+    A gap counts as open when it is wider than the required distances to both its sides by 0.2 mm;
+    between pointed corners of two zones by 0.01 % more, of a zone and a fence by up to 0.6 %, next
+    to a circle by 1 cm or 0.004 % of the distance.
+
+    Args:
+        airspace: the zones, fences and required distances.
     """
 
     def __init__(self, airspace: Airspace) -> None:
@@ -70,13 +73,17 @@ class ShortestPaths:
         first: Callable[[Point], bool] | None = None,
         doors: Iterable[Point] = (),
     ) -> Path | None:
-        """The shortest clear path from start to end, both included; None if there is none.
+        """The shortest clear path between two places.
 
         Args:
             start: where the path begins.
             end: where it ends.
-            first: what the first leg must satisfy, given its end, instead of being clear.
-            doors: with `first`: places where that leg may end beside the corners seen from start.
+            first: takes the end of the first leg; replaces the test that this leg is clear.
+            doors: with `first`: further ends of the first leg, besides the corners visible from
+                start.
+
+        Returns:
+            The corners, with start and end; None if there is no path.
         """
         start, end = Point(*start), Point(*end)
         if first is None:
@@ -91,32 +98,47 @@ class ShortestPaths:
         return self._path_by_doors(start, end, first, [*doors])
 
     def part_of(self, point: Point) -> int | None:
-        """The number of the connected part that a place lies in; None if it is not clear.
+        """The connected part of the clear area that contains a place.
 
-        Parts are numbered as the lean clear area has them; see `connected`.
+        Args:
+            point: the place.
+
+        Returns:
+            The number of the part in the lean shape (see `connected`); None if the place is not
+            clear.
         """
         landing = self._landing(self.mesh, point)
         return None if landing is None else landing[1]
 
     def parts_of(self, points: Sequence[Point]) -> list[int | None]:
-        """`part_of` of many places, in bulk."""
+        """`part_of` of many places.
+
+        Args:
+            points: the places.
+
+        Returns:
+            A number or None for each place.
+        """
         found = zip(points, self.mesh.parts_of(points), strict=True)
         return [self.part_of(point) if part is None else part for point, part in found]
 
     def connected(self, a: Point, b: Point) -> bool:
-        """Whether a clear path from one place to the other exists."""
+        """Whether a clear path between two places exists."""
         one = self.part_of(a)
         if one is None:
             return self._pocket_path(a, b) is not None
         return one == self.part_of(b)
 
     def nearest(self, point: Point, reachable_from: Point | None = None) -> Point | None:
-        """The clear place nearest to a point, itself if it is clear; None if there is none.
+        """The clear place nearest to a point.
 
         Args:
             point: any place.
-            reachable_from: a place from where a clear path must lead there; where it is not clear
-                itself, the nearest place that is.
+            reachable_from: the result must be reachable from this place; if this place is not
+                clear, from the clear place nearest to it.
+
+        Returns:
+            The point itself if it is clear; None if there is no such place.
         """
         part = None
         start = point if reachable_from is None else reachable_from
@@ -132,15 +154,25 @@ class ShortestPaths:
         return found if self.airspace.point_clear(found) else None
 
     def exits(self, point: Point) -> list[Point]:
-        """Clear places all around one that is not clear, nearest first."""
+        """Clear places around a place that is not clear.
+
+        Args:
+            point: the place.
+
+        Returns:
+            Places in 48 directions, nearest first.
+        """
         return self.mesh.all_around(point, _DIRECTIONS) if len(self.mesh) else []
 
     def way_out(self, point: Point, near: Airspace) -> Path | None:
-        """The shortest path to a clear place from one that is not, in another airspace.
+        """The shortest path from a place that is not clear to a clear place.
 
         Args:
             point: where the path begins.
-            near: the same zones at shorter distances, or less of them: the point is clear there.
+            near: an airspace in which the point is clear: shorter distances, or fewer zones.
+
+        Returns:
+            The path, clear in `near`; None if there is none within 300 m.
         """
         if not len(self.mesh):
             return None
@@ -288,16 +320,17 @@ def shortest_path(
     *,
     allowed: Callable[[Point], bool] | None = None,
 ) -> Path | None:
-    """The shortest path to the goal from any of the sources, its source first.
+    """The shortest path to a goal from any of several sources.
 
     Args:
-        mesh: where the path stays.
-        sources: where it may begin.
-        goal: where it ends.
-        allowed: asked for a source, only when a path from there may be the shortest.
+        mesh: the area that contains the path.
+        sources: the places where the path may begin, each with a length in meters before it.
+        goal: where the path ends.
+        allowed: whether a path may begin at a source; called only for a candidate.
 
     Returns:
-        The path; None if there is none, or where the goal is not in the mesh.
+        The corners, beginning with the source; None if there is no path, or if the goal is not in
+        the mesh.
     """
     ahead = Search(mesh, sources, goal, allowed)
     patience: float = _PATIENCE if len(sources) == 1 and allowed is None else math.inf

@@ -49,7 +49,7 @@ class Sample:
         self.data = data
 
     def serialize(self, *_: object, **__: object) -> bytes:
-        """As DDS wants to have it: as it is."""
+        """The bytes, unchanged."""
         return self.data
 
 
@@ -77,7 +77,14 @@ class DdsTypes:
         self._roots: dict[str, Any] = {}  # of topics, by name
 
     def of(self, kind: str) -> Any:
-        """The type of a topic, e.g. for ``geometry_msgs/Pose``. Raises RosError."""
+        """The DDS type of a topic.
+
+        Args:
+            kind: the name of the ROS type, e.g. ``geometry_msgs/Pose``.
+
+        Raises:
+            RosError: the type is unknown, or cannot be used.
+        """
         name = self._types.check(kind)
         if name not in self._roots:
             made: Any = self._made(name)
@@ -137,15 +144,16 @@ class DdsError(MochaLinkError):
 
 
 class Dds(Cdr, Closeable):
-    """Publishes and subscribes the topics of ROS 2 nodes in a DDS domain. A context manager.
+    """Publishes and subscribes to the topics of ROS 2 nodes in a DDS domain. A context manager.
 
-    A topic's name begins with ``/``; one that does not is taken as DDS has it: those of services.
+    A topic name that begins with ``/`` is a ROS topic. Any other name is used in DDS as given, as
+    for the topics of services.
 
     Args:
-        definitions: of the team's message types.
+        definitions: texts of the team's ``.msg`` files by ``pkg/Type``.
+        domain: the number of the domain; default: the variable ROS_DOMAIN_ID, or 0.
+        best_effort: topics to subscribe to with best effort, as their publishers offer no more.
         spaces: as of `DdsTypes`.
-        domain: number of the domain; default: that of the variable ROS_DOMAIN_ID, or 0.
-        best_effort: topics that are subscribed that way, because their publishers do no better.
 
     Raises:
         RosError: one of the definitions cannot be used.
@@ -176,7 +184,20 @@ class Dds(Cdr, Closeable):
         self._thread.start()
 
     def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> Any:
-        """See `bridge.Middleware`; gives the reader. What `hand` raises is logged, no more."""
+        """Subscribe to a topic. An exception of `hand` is logged.
+
+        Args:
+            topic: the name of the topic.
+            kind: the name of its ROS type.
+            history: the depth of the queue, in messages.
+            hand: receives the CDR bytes of every message, on the reader thread.
+
+        Returns:
+            The DDS reader.
+
+        Raises:
+            RosError: the type is unknown.
+        """
         with self._lock:
             reader = DataReader(
                 self._participant,
@@ -192,9 +213,20 @@ class Dds(Cdr, Closeable):
         return reader
 
     def advertise(self, topic: str, kind: str, history: int, *, lasting: bool = True) -> Any:
-        """The writer of a topic: others see it before anything is published. Raises RosError.
+        """Create the writer of a topic, so that subscribers match it before the first message.
 
-        lasting: the newest stay for subscribers that come later and ask so.
+        Args:
+            topic: the name of the topic.
+            kind: the name of its ROS type.
+            history: the depth of the queue, in messages.
+            lasting: transient local durability: late subscribers that request it receive the newest
+                messages.
+
+        Returns:
+            The DDS writer.
+
+        Raises:
+            RosError: the type is unknown.
         """
         if topic not in self._writers:
             self._writers[topic] = DataWriter(
@@ -205,11 +237,21 @@ class Dds(Cdr, Closeable):
         return self._writers[topic]
 
     def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
-        """See `bridge.Middleware`. The newest stay for subscribers that come later and ask so."""
+        """Publish a message; late subscribers that request it receive the newest ones.
+
+        Args:
+            topic: the name of the topic.
+            kind: the name of its ROS type.
+            history: the depth of the queue, in messages.
+            data: the CDR bytes.
+
+        Raises:
+            RosError: the type is unknown.
+        """
         self.advertise(topic, kind, history).write(self._types.of(kind)(data))
 
     def close(self) -> None:
-        """See `bridge.Middleware`; may be called twice."""
+        """Leave the domain; may be called twice."""
         if self._stopping:
             return
         self._stopping = True

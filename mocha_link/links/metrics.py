@@ -1,4 +1,4 @@
-"""What programs are told of the links: what happens on them, and how each stands."""
+"""The events and the metrics of links, as programs receive them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well a radio hears a peer: a value that means nothing without its unit and its source."""
+"""How strongly a radio receives a peer: a value with its unit and its source."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ MAX_SOURCE_LETTERS = 32
 
 
 class Unit(enum.Enum):
-    """What the value of a reading counts.
+    """The unit of a reading.
 
-    DBM: received power. SNR_DB: signal above noise. DEVICE: a scale of the device's own, more is
-    better.
+    DBM: received power. SNR_DB: signal above noise. DEVICE: a scale of the device; more is better.
     """
 
     DBM = "dBm"
@@ -27,11 +26,19 @@ class Unit(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The strength at which a peer is heard.
+    """The signal strength of a peer.
 
-    Readings of different units or sources are never compared with each other. The value may be
-    given as any real number, such as one of numpy; it is kept as a float. Raises RadioError if it
-    cannot be one in that unit, if that is none, or if the source is no short printable text.
+    A node never compares readings of different units or sources. The value may be any real number,
+    such as one of numpy; the reading stores a float.
+
+    Attributes:
+        value: the strength, in `unit`.
+        unit: the unit of the value.
+        source: the radio or program that reported it, 1 to 32 printable characters.
+
+    Raises:
+        RadioError: the value is not a number or out of range (1000 dBm, 1000 dB, 1e6 of a device),
+            the unit is not a `Unit`, or the source is not a short printable text.
     """
 
     value: float  # in the unit's own measure
@@ -61,9 +68,16 @@ class Reading:
 
 
 def as_reading(value: Reading | float | None) -> Reading | None:
-    """What a radio reported: a reading as it is, a bare number as dBm, nothing as nothing.
+    """Convert the report of a radio.
 
-    Raises RadioError for anything else.
+    Args:
+        value: a reading, an RSSI in dBm, or None.
+
+    Returns:
+        The reading; a bare number becomes a reading in dBm; None stays None.
+
+    Raises:
+        RadioError: the value is neither.
     """
     if value is None or isinstance(value, Reading):
         return value

@@ -1,4 +1,4 @@
-"""Hands events to all listeners: callbacks, and bounded streams for asyncio."""
+"""Delivers events to all listeners: callbacks, and bounded streams for asyncio."""
 
 from __future__ import annotations
 
@@ -20,9 +20,13 @@ LOG = logging.getLogger("mocha_link")
 
 
 class EventStream:
-    """An asynchronous iterator over events, from its making until the node closes.
+    """An asynchronous iterator over events, from its construction until the node closes.
 
-    It holds at most `limit` events: a slow reader loses the oldest, counted in `dropped`.
+    Args:
+        limit: the most events that wait; a slow reader loses the oldest.
+
+    Attributes:
+        dropped: the number of events that the reader lost.
     """
 
     def __init__(self, limit: int) -> None:
@@ -49,7 +53,11 @@ class EventStream:
             await self._ready.wait()
 
     def push(self, event: LinkEvent) -> None:
-        """Add an event, from any thread."""
+        """Add an event, from any thread.
+
+        Args:
+            event: the event to deliver.
+        """
         with self._lock:
             if self._closed:
                 return
@@ -60,7 +68,7 @@ class EventStream:
         self._wake()
 
     def close(self) -> None:
-        """End the iteration after the events that are there, from any thread."""
+        """End the iteration after the waiting events, from any thread."""
         with self._lock:
             self._closed = True
         self._wake()
@@ -81,10 +89,16 @@ class Broadcast:
         self._lock = threading.Lock()
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
-        """Call back for every event from now on; the answer ends it.
+        """Call a function for every event from now on.
+
+        Args:
+            callback: takes the event.
+
+        Returns:
+            A function that ends the subscription.
 
         Raises:
-            TypeError: it cannot be called, or is a coroutine function.
+            TypeError: the callback cannot be called, or is a coroutine function.
         """
         given: object = callback  # whatever its type was said to be
         if not callable(given) or inspect.iscoroutinefunction(given):
@@ -103,7 +117,14 @@ class Broadcast:
         return unsubscribe
 
     def stream(self, limit: int = QUEUE_EVENTS) -> EventStream:
-        """A stream of every event from now on."""
+        """A stream of every event from now on.
+
+        Args:
+            limit: the most events that wait for the reader.
+
+        Returns:
+            The stream; it has ended already if the node is closed.
+        """
         stream = EventStream(limit)
         with self._lock:
             self._streams.add(stream)
@@ -113,7 +134,11 @@ class Broadcast:
         return stream
 
     def send(self, event: LinkEvent) -> None:
-        """Tell all listeners, until `close`; what a callback raises is logged, no more."""
+        """Deliver an event to all listeners, until `close`; an exception of a callback is logged.
+
+        Args:
+            event: the event to deliver.
+        """
         with self._lock:
             if self._closed:
                 return
@@ -127,7 +152,7 @@ class Broadcast:
             stream.push(event)
 
     def close(self) -> None:
-        """Tell nothing any more, and end all streams."""
+        """Deliver no further event, and end all streams."""
         with self._lock:
             self._closed = True
             streams = list(self._streams)

@@ -1,4 +1,4 @@
-"""A gossip node to embed: give it the team and a name, publish, and watch the links."""
+"""A gossip node to embed: construct it with the team and a robot name, publish, watch the links."""
 
 from __future__ import annotations
 
@@ -47,22 +47,22 @@ class Node(Startable):
     thread.
 
     Args:
-        team: who there is; the same file on every robot.
-        name: which robot this node is.
+        team: the team; every robot must load the same file.
+        name: the robot that this node belongs to.
         clock: the robot's clock for stamps, ages and triggers; default: this machine's.
-        radio: where RSSI comes from; default: what the team file says for the robot. A robot
-            without a radio pulls from all peers by the timer.
-        timeout_s: real seconds without a byte after which a pull breaks off.
-        storage: a file in which messages survive the end of the process; default: none, they are
-            in memory only. It is open from now until `close`.
+        radio: the source of signal readings; default: the radio of the robot in the team file. A
+            robot without a radio pulls from all peers by the timer.
+        timeout_s: real seconds without a byte after which the node aborts a pull.
+        storage: a file in which messages survive the end of the process; default: none, messages
+            stay in memory. The node keeps the file open from construction until `close`.
         keys: the folder with ``<name>.key``, the robot's secret, if the team has a key for it.
-        datagrams: use UDP between new nodes where that is faster.
+        datagrams: use UDP between new nodes where UDP is faster.
 
     Raises:
         UnknownRobotError: the team has no robot of that name.
-        RadioError: the team file's radio cannot be read.
-        KeyFileError: the secret is missing, is none, or others can read it.
-        KeyMismatchError: it does not fit the key in the team file.
+        RadioError: the URL of the radio in the team file is invalid.
+        KeyFileError: the secret is missing or invalid, or other users can read it.
+        KeyMismatchError: the secret does not match the key in the team file.
         KeysUnavailableError: the team has keys, and the extra ``keys`` is not installed.
     """
 
@@ -124,13 +124,13 @@ class Node(Startable):
         return self._gossip.me
 
     def start(self) -> None:
-        """Bind the ports and begin to answer and to pull.
+        """Bind the ports, serve requests and begin to pull.
 
         Raises:
             PortInUseError: another process or node has one of the ports.
             ListenError: the robot's `listen` is not an address of this machine.
-            RadioError: the radio's port is taken.
-            NodeClosedError: it has been started or closed before.
+            RadioError: another process has the port of the radio.
+            NodeClosedError: the node was started or closed before.
         """
         if self._transport or self._closed:
             raise NodeClosedError(f"the node of {self.name} runs once; make a new one")
@@ -156,10 +156,10 @@ class Node(Startable):
             self._end()
 
     def close(self) -> None:
-        """Stop within a second and give up every socket and thread; may be called twice.
+        """Stop within a second and release every socket and thread; may be called twice.
 
-        No listener hears of anything after it. One that has not returned by then is logged; the
-        ports are free when it does.
+        Listeners receive no event after this call. The node logs a listener that has not returned
+        by then; the ports become free when that listener returns.
         """
         if not self._closed:
             self._closed = True
@@ -181,16 +181,24 @@ class Node(Startable):
             self._broadcast.close()
 
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
-        """Put a message of this robot where the others can pull it; returns its header.
+        """Store a message of this robot, so that peers can pull it.
 
-        If the topic's `min_interval_s` since the last one is not over, the message waits until it
-        is: the newest one replaces it, or joins it if the topic says `aggregate`. `now` sends it
-        without waiting. With a `storage` that works, what has been stored is on disk on return
-        (not when called from a listener, which must not wait).
+        While `min_interval_s` of the topic has not passed since the last message, the new message
+        waits. A newer message replaces the waiting one, or joins it if the topic has `aggregate`.
+        If the node has a working `storage`, the message is on disk when the call returns (except
+        for a call from a listener, which must not wait).
+
+        Args:
+            topic: the name of a topic of this robot.
+            data: the payload, at most 64 MiB.
+            now: publish at once, whatever `min_interval_s` is.
+
+        Returns:
+            The header of the message.
 
         Raises:
             UnknownTopicError: the team file gives this robot no such topic.
-            PayloadError: larger than 64 MiB.
+            PayloadError: the payload is larger than 64 MiB.
             TypeError: `data` is not bytes; encode it first.
             NodeClosedError: the node is closed.
         """
@@ -208,7 +216,15 @@ class Node(Startable):
         return header
 
     def flush(self, topic: str) -> None:
-        """Stop holding the message of a topic that waits. Raises UnknownTopicError."""
+        """Publish the message of a topic that waits for its interval.
+
+        Args:
+            topic: the name of a topic of this robot.
+
+        Raises:
+            UnknownTopicError: the team file gives this robot no such topic.
+            NodeClosedError: the node is closed.
+        """
         self._check_open()
         known = self.team.topic(self.name, topic)
         with self._lock:
@@ -216,7 +232,14 @@ class Node(Startable):
         self._wake()
 
     def latest(self, robot: str, topic: str) -> Message | None:
-        """The newest message of a topic of a robot; None if there is none yet.
+        """The newest message of a topic of a robot.
+
+        Args:
+            robot: the name of the robot that published it.
+            topic: the name of the topic.
+
+        Returns:
+            The message; None if the node has not received one.
 
         Raises:
             UnknownRobotError: the team has no such robot.
@@ -232,7 +255,14 @@ class Node(Startable):
         return self._messages(self._gossip.database.records())
 
     def history(self, robot: str, topic: str) -> list[Message]:
-        """The messages of a topic that are kept, newest first (`history` in the team file).
+        """The versions of a topic that the node keeps (`history` in the team file).
+
+        Args:
+            robot: the name of the robot that published them.
+            topic: the name of the topic.
+
+        Returns:
+            The messages, newest first.
 
         Raises:
             UnknownRobotError: the team has no such robot.
@@ -248,14 +278,22 @@ class Node(Startable):
 
     @property
     def epoch(self) -> int:
-        """Names the database: numbers of `stored_since` count within one epoch."""
+        """Identifies the database.
+
+        Sequence numbers of `stored_since` are valid within one epoch.
+        """
         return self._gossip.database.epoch
 
     def stored_since(self, sequence: int, limit: int | None = None) -> list[tuple[int, Message]]:
-        """What has been stored after a number, with its own number, in that order.
+        """The messages that were stored after a sequence number.
 
-        Begin with 0. Versions that are not kept any longer are left out. With `limit` the first so
-        many of them; go on with the last one's number.
+        Args:
+            sequence: the last number that the program has processed; 0: from the beginning.
+            limit: at most so many messages; None: all.
+
+        Returns:
+            Pairs of sequence number and message, in the order of the numbers. Versions that the
+            node no longer keeps are left out. Continue with the number of the last pair.
         """
         while True:
             found = self._gossip.database.numbered_since(sequence, limit)
@@ -267,7 +305,7 @@ class Node(Startable):
 
     @property
     def storage_fault(self) -> str | None:
-        """Why messages do not get to the disk now; None if they do, or are to stay in memory."""
+        """Why the node cannot write messages to disk now; None: it can, or it has no `storage`."""
         fault = self._storage.fault if self._storage else None
         return str(fault) if fault else None
 
@@ -278,10 +316,16 @@ class Node(Startable):
             return self._gossip.links(self._now(), ages_s)
 
     def held(self, peer: str) -> dict[tuple[str, str], float]:
-        """What a peer is known to hold: by robot and topic, the newest stamp in Unix seconds.
+        """The messages that a peer is known to hold.
 
-        It has named these, or handed them to us; what it fetched from us is not among them.
-        Original nodes name nothing.
+        The peer has announced these messages, or has sent them to this node. Messages that the peer
+        pulled from this node are not included. Original nodes announce nothing.
+
+        Args:
+            peer: the name of a linked robot.
+
+        Returns:
+            By robot and topic, the newest stamp in Unix seconds.
 
         Raises:
             UnknownRobotError: the peer is not linked to this robot.
@@ -292,25 +336,41 @@ class Node(Startable):
         return {(of[0].name, of[1].name): stamp / 1000 for of, stamp in known if of}
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
-        """Call back on the node's thread for every event; call the answer to end it.
+        """Call a function on the node's thread for every event.
 
-        The callback must be quick: the node does nothing else meanwhile. It may call any method
-        of the node. What it raises is logged and does not stop the node. TypeError: it is none.
+        The callback must be quick, as the node does nothing else meanwhile. It may call any method
+        of the node. The node logs an exception of the callback and keeps running.
+
+        Args:
+            callback: takes the event.
+
+        Returns:
+            A function that ends the subscription.
+
+        Raises:
+            TypeError: the callback cannot be called, or is a coroutine function.
         """
         return self._broadcast.subscribe(callback)
 
     def events(self) -> EventStream:
         """An asynchronous iterator over every event from now on, until the node closes.
 
-        A slow reader loses the oldest events; the stream counts them in `dropped`.
+        Returns:
+            The stream. A slow reader loses the oldest events; `dropped` counts them.
         """
         return self._broadcast.stream()
 
     def sync(self, peer: str, *, both: bool = False) -> bool:
-        """Pull from a peer now; False if a pull from it is already under way.
+        """Pull from a peer now.
 
-        `both`: a new node pulls from us, too, within the interval. Otherwise it does when its
-        timer says so, which is rare while all that we store reaches it by itself.
+        Args:
+            peer: the name of a linked robot.
+            both: request that the peer, if it runs a new node, pulls from this node within the
+                interval as well. Without it the peer pulls when its own timer is due, which is rare
+                while this node pushes everything it stores.
+
+        Returns:
+            Whether a pull began; False if a pull from the peer is under way.
 
         Raises:
             UnknownRobotError: the peer is not linked to this robot.

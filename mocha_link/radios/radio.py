@@ -1,4 +1,4 @@
-"""What every radio serves, the radio that says what it is told to, and what the others share."""
+"""The interface of every radio, the manual radio, and the base of the others."""
 
 from __future__ import annotations
 
@@ -20,51 +20,60 @@ Report = Callable[[str, Reading | float | None], None]
 
 
 class Radio(Protocol):
-    """Reports how peers are heard while it is started."""
+    """Reports the signal of peers while it is started."""
 
     def start(self, report: Report) -> None:
-        """Begin: call `report(peer, reading)`, from any thread; None: the peer is not heard.
+        """Begin to report.
 
-        `report` raises UnknownRobotError for a name that is not linked to the robot, RadioError
-        for a bare number that cannot be one in dBm.
+        Args:
+            report: call it as `report(peer, reading)`, from any thread; None: no signal of the
+                peer. It raises UnknownRobotError for a name that is not linked to the robot, and
+                RadioError for a bare number that is out of range in dBm.
         """
 
     def close(self) -> None:
-        """Stop reporting and give up what is held; may be called twice."""
+        """Stop reporting and release all resources; may be called twice."""
 
 
 class ManualRadio:
-    """A radio that says what it is told to; for embedding and tests."""
+    """A radio that reports the readings a program gives it; for embedding and tests."""
 
     def __init__(self) -> None:
         self._report: Report | None = None  # while it is started
 
     def start(self, report: Report) -> None:
-        """Begin to pass reports on."""
+        """Begin to forward reports.
+
+        Args:
+            report: receives them.
+        """
         self._report = report
 
     def close(self) -> None:
-        """Stop passing reports on."""
+        """Stop forwarding reports."""
         self._report = None
 
     def report(self, peer: str, reading: Reading | float | None) -> None:
-        """Report how a peer is heard: a reading, an RSSI in dBm, None for not at all.
+        """Report the signal of a peer. The report is lost while the node is not started.
 
-        Lost while the node is not started.
+        Args:
+            peer: the name of a linked robot.
+            reading: a reading, an RSSI in dBm, or None: no signal.
 
         Raises:
             UnknownRobotError: the peer is not linked to the robot.
-            RadioError: no number, or not within -1000 to 1000.
+            RadioError: the value is not a number, or not within -1000 to 1000.
         """
         if self._report:
             self._report(peer, reading)
 
 
 class BackgroundRadio:
-    """Listens on an event loop and a thread of its own; both end at once, whatever it waits for.
+    """Runs an event loop on a thread of its own; `close` ends both at once.
 
     Attributes:
-        refused: How many reports were none, or not accepted by the node. That stops nothing.
+        refused: the number of reports that were invalid or that the node did not accept. The radio
+            keeps running after them.
     """
 
     def __init__(self) -> None:
@@ -82,14 +91,24 @@ class BackgroundRadio:
             self._thread = self._end = None
 
     def pass_on(self, peer: str, reading: Reading | None) -> None:
-        """Report to the node; what it does not accept is refused."""
+        """Report to the node; count a report that the node does not accept.
+
+        Args:
+            peer: the name of a robot.
+            reading: its signal; None: none.
+        """
         try:
             self._report(peer, reading)
         except MochaLinkError as error:
             self.refuse(error)
 
     def pass_on_best(self, found: Mapping[str, Reading | None], peers: Mapping[str, str]) -> None:
-        """Report how peers are heard, given by the ids of their radios: the best one of each."""
+        """Report the best reading of each peer.
+
+        Args:
+            found: readings by the ids of radios.
+            peers: names of robots by the ids of their radios.
+        """
         best: dict[str, Reading | None] = {}
         for radio_id, reading in found.items():
             peer = peers.get(radio_id)
@@ -101,13 +120,21 @@ class BackgroundRadio:
             self.pass_on(peer, reading)
 
     def refuse(self, error: MochaLinkError) -> None:
-        """Count a report that is none; the first one is logged for people, the rest for debug."""
+        """Count an invalid report; the first one is logged as a warning, later ones as debug.
+
+        Args:
+            error: why it was refused.
+        """
         level = logging.DEBUG if self.refused else logging.WARNING
         self.refused += 1
         LOG.log(level, "radio report refused: %s", error)
 
     async def lines(self, stream: asyncio.StreamReader) -> AsyncIterator[bytes]:
-        """The lines of a stream without blank ones; what is longer than its limit is refused."""
+        """The lines of a stream, without blank ones; a line above the stream's limit is refused.
+
+        Args:
+            stream: its limit is the longest line in bytes.
+        """
         whole = True  # nothing of this line was left out
         while True:
             try:

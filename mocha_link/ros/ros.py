@@ -36,34 +36,63 @@ _INSTEAD: dict[str, Any] = {"string": "", "bool": False}  # any other base type:
 
 
 class RosCodec:
-    """Reads and writes ROS messages. Any thread may use it.
+    """Decodes and encodes ROS messages. Any thread may use it.
 
-    It knows the standard types of ROS 1 (Noetic) and ROS 2 (Jazzy) under the names that a team
-    file has, e.g. ``geometry_msgs/PoseStamped``, and those of `definitions`.
+    The codec has the standard types of ROS 1 (Noetic) and ROS 2 (Jazzy) under the names of a team
+    file, e.g. ``geometry_msgs/PoseStamped``, and those of `definitions`. Every method raises
+    RosError for a message that does not match its type, and no other error.
 
     Args:
         definitions: texts of ``.msg`` files by ``pkg/Type``; they may use each other.
 
     Raises:
-        RosError: a definition cannot be read. It is what every method raises, and nothing else.
+        RosError: a definition cannot be parsed.
     """
 
     def __init__(self, definitions: Mapping[str, str] | None = None) -> None:
         self._types = {ros: RosTypes(ros, definitions or {}) for ros in (1, 2)}  # by ROS version
 
     def knows(self, kind: str, ros: Ros = 1) -> bool:
-        """Whether messages of a type can be read and written."""
+        """Whether the codec has a type.
+
+        Args:
+            kind: the name of the type.
+            ros: the ROS version (1 or 2).
+        """
         return self._types[ros].known(kind)
 
     def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
-        """The message object that bytes hold.
+        """Decode a message.
 
-        At most 64 MiB and a million messages within a message are read; arrays stay in the bytes.
+        At most 64 MiB and a million nested messages are decoded. Arrays are views of `data`.
+
+        Args:
+            kind: the name of the type.
+            data: the serialized message.
+            ros: its ROS version.
+
+        Returns:
+            The message object.
+
+        Raises:
+            RosError: the bytes do not match the type.
         """
         return self._types[ros].read(kind, data)
 
     def encode(self, kind: str, message: object, ros: Ros) -> bytes:
-        """The bytes of a message object (of either ROS version) or of plain values, as in JSON."""
+        """Encode a message.
+
+        Args:
+            kind: the name of the type.
+            message: a message object of either ROS version, or plain values as in JSON.
+            ros: the ROS version of the serialization.
+
+        Returns:
+            The serialized message.
+
+        Raises:
+            RosError: the message does not match the type.
+        """
         types = self._types[ros]
         name = types.check(kind)
         if isinstance(message, Mapping):
@@ -74,22 +103,60 @@ class RosCodec:
         return types.write(name, self._guarded(_translate, self._both(kind), types, name, message))
 
     def convert(self, kind: str, data: bytes, *, from_ros: Ros, to_ros: Ros) -> bytes:
-        """The same message in the serialization of the other ROS version."""
+        """Convert a message to the serialization of the other ROS version.
+
+        Args:
+            kind: the name of the type.
+            data: the serialized message.
+            from_ros: its ROS version.
+            to_ros: the ROS version of the result.
+
+        Raises:
+            RosError: the bytes do not match the type, or the versions have different types of this
+                name.
+        """
         return self.encode(kind, self.decode(kind, data, from_ros), to_ros)
 
     def to_json(self, kind: str, message: object) -> dict[str, Any]:
-        """A message object as plain values that `json.dumps` takes."""
+        """Convert a message object to plain values that `json.dumps` accepts.
+
+        Args:
+            kind: the name of the type.
+            message: a message object of either ROS version.
+
+        Raises:
+            RosError: the object does not match the type.
+        """
         both = self._both(kind)
         values: dict[str, Any] = self._guarded(_to_json, both, both[0].check(kind), message)
         return values
 
     def from_json(self, kind: str, values: Mapping[str, Any], ros: Ros = 1) -> object:
-        """The message object of plain values; a field that is left out is zero or empty."""
+        """Build a message object from plain values; a missing field is zero or empty.
+
+        Args:
+            kind: the name of the type.
+            values: the fields by name.
+            ros: the ROS version of the object.
+
+        Raises:
+            RosError: a value does not fit its field; the message names the field.
+        """
         types = self._types[ros]
         return self._guarded(_Builder(types).message, types.check(kind), values, kind)
 
     def definition(self, kind: str) -> tuple[str, str]:
-        """The full text of a type as ROS 1 has it, and its MD5 sum."""
+        """The definition of a type as ROS 1 has it.
+
+        Args:
+            kind: the name of the type.
+
+        Returns:
+            The full text with nested types, and its MD5 sum.
+
+        Raises:
+            RosError: ROS 1 has no such type.
+        """
         return self._types[1].definition(kind)
 
     def _both(self, kind: str) -> tuple[RosTypes, ...]:

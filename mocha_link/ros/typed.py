@@ -22,11 +22,11 @@ LOG = logging.getLogger("mocha_link")
 
 
 class TypedError(MochaLinkError):
-    """Data that are not what their type says, or a value that does not fit it."""
+    """Bytes that do not match their type, or a value that does not fit the type."""
 
 
 class Types:
-    """Turns data into values and back, by the names of types. Any thread may use it.
+    """Converts payloads to values and back, by the names of types. Any thread may use it.
 
     Args:
         definitions: texts of ``.msg`` files by ``pkg/Type``, as in a team file.
@@ -40,24 +40,57 @@ class Types:
 
     @property
     def has_ros(self) -> bool:
-        """Whether ROS messages can be read here: the extra ``ros`` is installed."""
+        """Whether ROS messages can be converted here: the extra ``ros`` is installed."""
         return self._codec is not None
 
     def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
-        """A JSON value, a ROS message object, or the bytes. Raises TypedError."""
+        """Decode a payload.
+
+        Args:
+            kind: the name of the type, e.g. ``geometry_msgs/Pose``.
+            data: the payload.
+            ros: the ROS version (1 or 2) of the serialization.
+
+        Returns:
+            A JSON value, a ROS message object, or the bytes if the type is unknown.
+
+        Raises:
+            TypedError: the payload does not match the type.
+        """
         if kind.startswith(JSON_PACKAGE):
             return _parsed(data)
         codec = self._codec_for(kind, ros)
         return _guarded(codec.decode, kind, data, ros) if codec else data
 
     def plain(self, kind: str, data: bytes, ros: Ros) -> Any:
-        """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
+        """Decode a payload to values that `json.dumps` accepts; bytes of unknown types stay bytes.
+
+        Args:
+            kind: the name of the type.
+            data: the payload.
+            ros: the ROS version of the serialization.
+
+        Raises:
+            TypedError: the payload does not match the type.
+        """
         value = self.decode(kind, data, ros)
         codec = None if kind.startswith(JSON_PACKAGE) else self._codec_for(kind, ros)
         return _guarded(codec.to_json, kind, value) if codec else value
 
     def encode(self, kind: str, value: Any, ros: Ros) -> bytes:
-        """The data for a value; ROS messages as objects or as plain values. Raises TypedError."""
+        """Encode a value.
+
+        Args:
+            kind: the name of the type.
+            value: a JSON value; for a ROS type a message object or plain values; else bytes.
+            ros: the ROS version of the serialization.
+
+        Returns:
+            The payload.
+
+        Raises:
+            TypedError: the value does not fit the type.
+        """
         if kind.startswith(JSON_PACKAGE):
             try:
                 return json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
@@ -73,9 +106,20 @@ class Types:
         return bytes(value)
 
     def converted(self, kind: str, data: bytes, from_ros: Ros, to_ros: Ros) -> bytes:
-        """The same message for the other version of ROS, checked; other bytes as they are.
+        """Check a ROS message and convert it to the other ROS version.
 
-        Raises TypedError: the data are not what the type says, or cannot be converted here.
+        Args:
+            kind: the name of the type.
+            data: the payload.
+            from_ros: its ROS version.
+            to_ros: the ROS version of the result.
+
+        Returns:
+            The payload in the other serialization; payloads of unknown types are returned
+            unchanged.
+
+        Raises:
+            TypedError: the payload does not match the type, or cannot be converted here.
         """
         if kind.startswith(JSON_PACKAGE):
             _parsed(data)
@@ -93,7 +137,15 @@ class Types:
         return changed
 
     def about(self, kind: str) -> dict[str, Any]:
-        """What ROS a type is known in, and its ROS 1 MD5 sum and text; nothing if it is no type."""
+        """The facts about a type that bridges need.
+
+        Args:
+            kind: the name of the type.
+
+        Returns:
+            `ros`, the ROS versions that have the type, and for ROS 1 `md5` and `text`; empty for an
+            unknown type.
+        """
         known = [ros for ros in (1, 2) if self._codec_for(kind, ros)]
         if self._codec is None or 1 not in known:
             return {"ros": known} if known else {}
@@ -105,13 +157,16 @@ class Types:
 
 
 class Typed:
-    """The same for the messages of a team.
+    """Converts the messages of a team.
+
+    Args:
+        team: has the types of topics and the definitions.
 
     Attributes:
-        types: What knows the types of its topics.
+        types: converts payloads by the names of types.
 
     Raises:
-        RosError: the team brings along a definition that cannot be used.
+        RosError: a definition in the team file cannot be used.
     """
 
     def __init__(self, team: Team) -> None:
@@ -119,19 +174,42 @@ class Typed:
         self.types = Types(team.definitions)
 
     def decode(self, message: Message) -> Any:
-        """What a message says: a JSON value, a ROS message object, or its bytes.
+        """Decode a message.
 
-        Of a topic with `aggregate` a list of that. Raises TypedError; the message itself is still
-        good to carry.
+        Args:
+            message: a message of the team.
+
+        Returns:
+            A JSON value, a ROS message object, or bytes; a list of these for a topic with
+            `aggregate`.
+
+        Raises:
+            TypedError: the payload does not match the type. The message itself can still be
+                carried.
         """
         return self._all(message, self.types.decode)
 
     def plain(self, message: Message) -> Any:
-        """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
+        """Decode a message to values that `json.dumps` accepts; bytes of unknown types stay bytes.
+
+        Args:
+            message: a message of the team.
+
+        Raises:
+            TypedError: the payload does not match the type.
+        """
         return self._all(message, self.types.plain)
 
     def encode(self, robot: str, topic: str, value: Any) -> bytes:
-        """The data of a message of a robot; ROS messages as objects or as plain values.
+        """Encode the payload of a message.
+
+        Args:
+            robot: the name of the robot that publishes it.
+            topic: the name of the topic.
+            value: a JSON value; for a ROS type a message object or plain values; else bytes.
+
+        Returns:
+            The payload.
 
         Raises:
             UnknownRobotError: the team has no such robot.

@@ -29,19 +29,19 @@ RECONNECT_S = 0.05
 
 
 class ServiceError(RequestError):
-    """The node refused a request; it says why. `again`: the same may be taken later."""
+    """The node refused a request; the message says why. `again`: the request may succeed later."""
 
 
 class ServiceUnreachableError(MochaLinkError):
-    """No program answers at the endpoint, or one that is no node."""
+    """No program serves the endpoint, or the program is not a node."""
 
 
 class MetricsError(MochaLinkError):
-    """No metrics can be had from an endpoint."""
+    """No metrics were received from an endpoint."""
 
 
 class _Connection(Closeable):
-    """A socket to an endpoint; the program there may begin later, and come back."""
+    """A socket to an endpoint; the program there may start later, and may restart."""
 
     unreachable: ClassVar[type[Any]]
     """What is raised when the endpoint is none, no program answers, or a wrong one does."""
@@ -93,14 +93,14 @@ class _Connection(Closeable):
 class EndpointClient(_Connection):
     """The client of a request endpoint. One thread may use it; a context manager.
 
-    A server that does not answer may come back: every request tries anew.
+    A server may come back: every request tries to connect again.
 
     Args:
-        endpoint: where to ask.
-        timeout_s: how long to wait for an answer, beyond what a request itself wants to wait.
+        endpoint: the address of the server, ``tcp://127.0.0.1:port`` or ``ipc://path``.
+        timeout_s: seconds to wait for a reply, on top of `wait_s` of the request.
 
     Raises:
-        Whatever `unreachable` makes: the endpoint is none.
+        MochaLinkError: the endpoint is invalid; the class is `unreachable` of the subclass.
     """
 
     server_kind: ClassVar[str]
@@ -118,7 +118,19 @@ class EndpointClient(_Connection):
     def call(
         self, request: dict[str, Any], data: bytes | None = None, *, wait_s: float = 0.0
     ) -> tuple[dict[str, Any], list[bytes]]:
-        """Send a request without what is None in it; returns its answer, and the data behind it."""
+        """Send a request, and wait for its reply.
+
+        Args:
+            request: the fields; those of value None are left out.
+            data: a binary frame after the fields; None: no frame.
+            wait_s: seconds that the server itself may take.
+
+        Returns:
+            The fields of the reply, and the data frames after them.
+
+        Raises:
+            MochaLinkError: as `refused` (the server refused) or `unreachable` (no reply in time).
+        """
         self._number += 1
         sent = {key: value for key, value in request.items() if value is not None}
         sent["id"] = self._number
@@ -166,14 +178,14 @@ class EndpointClient(_Connection):
 
 
 class ServiceClient(EndpointClient):
-    """Asks one node. One thread may use it; a context manager.
+    """Sends requests to one node. One thread may use it; a context manager.
 
     Args:
-        endpoint: what the node got as ``--serve``.
-        timeout_s: how long to wait for an answer, beyond what a request itself wants to wait.
+        endpoint: the ``--serve`` endpoint of the node.
+        timeout_s: seconds to wait for a reply, on top of `wait_s` of a request.
 
     Raises:
-        ServiceUnreachableError: the endpoint is none.
+        ServiceUnreachableError: the endpoint is invalid.
     """
 
     server_kind, server_option = "node", "--serve"
@@ -188,10 +200,21 @@ class ServiceClient(EndpointClient):
         ros: int | None = None,
         key: str | None = None,
     ) -> str:
-        """Publish in the robot's name; returns the header in hex digits.
+        """Publish a message of the node's robot.
 
-        `ros` says how the data are serialized, if not as the robot's other ROS messages; a request
-        that is repeated with the same `key` publishes once.
+        Args:
+            topic: the name of a topic of the robot.
+            data: the payload.
+            now: publish at once, whatever `min_interval_s` of the topic is.
+            ros: the ROS version (1 or 2) of the serialization; default: that of the robot.
+            key: an id of the request; the node executes requests of one key once.
+
+        Returns:
+            The header of the message, in hex digits.
+
+        Raises:
+            ServiceError: the node refused.
+            ServiceUnreachableError: no reply in time.
         """
         fields: dict[str, Any] = {"topic": topic, "now": now, "ros": ros, "key": key}
         return str(self.request("publish", data, **fields)[0].get("header"))
@@ -199,12 +222,33 @@ class ServiceClient(EndpointClient):
     def latest(
         self, robot: str, topic: str, *, ros: int | None = None
     ) -> tuple[dict[str, Any], bytes] | None:
-        """The newest message of a topic: what is said about it, and its data."""
+        """The newest message of a topic.
+
+        Args:
+            robot: the name of the robot that published it.
+            topic: the name of the topic.
+            ros: the ROS version to convert to; default: as published.
+
+        Returns:
+            The fields of the message and its payload; None if the node has none.
+
+        Raises:
+            ServiceError: the node refused.
+            ServiceUnreachableError: no reply in time.
+        """
         fields, parts = self.request("latest", robot=robot, topic=topic, ros=ros)
         return (fields["message"], parts[0]) if fields.get("message") and parts else None
 
     def messages(self, robot: str | None = None) -> list[dict[str, Any]]:
-        """What is said about the newest message of every topic, of all robots or of one."""
+        """The fields of the newest message of every topic, without payloads.
+
+        Args:
+            robot: of this robot only; None: of all robots.
+
+        Raises:
+            ServiceError: the node refused.
+            ServiceUnreachableError: no reply in time.
+        """
         found: list[dict[str, Any]] = self.request("list", robot=robot)[0].get("messages", [])
         return found
 
@@ -217,10 +261,24 @@ class ServiceClient(EndpointClient):
         own: bool = False,
         ros: int | None = None,
     ) -> tuple[tuple[str, int], list[tuple[dict[str, Any], bytes]]]:
-        """What was stored after a place in the sequence; waits up to `wait_s` for something.
+        """The messages that were stored after a position in the sequence.
 
-        Returns the place to ask from next time, and the messages. A caller that remembers the place
-        misses nothing. After the node was restarted it begins anew, with everything that it has.
+        A program that stores the position misses no message. After a restart of the node the
+        sequence begins again, with every message that the node holds.
+
+        Args:
+            place: the position (epoch, sequence) of the previous call; None: from the beginning.
+            limit: at most so many messages, 1 to 1000.
+            wait_s: seconds to wait if there is no message yet.
+            own: include messages of the node's own robot.
+            ros: the ROS version to convert to; default: as published.
+
+        Returns:
+            The position for the next call, and pairs of message fields and payload.
+
+        Raises:
+            ServiceError: the node refused.
+            ServiceUnreachableError: no reply in time, or an invalid one.
         """
         epoch, sequence = place or (None, 0)
         fields, parts = self.request(
@@ -239,21 +297,37 @@ class ServiceClient(EndpointClient):
             raise self.wrong_server() from None
 
     def team(self) -> dict[str, Any]:
-        """Which robot this is, and what there is in the team: robots, topics, types."""
+        """The robot of the node, and the robots, topics and types of its team.
+
+        Raises:
+            ServiceUnreachableError: no reply in time.
+        """
         return self.request("team")[0]
 
     def links(self) -> dict[str, Any]:
-        """The metrics of every link: `robot`, `at_s`, and `links` by peer (docs/embedding.md)."""
+        """The metrics of every link: `robot`, `at_s`, and `links` by peer (docs/embedding.md).
+
+        Raises:
+            ServiceUnreachableError: no reply in time.
+        """
         return self.request("links")[0]
 
     def request(
         self, name: str, data: bytes | None = None, **fields: object
     ) -> tuple[dict[str, Any], list[bytes]]:
-        """Ask; returns the answer and the data frames behind it.
+        """Send a request of any verb.
+
+        Args:
+            name: the verb.
+            data: a binary frame after the fields; None: no frame.
+            fields: the fields of the request; `wait_s` extends the time-out.
+
+        Returns:
+            The fields of the reply, and the data frames after them.
 
         Raises:
             ServiceError: the node refused.
-            ServiceUnreachableError: no answer in time.
+            ServiceUnreachableError: no reply in time.
         """
         wait = fields.get("wait_s")
         wait_s = wait if isinstance(wait, (int, float)) else 0.0
@@ -261,7 +335,15 @@ class ServiceClient(EndpointClient):
 
 
 def split(about: dict[str, Any], data: bytes) -> list[bytes]:
-    """The messages in the data of one: several if its topic says `aggregate`."""
+    """Split the payload of a message whose topic has `aggregate`.
+
+    Args:
+        about: the fields of the message.
+        data: its payload.
+
+    Returns:
+        The payloads of the batch; without `aggregate` the payload alone.
+    """
     if "parts" not in about:
         return [data]
     parts = []
@@ -273,17 +355,28 @@ def split(about: dict[str, Any], data: bytes) -> list[bytes]:
 
 
 class Subscription(_Connection):
-    """What a node's metrics endpoint sends, from a snapshot on. Use as a context manager.
+    """Receives the metrics of a node, beginning with a snapshot. Use as a context manager.
 
-    Raises MetricsError if the endpoint is none.
+    Args:
+        endpoint: the ``--metrics`` endpoint of the node.
+
+    Raises:
+        MetricsError: the endpoint is invalid.
     """
 
     unreachable = MetricsError
 
     def next(self, timeout_s: float) -> tuple[str, dict[str, Any]] | None:
-        """("links", snapshot) or ("event", event); None if nothing comes for so long.
+        """The next message.
 
-        Raises MetricsError if what comes is not a node's metrics.
+        Args:
+            timeout_s: real seconds to wait for it.
+
+        Returns:
+            ("links", snapshot) or ("event", event); None if nothing was received in time.
+
+        Raises:
+            MetricsError: the message is not a node's metrics.
         """
         until_s = time.monotonic() + timeout_s
         socket = self._connected(until_s)
@@ -299,11 +392,15 @@ class Subscription(_Connection):
         return kind, fields
 
     def malformed(self) -> MetricsError:
-        """The error for what is not a node's metrics."""
+        """The error for a message that is not a node's metrics."""
         return MetricsError(f"what {self.endpoint} sends is not a node's metrics")
 
     def silent(self, timeout_s: float) -> MetricsError:
-        """The error for an endpoint from which nothing has come for so long."""
+        """The error for an endpoint that sent nothing in time.
+
+        Args:
+            timeout_s: the real seconds that have passed.
+        """
         return MetricsError(
             f"nothing from {self.endpoint} for {timeout_s:g} s; is a node running there with "
             f"--metrics {self.endpoint}?"
@@ -317,11 +414,15 @@ class Subscription(_Connection):
 
 
 def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Follow a node's metrics: ("links", snapshot) first, then events and snapshots.
+    """Receive a node's metrics: ("links", snapshot) first, then events and snapshots.
+
+    Args:
+        endpoint: the ``--metrics`` endpoint of the node.
+        timeout_s: real seconds without a message after which it fails.
 
     Raises:
-        MetricsError: nothing comes from the endpoint for `timeout_s` (real seconds), or what
-            comes is not a node's metrics.
+        MetricsError: the endpoint sent nothing for `timeout_s`, or something that is not a node's
+            metrics.
     """
     with Subscription(endpoint) as subscription:
         while received := subscription.next(timeout_s):

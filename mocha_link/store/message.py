@@ -1,7 +1,6 @@
-"""A message as programs see it, and the batches in which some topics send theirs.
+"""A message as programs see it, and the batches of topics with `aggregate`.
 
-Several small messages go in one where the topic says `aggregate`: each is its length (u32, big
-endian) and its bytes.
+A batch joins several small messages: each is its length (u32, big endian) and its bytes.
 """
 
 from __future__ import annotations
@@ -21,16 +20,33 @@ LENGTH_BYTES = _LENGTH.size  # before each message of a batch
 
 
 class BatchError(MochaLinkError):
-    """Bytes that are no batch of messages."""
+    """Bytes that are not a batch of messages."""
 
 
 def pack_batch(parts: Iterable[bytes]) -> bytes:
-    """The batch of some messages, in their order."""
+    """Join messages into a batch, in their order.
+
+    Args:
+        parts: the payloads.
+
+    Returns:
+        The bytes of the batch.
+    """
     return b"".join(piece for part in parts for piece in (_LENGTH.pack(len(part)), part))
 
 
 def unpack_batch(data: bytes) -> tuple[bytes, ...]:
-    """The messages of a batch. Raises BatchError."""
+    """Split a batch into its messages.
+
+    Args:
+        data: the bytes of the batch.
+
+    Returns:
+        The payloads, in their order.
+
+    Raises:
+        BatchError: the bytes end within a length or a message.
+    """
     parts = []
     position = 0
     while position < len(data):
@@ -48,8 +64,16 @@ def unpack_batch(data: bytes) -> tuple[bytes, ...]:
 class Message:
     """The newest message of a topic of a robot.
 
-    `stamp_s` is when the robot published it, `received_s` when it got here: Unix seconds. `parts`
-    are the messages in it, more than one if the topic says `aggregate`, none if it is damaged.
+    Attributes:
+        robot: the name of the robot that published it.
+        topic: the name of the topic.
+        header: the header on the wire.
+        priority: the priority of the topic.
+        data: the payload; with `aggregate` a batch.
+        stamp_s: when the robot published it, Unix seconds.
+        received_s: when this node received it, Unix seconds.
+        parts: the messages in the batch if the topic has `aggregate`, else the payload alone; empty
+            if the batch is damaged.
     """
 
     robot: str
@@ -63,7 +87,15 @@ class Message:
 
 
 def as_bytes(data: bytes, topic: str) -> bytes:
-    """The data of a message of a topic that is to be published. Raises TypeError."""
+    """The payload of a message as bytes.
+
+    Args:
+        data: any bytes-like object.
+        topic: the name of the topic, for the error.
+
+    Raises:
+        TypeError: the object has no buffer of bytes.
+    """
     try:
         return bytes(memoryview(data))
     except TypeError:

@@ -1,4 +1,4 @@
-"""The configuration that all robots share: who they are, where they listen, what they say.
+"""The configuration that all robots share: robots, addresses and topics.
 
 Ids and ports follow from the file exactly as in the original MOCHA nodes, so every robot must use
 the same file: robot_id = index in the sorted names; topic_id = position in the list of the kind;
@@ -75,11 +75,21 @@ class Robot(RobotModel, frozen=True):
 
     @property
     def peers(self) -> tuple[str, ...]:
-        """The robots that it exchanges messages with: its clients without itself."""
+        """The robots with which this robot exchanges messages: its clients without itself."""
         return tuple(name for name in self.clients if name not in (None, self.name))
 
     def port_for(self, peer: str) -> int:
-        """The port on which this robot answers `peer`. Raises UnknownRobotError."""
+        """The port on which this robot serves a peer.
+
+        Args:
+            peer: the name of a linked robot.
+
+        Returns:
+            The TCP and UDP port number.
+
+        Raises:
+            UnknownRobotError: the peer is not among the robot's clients.
+        """
         if peer not in self.peers:
             raise UnknownRobotError(peer, self.peers, f"among the clients of {self.name}")
         return self.base_port + self.clients.index(peer)
@@ -89,8 +99,8 @@ class Robot(RobotModel, frozen=True):
 class Team:
     """All robots and topics, with the ids that the wire format uses for them.
 
-    `definitions` are the texts of message definitions (``.msg``) that the team brings along.
-    A topic of a robot has a key: robot id * 256 + topic id, as the first bytes of a header read.
+    `definitions` are the texts of message definitions (``.msg``) in the team file. The key of a
+    topic of a robot is robot id * 256 + topic id, the first two bytes of a header.
     """
 
     robots: Mapping[str, Robot]  # by name, in the order of ids
@@ -122,12 +132,26 @@ class Team:
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read a team file. Raises DocumentError with every problem of the file."""
+        """Read a team file.
+
+        Args:
+            path: the YAML file.
+
+        Raises:
+            DocumentError: the file cannot be read or is invalid; lists every problem of the file.
+        """
         return cls.from_document(Document.load(path))
 
     @classmethod
     def from_document(cls, document: Document) -> Self:
-        """Build the team from a loaded document. Raises DocumentError."""
+        """Build the team from a loaded document.
+
+        Args:
+            document: the parsed YAML of a team file.
+
+        Raises:
+            DocumentError: the document is not a valid team; lists every problem.
+        """
         model = document.parse(TeamModel)
         problems = list(_problems(document, model))
         if problems:
@@ -158,17 +182,34 @@ class Team:
         )
 
     def robot(self, name: str) -> Robot:
-        """The robot of that name. Raises UnknownRobotError, which lists the known ones."""
+        """The robot of a name.
+
+        Raises:
+            UnknownRobotError: the team has no such robot; lists the known names.
+        """
         if name not in self.robots:
             raise UnknownRobotError(name, self.robots, f"in {self.path}")
         return self.robots[name]
 
     def topics_of(self, name: str) -> tuple[Topic, ...]:
-        """The topics of a robot, in the order of their ids. Raises UnknownRobotError."""
+        """The topics of a robot, in the order of their ids.
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+        """
         return self.kinds[self.robot(name).kind]
 
     def topic(self, robot: str, name: str) -> Topic:
-        """One topic of a robot. Raises UnknownRobotError or UnknownTopicError."""
+        """One topic of a robot.
+
+        Args:
+            robot: the name of the robot.
+            name: the name of the topic.
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+            UnknownTopicError: the robot has no such topic.
+        """
         topics = self.topics_of(robot)
         for topic in topics:
             if topic.name == name:
@@ -176,23 +217,41 @@ class Team:
         raise UnknownTopicError(self.robot(robot), name, topics)
 
     def by_ids(self, robot_id: int, topic_id: int) -> tuple[Robot, Topic] | None:
-        """Who and what the ids of a header stand for; None if the team does not know them."""
+        """The robot and the topic that the ids of a header stand for.
+
+        Args:
+            robot_id: 0 to 255.
+            topic_id: 0 to 255.
+
+        Returns:
+            The pair; None if the team does not have these ids.
+        """
         return self.topics_by_key.get(robot_id << 8 | topic_id)
 
     def pushed(self, pusher: Robot, peer: str) -> frozenset[int]:
-        """Ids of the robots whose messages `pusher` hands a peer at once.
+        """The robots whose new messages one robot pushes to a peer without a request.
 
-        Its own, and those of robots that are not linked to the peer: what several could push would
-        cross every link of a neighbourhood.
+        A robot pushes its own messages, and messages of robots that are not linked to the peer. If
+        several robots pushed the same message, it would cross every link of a neighborhood.
+
+        Args:
+            pusher: the robot that pushes.
+            peer: the name of the robot that receives.
+
+        Returns:
+            The ids of the robots.
         """
         return self._unlinked[peer] | {pusher.robot_id}
 
     def with_robots(self, changes: Mapping[str, Mapping[str, Any]]) -> Team:
-        """The team with other values for some robots, e.g. ``{"io": {"base_port": 24100}}``.
+        """The team with changed values of some robots, e.g. ``{"io": {"base_port": 24100}}``.
+
+        Args:
+            changes: by robot name, the changed keys of the team file and their values.
 
         Raises:
-            UnknownRobotError: a name that is not in the team (a new robot would move the ids).
-            DocumentError: the changed team would not be valid.
+            UnknownRobotError: a name is not in the team (a new robot would shift the ids).
+            DocumentError: the changed team would be invalid.
         """
         data = self.model.model_dump(mode="json")
         for name, values in changes.items():
@@ -202,7 +261,7 @@ class Team:
         return Team.from_document(Document.from_text(as_yaml(data), self.path))
 
     def dump(self) -> str:
-        """The team as the text of a team file, without the keys that a robot does not have."""
+        """The team as the text of a team file, without keys that a robot does not use."""
         data = self.model.model_dump(mode="json")
         robots = {
             name: {key: value for key, value in robot.items() if value is not None}
