@@ -31,7 +31,7 @@ from mocha_link.store import difference
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
 MAX_CONTACTS = 32
 QUIET_S = 25.0  # longer than pulls are apart
-LEAST_BYTES = 16 * 1024  # what smaller syncs move says nothing of the link,
+LEAST_BYTES = 16 * 1024  # smaller syncs do not measure the link,
 LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
 STEP_S = 0.1  # by so much a clock is set at least; less is how finely it is read
 REMIND_S = 600.0  # so often the log repeats that a peer has another team file
@@ -43,7 +43,7 @@ LOG = logging.getLogger("mocha_link")
 class _LinkRecord:
     """What is known of one link."""
 
-    metrics: LinkMetrics  # without what is counted here, ages, and the contact that lasts
+    metrics: LinkMetrics  # without the counters here, ages, and the present contact
     bytes_in: int = 0
     bytes_out: int = 0
     refused: int = 0
@@ -101,14 +101,14 @@ class _LinkRecord:
 
 
 def throughput_bytes_s(size: int, taken_s: float, rtt_s: float | None) -> float | None:
-    """Bytes per second that a sync moved; None if it was too small to say."""
+    """Bytes per second that a sync moved; None if it was too small to measure."""
     if size < LEAST_BYTES or taken_s <= 0 or taken_s < LEAST_ROUNDS * (rtt_s or 0.0):
         return None
     return size / taken_s
 
 
 class LinkTable:
-    """Keeps the metrics of all links from what is reported to it, and logs what goes wrong on them.
+    """Keeps the metrics of all links from events, and logs the faults of links.
 
     Args:
         quiet_s: a contact that only exchanges have shown is over so long after the last one.
@@ -185,7 +185,7 @@ class LinkTable:
         link.exchanged["bytes_out"] += bytes_out
 
     def refuse(self, peer: str, reason: str) -> None:
-        """Something of a peer was not accepted; the log is told loudly of the first only."""
+        """Count a refusal; the first one is logged as a warning."""
         link = self._links[peer]
         level = logging.DEBUG if link.refused else logging.WARNING
         link.refused += 1
@@ -254,7 +254,7 @@ def _ended(link: _LinkRecord, event: SyncEnded) -> None:
     now = link.metrics
     if event.direction is Direction.OUT:
         link.exchanged["messages_out"] += event.messages
-        # From the peer's first word to its last: a round trip of that nothing moved.
+        # From the peer's first frame to its last: one round trip of that moved no data.
         moved_s = event.duration_s - (now.rtt_s or 0.0)
         rate = throughput_bytes_s(event.bytes, moved_s, now.rtt_s) or now.bandwidth_bytes_s
         link.set_state(

@@ -50,7 +50,7 @@ class SyncTimedOut:
     peer: str
     at_s: float
     direction: Direction
-    reason: str  # in words
+    reason: str  # for the operator
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class MessageStored:
 
 @dataclass(frozen=True, slots=True)
 class RssiChanged:
-    """The radio hears a peer at another strength; `signal` None: not any more.
+    """The signal of a peer changed; `signal` None: the radio lost it.
 
     `rssi_dbm` is the signal where it is in dBm.
     """
@@ -83,7 +83,7 @@ class RssiChanged:
 
 @dataclass(frozen=True, slots=True)
 class ContactBegan:
-    """The radio hears a peer well enough to pull from it."""
+    """The signal of a peer became strong enough to pull from it."""
 
     peer: str
     at_s: float
@@ -92,12 +92,12 @@ class ContactBegan:
 
 @dataclass(frozen=True, slots=True)
 class ContactEnded:
-    """The radio does not hear a peer well enough any more; `duration_s` on the node's clock."""
+    """The signal of a peer became too weak; `duration_s` on the node's clock."""
 
     peer: str
     at_s: float
     duration_s: float
-    reason: str  # in words
+    reason: str  # for the operator
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class StorageFailed:
 
     peer: str
     at_s: float
-    reason: str  # in words
+    reason: str  # for the operator
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,14 +144,14 @@ class Contact:
     """A time in which a peer was within reach, and what was exchanged in it.
 
     Attributes:
-        began_s: when the radio heard the peer well enough, or the first sync outside of that.
+        began_s: when the signal became strong enough, or the first sync without such a signal.
         ended_s: when it was over; None: it lasts.
         messages_in: messages that the peer handed to us.
         messages_out: messages in the syncs that the peer completed.
         bytes_in: bytes of replies received since the contact before.
         bytes_out: bytes of replies sent since the contact before.
-        ending: how it ended: "too weak", "not heard", "the radio is silent" (what the radio
-            said), "timed out" (a sync broke off), "quiet" (no more syncs); empty: it lasts.
+        ending: how it ended: "too weak", "not heard", "the radio is silent" (by the
+            radio), "timed out" (a sync broke off), "quiet" (no more syncs); empty: it lasts.
     """
 
     began_s: float
@@ -173,7 +173,7 @@ class LinkMetrics:
         state_out: of the peer's latest pull from us.
         last_sync_in_s: when our last pull came to its end.
         last_sync_out_s: when the peer's last pull came to its end.
-        rtt_s: round trip of the connection in real seconds, without what a node takes to answer:
+        rtt_s: round trip of the connection in real seconds, without the time a node takes to reply:
             the least that the kernel has seen of late (TCP, on Linux), or of our packets (UDP).
         rtt_smoothed_s: the same, smoothed over syncs.
         bandwidth_bytes_s: what the last sync of either direction moved per real second, of those
@@ -187,13 +187,13 @@ class LinkMetrics:
         refused: headers, messages and replies of the peer that were not accepted.
         newest_age_s: age of the newest message that the peer itself made and we hold; if its
             stamp is from the future, since it came.
-        signal: as the radio says, with unit and source; None if it does not hear the peer.
+        signal: the reading of the radio, with unit and source; None: no signal.
         topic_ages_s: age of the newest message of each topic of the peer that we hold.
         contacts: the last 32 contacts, oldest first; one that lasts has no end.
         contacts_begun: how many there were.
         path: what the last exchange went over: "zmq", "udp", or "original" (an original node).
-        team_differs: the peer's team file says otherwise than ours what ids mean, as far as its
-            last word on that goes; nothing is exchanged with it.
+        team_differs: the peer's team file assigns ids differently, by its latest report; the
+            nodes exchange no messages then.
         protected: whether the link is encrypted and its ends are known by their keys.
     """
 

@@ -1,4 +1,4 @@
-"""When to pull from whom: while the radio hears the peer well enough, or by the timer alone."""
+"""When to pull from which peer: while its signal is strong enough, or by the timer alone."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from mocha_link.links.metrics import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team import Trigger
 
-QUIET_PULL_S = 15.0  # at most so often a peer is asked whose messages come unasked
-TURN_S = 5.0  # so much longer it is left to the peer to ask, which then spares us that,
+QUIET_PULL_S = 15.0  # shortest interval of pulls from a peer that pushes its messages
+TURN_S = 5.0  # the peer gets so much longer to pull first, which saves our pull,
 FIRST_S = 2.0  # less so much for that one of the two whose name is the first
 FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
-SILENT_INTERVALS = 3  # a radio that says nothing for longer does not hear the peer
+SILENT_INTERVALS = 3  # after a longer silence of the radio there is no signal
 MAX_SOURCES = 4  # that are remembered of a peer
 
 TOO_WEAK, NO_SIGNAL, SILENT = "too weak", "not heard", "the radio is silent"
@@ -22,7 +22,7 @@ TOO_WEAK, NO_SIGNAL, SILENT = "too weak", "not heard", "the radio is silent"
 
 @dataclass(slots=True)
 class _Signal:
-    """What one source says of a peer; each is judged by its own unit's threshold."""
+    """The reading of a peer from one source; the threshold of its unit applies."""
 
     reading: Reading
     reported_s: float
@@ -35,8 +35,8 @@ class _Link:
     contact_began_s: float | None = None  # None: out of contact
     last_sync_s: float = -inf  # -inf: none in this contact
     rest_s: float = 0.0  # until the next pull, while the peer pushes
-    pull_requested: bool = False  # by the peer, which is to be asked back
-    well_s: float = -inf  # when the peer, asking, last showed that it has nothing for us
+    pull_requested: bool = False  # the peer pulled, so we pull back
+    well_s: float = -inf  # when a pull of the peer last showed that it has nothing for us
 
 
 def threshold(settings: Trigger, unit: Unit) -> float:
@@ -49,15 +49,15 @@ def threshold(settings: Trigger, unit: Unit) -> float:
 
 
 class SyncTrigger:
-    """Says when a sync is due: at once when a contact begins, then every interval.
+    """Decides when a sync is due: at once when a contact begins, then every interval.
 
-    Peers that push what they store are asked ever less often, and less where there are many of
-    them: nodes must not spend their time on asking whether there is anything new. One that asks
-    after a while is asked, too: it may have been away. Two at rest, of which none has been away or
-    has anything for the other, take turns instead.
+    The trigger pulls ever less often from peers that push, and less where there are many of them:
+    nodes must not spend their time on pulls without result. If such a peer pulls after a while,
+    the trigger pulls from it too: it may have been away. Two at rest, of which none has been away
+    or has anything for the other, take turns instead.
 
-    A contact begins when any source of readings hears the peer at the threshold of its unit, and
-    ends when every one of them hears it weaker than threshold minus hysteresis, or not at all.
+    A contact begins when the reading of any source reaches the threshold of its unit, and
+    ends when every reading is below threshold minus hysteresis, or absent.
     Readings of different sources are never compared. With `by_timer` every peer is due every
     interval (a robot without a radio that reports). `name` is whose trigger it is. All times are
     seconds of one clock.
@@ -73,7 +73,7 @@ class SyncTrigger:
         self._events: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
         self._followed: frozenset[str] = frozenset()  # peers that push what they store
         self._checked_s = inf  # when it was seen last who is due
-        # By peer, and not gone through in every turn of a node: when it is due (-inf: now, inf: not
+        # By peer, to keep a turn of a node short: when it is due (-inf: now, inf: not
         # by time), and when its oldest reading does not stand any more.
         self._pulls_s: dict[str, float] = {}
         self._silences_s: dict[str, float] = {}
@@ -81,9 +81,9 @@ class SyncTrigger:
             self._schedule(peer)
 
     def signal_received(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
-        """Take in a report of the radio; says whether contact begins with it.
+        """Process a report of the radio; whether a contact begins with it.
 
-        None: the peer is not heard, by no source. A bare number is in dBm; RadioError if it
+        None: no source has a signal of the peer. A bare number is in dBm; RadioError if it
         cannot be.
         """
         link, before = self._links[peer], self.reading(peer)
@@ -104,11 +104,11 @@ class SyncTrigger:
         return next(reversed(signals.values())).reading if signals else None
 
     def in_contact(self, peer: str) -> bool:
-        """Whether the radio hears a peer well enough."""
+        """Whether the signal of a peer is strong enough."""
         return self._links[peer].contact_began_s is not None
 
     def expire_signals(self, now_s: float) -> None:
-        """Note of which peers the radio has been silent for too long: not heard any more."""
+        """Expire the signals of peers that the radio has not reported for too long."""
         if not self._may_be_due(now_s):
             return
         limit_s = SILENT_INTERVALS * self._settings.interval_s
@@ -142,7 +142,7 @@ class SyncTrigger:
         self._schedule(peer)
 
     def due(self, now_s: float) -> list[str]:
-        """The peers to pull from now; each counts as pulled from by this answer."""
+        """The peers to pull from now; each counts as pulled from by this call."""
         if not self._may_be_due(now_s):
             return []
         due = [
@@ -161,7 +161,7 @@ class SyncTrigger:
 
     @property
     def due_s(self) -> float:
-        """When `due` or `expire_signals` has something to say; inf: not by time."""
+        """When `due` or `expire_signals` has a result; inf: not by time."""
         pull_s = min(self._pulls_s.values(), default=inf)
         return min(pull_s, min(self._silences_s.values(), default=inf))
 
@@ -183,7 +183,7 @@ class SyncTrigger:
             self._silences_s.pop(peer, None)
 
     def _next_s(self, peer: str, link: _Link) -> float:
-        """When a peer is to be asked that is not to be asked back."""
+        """When the next pull is due if the peer does not pull first."""
         next_s = link.last_sync_s + self._interval_s(peer)
         if not self._is_at_rest(peer):
             return next_s
@@ -192,7 +192,7 @@ class SyncTrigger:
         return next_s + TURN_S - (FIRST_S if self._name < peer else 0.0)
 
     def _is_at_rest(self, peer: str) -> bool:
-        """Whether a peer is asked as rarely as any, and there is no crowd in which that is more."""
+        """Whether the interval of a peer has reached its longest, without a crowd of peers."""
         return self._links[peer].rest_s == self._interval_s(peer) == QUIET_PULL_S
 
     def _interval_s(self, peer: str) -> float:
@@ -207,7 +207,7 @@ class SyncTrigger:
         return events
 
     def _note(self, link: _Link, reading: Reading, now_s: float) -> None:
-        """Keep what a source says of a peer."""
+        """Store a reading of a peer."""
         key = reading.source, reading.unit
         before = link.signals.pop(key, None)
         if before is None and len(link.signals) >= MAX_SOURCES:
@@ -223,7 +223,7 @@ class SyncTrigger:
         self._events.append(RssiChanged(peer, now_s, rssi_dbm, reading))
 
     def _judge(self, peer: str, link: _Link, now_s: float, why: str) -> bool:
-        """Begin or end the contact, as the signals say; True if it begins."""
+        """Begin or end the contact by the signals; True if it begins."""
         in_contact = any(signal.in_contact for signal in link.signals.values())
         if in_contact and link.contact_began_s is None:
             link.contact_began_s, link.last_sync_s = now_s, -inf

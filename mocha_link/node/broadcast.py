@@ -100,7 +100,7 @@ class Broadcast:
         Raises:
             TypeError: the callback cannot be called, or is a coroutine function.
         """
-        given: object = callback  # whatever its type was said to be
+        given: object = callback  # the annotation is not enforced
         if not callable(given) or inspect.iscoroutinefunction(given):
             raise TypeError(
                 f"{given!r} is no plain function that takes an event; "

@@ -86,7 +86,7 @@ class Connection:
         return CurveClient(own.curve, own.public.curve, peer.curve)
 
     def watch(self, poller: Poller, owner: str = "") -> None:
-        """Have the poller wait for what this waits for, and say whose it is."""
+        """Register the events that the connection waits for, with their owner."""
         if self._watched is not self._socket:
             self.forget(poller)  # the first connection
             self._watched = self._socket
@@ -110,7 +110,7 @@ class Connection:
 
     @property
     def needs_polling(self) -> bool:
-        """Whether something may be to be done of which the poller does not tell."""
+        """Whether the connection needs turns without a poller event."""
         return bool(self._waiting) or self.failure is not None
 
     @property
@@ -127,7 +127,7 @@ class Connection:
         return self._connected_s + SEND_BEFORE_READY_S
 
     def turn(self, now_s: float) -> bool:
-        """Move what can be moved; says whether anything arrived."""
+        """Send and receive as much as possible; whether anything arrived."""
         arrived = False
         try:
             if self._connected_s is None:
@@ -218,7 +218,7 @@ class Connection:
             replies = self._protocol.receive(data) if room is None else self._protocol.filled(count)
             self._reply_bytes += len(replies)
             if self._reply_bytes > _MAX_REPLY_BYTES:
-                raise zmtp.ZmtpError("the peer does not read the answers that it asks for")
+                raise zmtp.ZmtpError("the peer does not read the replies that it requests")
             self._out += replies
         return taken > 0
 

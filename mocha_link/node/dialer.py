@@ -1,4 +1,4 @@
-"""The asking side at the sockets: where the peers are, a connection to each, and our datagrams."""
+"""The sockets of our pulls: addresses of peers, a connection to each, and outgoing datagrams."""
 
 from __future__ import annotations
 
@@ -29,17 +29,20 @@ LOG = logging.getLogger("mocha_link")
 class Resolver:
     """Turns host names into IPv4 addresses in threads of its own; numbers at once.
 
-    `wake` is called, from such a thread, when an answer is there.
+    A resolver thread calls `wake` when it has a result.
     """
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
         self._lock = threading.Lock()
         self._found: dict[str, tuple[str | None, str, float]] = {}  # address, why not, when
-        self._resolving: set[str] = set()  # names asked for
+        self._resolving: set[str] = set()  # names that a thread resolves
 
     def address(self, host: str) -> str | None:
-        """The address, if it is known; otherwise it is being looked up, or `failure` says why."""
+        """The address if it is resolved; None.
+
+        Resolution is under way, or `failure` has the reason.
+        """
         try:
             socket.inet_pton(socket.AF_INET, host)
         except (OSError, ValueError):
@@ -55,7 +58,7 @@ class Resolver:
             return address
 
     def failure(self, host: str) -> str | None:
-        """Why there is no address; None while it is being looked up, or when there is one."""
+        """Why resolution failed; None while it is under way, or when there is an address."""
         with self._lock:
             address, why, _ = self._found.get(host, (None, "", 0.0))
             return None if address or host in self._resolving else why or None
@@ -76,7 +79,7 @@ class Resolver:
 
 
 class Dialer:
-    """Has a connection to each peer that is asked, and the socket from which our datagrams go.
+    """Owns a connection to each peer that we pull from, and the socket of outgoing datagrams.
 
     For one thread. The caller drives the connections that `ready` gives it.
 
@@ -112,7 +115,7 @@ class Dialer:
         self._connections: dict[
             str, Connection | list[bytes]
         ] = {}  # frames: the address is not known yet
-        # Those of which the poller does not tell everything; all others wait until it does.
+        # Peers whose connections need a turn without a poller event; all others wait for one.
         self._needs_polling: set[str] = set()
         self._wait_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._datagrams: socket.socket | None = None
@@ -173,7 +176,7 @@ class Dialer:
     def ready(
         self, ready: Mapping[Polled, Hashable], now_s: float
     ) -> Iterator[tuple[str, Connection]]:
-        """The connections to look after; opens those of known address."""
+        """The connections that need a turn; opens those with a resolved address."""
         polled = self._needs_polling.union(ready.values())
         for peer in [each for each in self._connections if each in polled]:
             connection = self._connections.get(peer)  # those before may have closed or replaced it
@@ -183,7 +186,7 @@ class Dialer:
                 yield peer, connection
 
     def keep(self, peer: str, connection: Connection) -> None:
-        """Wait for more on a connection that was looked after; close it if it has failed."""
+        """Wait for more on a connection after its turn; close it if it has failed."""
         if self._connections.get(peer) is not connection:
             return
         if connection.failure:
@@ -252,7 +255,7 @@ class Dialer:
                 self._datagrams.sendto(seal.seal(packet) if seal else packet, place)
 
     def packets(self, ready: Container[Polled]) -> Iterator[tuple[str, bytes]]:
-        """The datagrams that peers have sent in answer to ours, and whose they are."""
+        """The datagrams that peers have sent in reply to ours, each with its peer."""
         if self._datagrams is None or self._datagrams.fileno() not in ready:
             return
         for packet, source in kernel.received(self._datagrams, BURST):

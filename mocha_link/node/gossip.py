@@ -45,10 +45,10 @@ UNGUARDED = nullcontext()
 
 
 class Gossip:
-    """One robot's node: what it holds, whom it pulls from and when, what it answers.
+    """One robot's node: its database, its pulls and their times, its replies.
 
     Args:
-        by_timer: pull from all peers every interval; otherwise when the radio hears them.
+        by_timer: pull from all peers every interval; otherwise while the radio receives them.
         timeout_s: seconds without a byte after which a pull breaks off.
         new_id: makes the 6 random bytes that name a request.
         database: where messages are kept; default: in memory.
@@ -96,7 +96,7 @@ class Gossip:
         self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
         self._uncounted: list[LinkEvent] = []  # those that the link table has not had
-        self._sequence = 0  # of the database, when peers were last pushed what is new
+        self._sequence = 0  # of the database at the last push to peers
 
     # --- the robot's own messages
 
@@ -121,10 +121,10 @@ class Gossip:
         """Store the message of a topic that waits for its interval, if there is one."""
         self._announce_own(self._publisher.flush(topic, now.unix_s), now)
 
-    # --- what the radio and the program say
+    # --- input of the radio and the program
 
     def signal_received(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
-        """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
+        """Process a signal report of the radio. Raises UnknownRobotError or RadioError."""
         link = self._link(peer)
         begins = self._trigger.signal_received(peer, reading, now.timer_s)
         self._announce_contacts(now)
@@ -175,7 +175,7 @@ class Gossip:
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
-        """Take in a datagram that came to the port for a peer; says whether to answer there."""
+        """Process a datagram at the port of a peer; whether to reply to its source address."""
         link = self._link(peer)
         is_there = link.server.packet(packet, now)
         self._serve(link, now)
@@ -188,7 +188,7 @@ class Gossip:
         self._announce(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
-        """Take in a datagram that a peer sent in answer to ours."""
+        """Process a datagram that a peer sent in reply to ours."""
         link = self._link(peer)
         link.puller.packet(packet, now)
         self._announce(link, now)
@@ -206,24 +206,24 @@ class Gossip:
         return any(a.peer == peer and isinstance(a, Connect | Disconnect) for a in actions)
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
-        """The connection to a peer is gone."""
+        """The connection to a peer was lost."""
         link = self._link(peer)
         link.puller.lost(reason, now)
         self._announce(link, now)
 
     def refused(self, peer: str, reason: str) -> None:
-        """A connection was not let in at the port for a peer, or sent what is no message."""
+        """The port of a peer refused a connection, or received an invalid message on one."""
         self._link_table.refuse(peer, reason)
 
     def announce(self, event: LinkEvent) -> None:
-        """Have listeners told of what the program has noticed."""
+        """Deliver an event of the program to the listeners."""
         self._events.append(event)
         self._uncounted.append(event)
 
-    # --- what the time brings, and what the node wants and says
+    # --- timers, actions and events
 
     def tick(self, now: Instant, guard: AbstractContextManager[object] = UNGUARDED) -> set[str]:
-        """Do what is due by the time alone; call it at `wake_s`, in `due_in_s`, and after input.
+        """Run the timers; call it at `wake_s`, in `due_in_s`, and after input.
 
         What is done for each peer happens within `guard`. Returns the peers for which `supply` may
         have a frame.
@@ -261,7 +261,7 @@ class Gossip:
         return min(self._trigger.due_s - now.timer_s, self._publisher.due_s - now.unix_s)
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
-        """What is to be done and told since the last call, in order."""
+        """The actions and events since the last call, in order."""
         actions, events = list(self._context.actions), self._events
         self._context.actions.clear()
         self._events = []
@@ -270,16 +270,19 @@ class Gossip:
     def links(
         self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, LinkMetrics]:
-        """The state of every link; `ages_s` is what `ages_s` has answered just now."""
+        """The state of every link; `ages_s`: the result of `ages_s`, if just computed."""
         self._count(now)
         return self._link_table.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
-        """The ages of the newest messages by peer and topic; any thread may ask at any time."""
+        """The ages of the newest messages by peer and topic; any thread may call it."""
         return self._links.ages_s(now.unix_s)
 
     def held(self, peer: str) -> dict[int, int]:
-        """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
+        """The messages that a peer is known to hold; see `Peer.newest`.
+
+        Raises UnknownRobotError.
+        """
         return self._link(peer).peer.newest
 
     def _count(self, now: Instant) -> None:
@@ -299,14 +302,14 @@ class Gossip:
             self.sync(peer, now)
 
     def _serve(self, link: PeerLink, now: Instant) -> None:
-        """Send a peer what its pull is to get by datagrams, and tell what has become of it."""
+        """Send the datagrams of a peer's pull, and announce the progress."""
         for packet in link.server.transmit(now):
             self._link_table.count(link.peer.name, bytes_out=len(packet))
             self._context.actions.append(ReplyDatagram(link.peer.name, packet))
         self._announce(link, now)
 
     def _announce(self, link: PeerLink, now: Instant) -> None:
-        """Tell what has come of a peer's syncs."""
+        """Announce the events of a peer's syncs."""
         peer = link.peer
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
@@ -339,7 +342,7 @@ class Gossip:
                 self._announce(link, now)
 
     def _link(self, peer: str) -> PeerLink:
-        """What belongs to a peer of whom something comes. Raises UnknownRobotError."""
+        """The link of a peer that sent something. Raises UnknownRobotError."""
         if peer not in self._links.by_peer:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
         self._links.touched.add(peer)

@@ -40,7 +40,7 @@ def descriptors_lacking(count: int) -> int:
 
 
 def reset(connection: socket.socket | None) -> None:
-    """Have the kernel forget what is not out when the connection is closed, not repeat it."""
+    """Make the kernel discard unsent bytes when the connection is closed."""
     if connection is not None:
         with contextlib.suppress(OSError):  # closed already
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
@@ -69,9 +69,9 @@ def let_address_come_later(unbound: socket.socket) -> None:
 
 
 def tune(connection: socket.socket, dead_s: int) -> None:
-    """Send small frames at once, and notice within so many seconds that the other end is gone."""
+    """Send small frames at once, and detect a dead peer within so many seconds."""
     connection.setblocking(False)
-    with contextlib.suppress(OSError):  # it is gone already
+    with contextlib.suppress(OSError):  # the connection is closed already
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         if sys.platform == "linux":
@@ -135,7 +135,7 @@ def received(datagrams: socket.socket, limit: int) -> Iterator[tuple[bytes, tupl
         yield packet, source
 
 
-# Waits for many sockets at once and says whose are ready: a turn costs what is ready, no more.
+# Waits for many sockets and reports the owners of ready ones: a turn costs only the ready ones.
 
 
 Polled = int

@@ -90,7 +90,7 @@ class Node(Startable):
         self._broadcast = Broadcast()
         self._transport: Transport | None = None  # while it is started
         self._closed = False  # for good
-        # What became of the file before there was anything to tell it by; None: there is.
+        # Events of the storage before the gossip exists; None: it exists.
         self._early: list[LinkEvent] | None = []
         self._peer_keys = peer_keys(team, robot) if self._secret else {}  # of protected peers
         self._storage = (

@@ -1,4 +1,4 @@
-"""What belongs to each peer of a node: what is known of it, who asks it, who answers it."""
+"""The link to each peer of a node: its state, its puller and its server."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PeerLink:
     peer: Peer
     puller: Puller
     server: Server
-    differs: bool = False  # its team file is another one, as was told
+    differs: bool = False  # its team file is another one; the log has it
     pushes: bool = False  # all that it stores comes unasked, as was seen last
 
     @property
@@ -31,7 +31,7 @@ class PeerLink:
 
 
 class PeerLinks:
-    """The links of a robot: a turn of the node looks at those on which something happens.
+    """The links of a robot: a turn of the node processes only those with input or a due time.
 
     Messages are verified if the team has keys or demands them.
 
@@ -51,7 +51,7 @@ class PeerLinks:
         self.by_peer: dict[str, PeerLink] = {}
         self.touched: set[str] = set()
         self._followed = context.followed  # robots that push to us
-        self._last_followed: set[int] = set()  # of these, when it was looked last which peers push
+        self._last_followed: set[int] = set()  # of these, at the last check which peers push
         self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
         team = context.team
         verifier = Verifier(team)
@@ -84,13 +84,13 @@ class PeerLinks:
         }
 
     def stored(self, robot_ids: AbstractSet[int]) -> None:
-        """Messages of robots were stored: that comes of the peers that are to hear of it."""
+        """Messages of robots were stored: mark the peers that want a push of them."""
         self.touched.update(
             p for p, link in self.by_peer.items() if link.server.wants_push(robot_ids)
         )
 
     def push_otherwise(self) -> bool:
-        """Look anew which peers push; whether one of them does now, or does not any more.
+        """Update which peers push; whether one has begun or stopped.
 
         What comes unasked from a peer depends on the others that we follow, too.
         """
@@ -109,7 +109,7 @@ class PeerLinks:
         return [link for peer, link in self.by_peer.items() if peer in self.touched]
 
     def settle(self) -> None:
-        """All that came is dealt with: what is left is brought by the time."""
+        """All input is processed: the rest waits for a due time."""
         self._note_wakes()
         self.touched.clear()
 

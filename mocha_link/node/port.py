@@ -28,7 +28,7 @@ LOG = logging.getLogger("mocha_link")
 
 
 class Port:
-    """A ROUTER, which a REQ or DEALER takes for a REP, and a datagram socket beside it.
+    """A ROUTER, which serves REQ and DEALER sockets like a REP, and a datagram socket.
 
     `datagram_address` is the source address of the peer's datagrams.
 
@@ -39,7 +39,7 @@ class Port:
     Args:
         poller: Waits for its connections, too.
         clients: Shared by the ports of a node.
-        secret: Of `me`; None: no key is asked for.
+        secret: of `me`; None: clients need no key.
         key: Of the peer, which alone opens a port with a secret.
     """
 
@@ -98,7 +98,7 @@ class Port:
         return self._router.wait_ms
 
     def reply(self, route: Route, frame: bytes) -> None:
-        """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
+        """Send a reply, or queue it; the reply is dropped if the connection is closed."""
         self._router.reply(route[0], route[1:], [frame])
 
     def push(self, route: Route, parts: list[Part]) -> None:

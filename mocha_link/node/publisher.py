@@ -1,4 +1,4 @@
-"""What the robot itself has to say: stamps, and how often a topic may enter the database."""
+"""The robot's own messages: their stamps, and how often a topic may enter the database."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Publisher:
         """The header of a new message, and what was stored now because of it.
 
         A message that comes before the topic's interval since the last stored one is over is held
-        until then; the next one replaces it, or joins it if the topic says `aggregate`. `frame` is
+        until then; the next one replaces it, or joins it if the topic has `aggregate`. `frame` is
         what `wire.compress` made of the data, if the caller has called it.
 
         Raises:
@@ -132,7 +132,7 @@ class Publisher:
         self._overtaken[topic.name] += 1
         if self._overtaken[topic.name] == MOST_RECOVERED + 1:
             LOG.warning(
-                "another node says what %s says on %s: give each robot a name of its own",
+                "another node publishes %s's topic %s: give each robot a name of its own",
                 self._robot.name,
                 topic.name,
             )

@@ -43,12 +43,12 @@ IDLE_MS = 1000  # a clock may be set; all else that happens wakes the node
 
 _MAX_ACCEPTED = 8  # in a turn
 _READ_BYTES = 16 * 1024
-_MAX_REQUESTS = 1024  # in what is read at once; our pulls have up to 256 under way
+_MAX_REQUESTS = 1024  # in one read; our pulls have up to 256 under way
 _MAX_PIECES = 64  # in a system call
 
 
 class ClientConnection:
-    """A connection to a router: what it asks, and what it has not taken yet."""
+    """A client's connection to a router: its requests, and replies that are not sent yet."""
 
     def __init__(
         self, connection: socket.socket, name: bytes, now_s: float, session: ZmtpSession
@@ -56,7 +56,7 @@ class ClientConnection:
         self.name = name  # begins its routes
         self.connection = connection
         self.number = connection.fileno()
-        self.requests: deque[list[Part]] = deque()  # not answered yet
+        self.requests: deque[list[Part]] = deque()  # without a reply so far
         self.waiting_bytes = 0  # for the kernel to take them
         self.began_s = now_s
         self.ended = False  # nothing more comes
@@ -64,7 +64,7 @@ class ClientConnection:
         self.moved_s = now_s  # the same in steady seconds, as far as it took something
         self.watched = 0  # for what the poller waits
         self._session = session
-        self._broken = False  # the link did: it has not gone by itself
+        self._broken = False  # the link failed: the client did not close it
         self._owed = 0  # bytes of replies since it took all
         self._out: deque[memoryview] = deque()
         self._put(session.hello)
@@ -86,9 +86,9 @@ class ClientConnection:
 
     @property
     def left_early(self) -> bool:
-        """Whether it has gone before it said in which way it would talk.
+        """Whether the client closed before its greeting was complete.
 
-        A client that closes when it has read what we want may have said nothing at all.
+        A client that closes after it has read our greeting may have sent nothing.
         """
         return self.ended and not self._broken and self._session.received < GREETING_BYTES
 
@@ -120,12 +120,12 @@ class ClientConnection:
         self.push([*envelope, *frames])
 
     def push(self, parts: Sequence[Part]) -> None:
-        """Likewise a frame of a sync, which the replies to its requests do not wait for."""
+        """Queue a frame of a sync; replies to requests do not wait for it."""
         for piece in self._session.encoded(parts):
             self._put(piece)
 
     def send_last(self, last: bytes) -> None:
-        """Send the last thing before it is closed, if it is taken at once."""
+        """Send an error before the connection is closed, if the kernel takes it at once."""
         if last and not self._out:
             self._put(last)
             self.flush()
@@ -135,14 +135,14 @@ class ClientConnection:
         self.waiting_bytes += len(piece)
 
     def flush(self) -> bool:
-        """Send what the kernel takes; whether it has taken anything."""
+        """Send as much as the kernel takes; whether it took anything."""
         before = self.waiting_bytes
         while self._out:
             try:
                 sent = self.connection.sendmsg(itertools.islice(self._out, _MAX_PIECES))
             except BlockingIOError:
                 break
-            except OSError:  # it is gone
+            except OSError:  # the client has closed
                 self.ended = True
                 self._out.clear()
                 self.waiting_bytes = 0
@@ -180,7 +180,7 @@ class ClientConnections:
     Those that have shown a key are the last to go.
 
     Args:
-        most_bytes: Of what is kept for all of them; None: the usual.
+        most_bytes: the limit for all clients together; None: the default.
     """
 
     def __init__(self, most_bytes: int | None = None) -> None:
@@ -189,7 +189,7 @@ class ClientConnections:
         self._moves = itertools.count(1)
 
     def moved(self, client: ClientConnection) -> None:
-        """It has taken or brought something."""
+        """A client has sent or accepted bytes."""
         client.moved = next(self._moves)
         client.moved_s = time.monotonic()
 
@@ -198,14 +198,15 @@ class ClientConnections:
         return MAX_WAITING_BYTES if self._most_bytes is None else self._most_bytes
 
     def check_limits(self, client: ClientConnection) -> None:
-        """Something is kept for it: relieve where it is more than its share of the most."""
+        """Free memory if a client holds more than its share of the limit."""
         if client.holds_bytes * len(self.routers) > self._most:
             self.relieve()
 
     def relieve(self) -> None:
-        """Send away those that are too much.
+        """Disconnect clients until both limits hold.
 
-        Of too many the one goes that is needed least; of too much the one that holds most.
+        Above the number of connections the least needed one is closed; above the memory, the
+        largest.
         """
         most = self._most
         while len(self.routers) > MAX_ALL_CONNECTIONS:
@@ -227,7 +228,7 @@ class Router:
         poller: Waits for its connections, too.
         clients: Shared by the routers of a node.
         max_bytes: Of a request, all its parts together.
-        mechanism: Of a new connection; None: no key is asked for.
+        mechanism: of a new connection; None: clients need no key.
         burst: Requests of one connection in a row.
     """
 
@@ -255,7 +256,7 @@ class Router:
         self._served: ClientConnection | None = None  # flushed when its requests are through
 
     def watch(self, owner: Hashable) -> None:
-        """Have the poller wait, and name the owner for what is ready."""
+        """Register with the poller; it reports `owner` for every ready socket."""
         self._owner = owner
         self._poller.register(self._listener.fileno(), zmq.POLLIN, owner)
 
@@ -272,7 +273,7 @@ class Router:
         if self._listener.fileno() in ready:
             self._accept()
         for client in [each for each in self._inside.values() if self._has_turn(each, ready)]:
-            if client.name in self._inside:  # none before it has sent it away
+            if client.name in self._inside:  # no earlier one has disconnected it
                 self._flush(client)
                 self._served = client
                 try:
@@ -312,7 +313,7 @@ class Router:
                 connection, _ = self._listener.accept()
             except BlockingIOError:
                 break
-            except OSError:  # it has gone again, or there are no descriptors left
+            except OSError:  # the client has closed, or there are no descriptors left
                 if self._inside:
                     self._drop_oldest()
                 else:  # it would be ready all the time
@@ -340,7 +341,7 @@ class Router:
         self._clients.check_limits(client)
 
     def _settle(self, client: ClientConnection) -> None:
-        """Send what waits, and have the poller wait for what is to come."""
+        """Send queued bytes, and register the events that the connection waits for."""
         self._flush(client)
         if client.name not in self._inside:
             return
@@ -357,7 +358,7 @@ class Router:
             self._poller.register(client.number, wanted, self._owner)
 
     def disconnect(self, client: ClientConnection, why: str) -> None:
-        """Close a connection that does what no node does."""
+        """Close a connection whose client violates the protocol."""
         self._refusals.append(f"a client {why}")
         self._drop(client)
 
@@ -375,7 +376,7 @@ class Router:
         return 0 if any(self._has_turn(each, ()) for each in self._inside.values()) else IDLE_MS
 
     def expire(self, now_s: float) -> list[str]:
-        """Who was sent away since the last call; call it now and then."""
+        """Close connections with an overdue handshake; returns refusals since the last call."""
         self._poller.register(self._listener.fileno(), zmq.POLLIN, self._owner)
         most_s = KEY_S if self._protected else HANDSHAKE_S
         for client in list(self._inside.values()):
@@ -391,7 +392,7 @@ class Router:
                 self._drop(client)
 
     def reply(self, name: bytes, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
-        """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
+        """Send a reply, or queue it; the reply is dropped if the connection is closed."""
         client = self._inside.get(name)
         if client:
             client.reply(envelope, frames)

@@ -34,7 +34,7 @@ from mocha_link.sync import (
 from mocha_link.team import PublicKey, Seal, SecretKey, Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
-EXPIRE_S = 1.0  # who was sent away
+EXPIRE_S = 1.0  # between checks for clients to disconnect
 YIELD_S = 0.0  # a thread that waits for the lock would not get it from one that takes it at once
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
@@ -48,7 +48,7 @@ class Transport:
 
     `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
     key in the team file are encrypted. `simulated`: the clock of `now` may run at another rate.
-    Without `serves` it asks peers and answers none, beside a node that runs.
+    Without `serves` it pulls from peers and serves none, next to a running node.
     """
 
     def __init__(  # noqa: PLR0913 - what the shell stands between
@@ -72,7 +72,7 @@ class Transport:
         self._secret = secret
         self._keys = keys or {}  # of protected peers
         self._simulated = simulated
-        self._serves = serves  # has ports; otherwise it only asks
+        self._serves = serves  # has ports; otherwise it only pulls
         self._poller = Poller()
         self._ports: dict[str, Port] = {}  # by peer
         self._unfinished: set[str] = set()  # peers at whose port there is more to do
@@ -90,7 +90,7 @@ class Transport:
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
         self._expired_s = 0.0  # steady clock
-        # Of what comes from one peer nothing may end what is done for the others.
+        # Input from one peer must not end the work for the others.
         self._guard = Guard(f"{self._me.name}: an error in the node")
         self._stopping = False  # set by `close`
         self._thread = threading.Thread(
@@ -127,7 +127,7 @@ class Transport:
         provide_descriptors(self._me, OWN_DESCRIPTORS + each * len(self._me.peers))
 
     def wake(self) -> None:
-        """Have the thread look at the gossip now; from any thread."""
+        """Wake the thread for a turn; from any thread."""
         with contextlib.suppress(OSError):  # full: it is about to wake anyway; closed: too late
             self._waker.send(b"\0")
 
@@ -164,7 +164,7 @@ class Transport:
             self._close_all()
 
     def _turn(self, ready: Mapping[Polled, Hashable]) -> int:
-        """Do what is to be done; how many milliseconds to wait for more."""
+        """Run one turn; returns the milliseconds to wait for the next."""
         if self._woken.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
@@ -215,7 +215,7 @@ class Transport:
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
             opened = seal.open(packet) if seal else packet
-            # Without a key an address is all there is to tell friends from strangers.
+            # Without a key only the address identifies a peer.
             strange = not seal and source[0] != self._dialer.address(port.peer)
             if opened is None or strange:
                 continue

@@ -1,8 +1,8 @@
 """Either end of a ZeroMQ connection (ZMTP 3.1), without sockets.
 
-libzmq waits for the other side before it sends each part of its handshake: the first answer costs
-four round trips, which eat a short contact. The protocol does not ask for that. Our ends send their
-whole handshake at once; so the first answer costs three, or two when requests follow without
+libzmq waits for the peer before it sends each part of its handshake: the first reply costs
+four round trips, which eat a short contact. The protocol does not require that. Our ends send their
+whole handshake at once; so the first reply costs three, or two when requests follow without
 waiting for the other side's READY. A libzmq that reads them together with the handshake closes
 the connection; so they have to come a moment later (see `connection`).
 
@@ -33,7 +33,7 @@ _SHORT = 256
 MAX_PARTS = 128
 OWN_BYTES = 16_384  # bodies from this size on get a buffer of their own
 _SHARE = 16  # when this part of them has arrived: memory follows that, not what is announced
-_MAX_WAITING = 16_384  # replies that no caller has fetched: far more than are ever under way
+_MAX_WAITING = 16_384  # replies that the program has not fetched: far more than are ever under way
 
 
 def _property(name: bytes, value: bytes) -> bytes:
@@ -47,7 +47,7 @@ def _frame(flags: int, body: bytes) -> bytes:
 
 
 def metadata(kind: bytes) -> bytes:
-    """What an end says of itself in its handshake: of what kind its socket is."""
+    """The metadata of a handshake: the socket type."""
     return _property(b"Socket-Type", kind) + _property(b"Identity", b"")
 
 
@@ -98,16 +98,16 @@ class Mechanism(Protocol):
         """The command that follows the greeting unasked, if there is one."""
 
     def handshake(self, command: bytes) -> tuple[bytes | None, bool]:
-        """Take a command before the connection stands: the answer, and whether it stands now.
+        """Process a command of the handshake; returns the reply, and whether it was the last.
 
         Raises ZmtpError.
         """
 
     def seal(self, flags: int, body: Part) -> Part | None:
-        """A part as it goes over the wire; None: as it is."""
+        """A part in its wire form; None: unchanged."""
 
     def open(self, body: Part) -> tuple[int, Part] | None:
-        """Flags and content of what came; None: it is what it looks like. Raises ZmtpError."""
+        """Flags and content of a received part; None: unchanged. Raises ZmtpError."""
 
 
 class Null:
@@ -239,7 +239,7 @@ class ZmtpSession:
 
     @property
     def greeted(self) -> bool:
-        """Whether the other end has said in which way it talks."""
+        """Whether the peer's greeting is complete."""
         return self._greeted
 
     def encoded(self, parts: Sequence[Part]) -> list[Part]:
@@ -251,7 +251,7 @@ class ZmtpSession:
         return b"".join(self.encoded([b"", body]))
 
     def receive(self, data: bytes) -> bytes:
-        """Take in bytes; returns what is to be sent back (answers to heartbeats).
+        """Take in bytes; returns the bytes to send back (replies to heartbeats).
 
         Raises ZmtpError; the connection is of no use then.
         """
@@ -304,7 +304,7 @@ class ZmtpSession:
     def room(self) -> memoryview | None:
         """Where the next bytes of a large body belong; None if none is under way.
 
-        Who receives them there says how many with `filled`, which spares a copy.
+        The caller receives into it and reports the number with `filled`, which saves a copy.
         """
         return self._large.room() if self._large else None
 
@@ -376,7 +376,7 @@ class ZmtpSession:
             raise ZmtpError("a message of too many parts")
 
     def _obey(self, command: bytes) -> bytes:
-        """Take a command of a connection that stands; what is to be sent back."""
+        """Process a command after the handshake; returns the bytes to send back."""
         if command.startswith(_PING):
             pong = b"\x04PONG" + command[7:23]
             sealed = self._mechanism.seal(COMMAND, pong)

@@ -1,4 +1,4 @@
-"""The flows of datagrams that answer one peer: one at a time, and what each leaves for the next."""
+"""The datagram flows that serve one peer: one at a time, each with the state of the one before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the asking side of a sync says that it holds, in whichever form is shortest.
+"""The holdings that the pulling node reports in a sync, in the shortest form.
 
 What it had of the peer up to some number and has stored since, the ids of everything, or digests.
 """
@@ -27,11 +27,11 @@ _MAX_LEFT = 1_024
 
 
 class Holdings:
-    """The messages that the node holds, whole or in part, as one peer is told of them.
+    """The messages that the node holds, whole or in part, as reported to one peer.
 
     Attributes:
-        announced_sequence: the database's number when the peer was told last.
-        left: messages that the peer was told to leave to another one, which is bringing them.
+        announced_sequence: the sequence of the database at the last report to the peer.
+        left: ids of messages that the peer need not send, as another peer is sending them.
     """
 
     def __init__(self, peer: Peer) -> None:
@@ -78,7 +78,7 @@ class Holdings:
         return Digest(self._database.digests())
 
     def unannounced_since(self, given: Container[int]) -> int:
-        """The database's number after which there is something that the peer was not told of.
+        """The sequence after which the database has messages that were not reported to the peer.
 
         `given` are the ids of the messages that it gave us itself. Without this a message that we
         wrote during a pull would come back, once the peer had it from another node.

@@ -26,7 +26,7 @@ from mocha_link.sync.protocol import (
 )
 
 MAX_HEADERS = 65_536
-# Requests under way at once; an original server answers them in order. As many as keep the link
+# Requests under way at once; an original server replies in order. As many as keep the link
 # busy, by the sizes seen so far.
 MIN_WINDOW, MAX_WINDOW = 16, 256
 _GUESS_BYTES = 512  # of a message, while none has come
@@ -35,7 +35,7 @@ _AHEAD_BYTES = 64 * 1024
 _AHEAD_S = 0.25
 _WEIGHT = 0.125  # of a new size in the average
 FORGET_S = 60.0  # after so long a silence nothing of a client can be on its way either
-# An original client lets go of an answer that takes more than 6 s, and of all that stands behind
+# An original client abandons a reply that takes more than 6 s, and all that are queued behind
 # it in the list. Smaller ones take so long on no link that is worth the name.
 LATE_BYTES = 32 * 1024
 
@@ -46,17 +46,17 @@ class ClientSession:
     Every message is stored as it arrives, so a session that breaks off leaves whole messages.
 
     Args:
-        budget: bytes of replies after which nothing more is asked for; 0: no limit.
+        budget: bytes of replies after which the client requests no more; 0: no limit.
 
     Attributes:
-        over: all was said, or it is of no use to go on.
-        failure: why it is of no use to go on, in words; None if all was said.
+        over: the pull is complete or has failed.
+        failure: why the pull failed, for the operator; None: it did not.
         messages: that were stored.
         bytes_in: of replies.
         cut_short: not all came, as the budget was used up.
-        rtt_s: round trip of DENDT; None until it is answered.
-        reached: the connection stands, or something was answered.
-        alive_s: steady seconds when the peer was heard last.
+        rtt_s: round trip of DENDT; None until its reply.
+        reached: the connection stands, or a reply was received.
+        alive_s: steady seconds when the last bytes were received.
     """
 
     def __init__(self, peer: Peer, budget: int = 0) -> None:
@@ -72,7 +72,7 @@ class ClientSession:
         self._database = peer.node.database
         self._budget = budget
         self._pending: dict[bytes, tuple[bytes, Header | None, float]] = {}  # code, header, when
-        self._wanted: deque[Header] = deque()  # headers to ask for yet
+        self._wanted: deque[Header] = deque()  # headers still to request
         self._window = MIN_WINDOW  # most requests under way
         self._size = float(_GUESS_BYTES)  # of a reply, smoothed, in bytes
         self._listed_s = self._fetched_s = 0.0  # when the list came, and the last message
@@ -84,7 +84,10 @@ class ClientSession:
         return self._request(now, GHEAD)
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> list[bytes]:
-        """Take in the body parts of a reply (a good one has one part); what to ask next."""
+        """Process the body parts of a reply (a valid one has one part).
+
+        Returns the next requests.
+        """
         frame: Frame = parts[0] if len(parts) == 1 else b""
         self.bytes_in += sum(map(len, parts))
         pending = self._pending.pop(bytes(frame[:ID_BYTES]), None)
@@ -119,7 +122,7 @@ class ClientSession:
         self.alive_s = now.steady_s
 
     def why_silent(self) -> str:
-        """What to say when nothing has come for the time-out."""
+        """The reason of a time-out without a byte."""
         timeout_s = self._peer.node.timeout_s
         if not self.reached:
             return f"no connection within {timeout_s:g} s"
@@ -127,7 +130,7 @@ class ClientSession:
         return f"no byte for {timeout_s:g} s, waiting for the reply to {codes}"
 
     def break_off(self, failure: str | None = None) -> None:
-        """The connection is gone, or of no use for the reason given: learn from it."""
+        """The connection was lost or abandoned for the given reason: adapt the next pull."""
         self.over = True
         self.failure = failure
         self._wanted.clear()
@@ -231,11 +234,11 @@ class _Served:
     since_s: float  # of its GHEAD, steady clock
     messages: int = 0  # given out
     bytes: int = 0  # of replies
-    given_up: bool = False  # it was told as timed out
+    given_up: bool = False  # it was reported as timed out
 
 
 class ServerSession:
-    """Answers one peer that asks as original nodes do, and tells when its pulls start and end.
+    """Serves one peer that pulls like original nodes, and reports the start and end of its pulls.
 
     Topics whose messages the peer did not stay for come last in the lists, and starve nothing else.
     """
@@ -246,12 +249,12 @@ class ServerSession:
         self._pull: _Served | None = None  # None: none since the last DENDT
         self._received_s = 0.0  # steady clock
         # What was offered stays available, though newer messages replace it, until well after the
-        # peer has asked for another list.
+        # peer has requested another list.
         self._offered: Mapping[bytes, Kept] = {}
         self._offered_before: Mapping[bytes, Kept] = {}  # by the list before this
         self._listed_s = 0.0  # when the last list left
         self._late: set[bytes] = set()  # topics that come last: first bytes of their headers
-        self._under_way = b""  # topic of the large answer that is not known to have arrived
+        self._under_way = b""  # topic of the large reply that may not have arrived
 
     def handle(self, parts: Sequence[bytes], now: Instant) -> bytes:
         """The reply to the body parts of a request (a good one has one part)."""
@@ -282,7 +285,7 @@ class ServerSession:
         silence_s = now.steady_s - self._received_s
         if silence_s <= PATIENCE_S:
             return
-        if silence_s > FORGET_S and self._offered:  # a peer that is gone must not keep it all
+        if silence_s > FORGET_S and self._offered:  # an absent peer must not hold the memory
             self._offered = self._offered_before = {}
         self._give_up(now, f"the peer asked nothing for {PATIENCE_S:g} s")
 
@@ -294,7 +297,7 @@ class ServerSession:
         return self._received_s + FORGET_S if self._offered else None
 
     def _note_arrival(self, code: bytes) -> None:
-        """Another request: the large answer that was under way has arrived, or was let go of."""
+        """Another request: the large reply under way has arrived, or was abandoned."""
         topic, self._under_way = self._under_way, b""
         if topic and code == GHEAD:
             self._late.add(topic)

@@ -1,7 +1,7 @@
 """One peer of a node: what its syncs share and remember, and how much it may send ahead.
 
-A connection takes whatever it is given and holds megabytes on a slow link; what is in there cannot
-be overtaken any more. So the asking side grants credit: enough to keep the link busy, no more.
+A connection buffers megabytes on a slow link, and urgent messages cannot overtake that buffer.
+So the pulling node grants credit: enough to keep the link busy, no more.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _MEMORY_S = 0.5  # a rate counts over the last one to two of these: bytes come i
 
 
 class Peer:
-    """What a node knows of a peer as long as both keep running, and what the peer's syncs tell.
+    """The state of a peer while both nodes run, and the events of its syncs.
 
     Of what the peer holds and has begun nothing is needed for messages to arrive: it spares sending
     what the peer has, and lets a message that was begun be finished though a newer one has
@@ -63,17 +63,17 @@ class Peer:
         pushed: ids of the robots whose new messages reach the peer no other way than by us.
 
     Attributes:
-        events: to be told to listeners; the node that drives the syncs takes them out.
-        refusals: what was not accepted, in words; likewise.
-        bytes_in: received since it was counted last; likewise.
+        events: for listeners; the node that drives the syncs takes them out.
+        refusals: reasons of refused input, for the operator; taken out as well.
+        bytes_in: received since the last count; reset by the node.
         address_token: what the peer has given us to show that it has reached us; 0: nothing yet.
-        config_mismatch: ids mean something else to the peer, as far as its last word on that goes.
+        config_mismatch: the peer assigns ids differently, by its latest configuration hash.
         rtt_s: the lowest round trip of the last pull; None: not known.
         rate_bytes_s: of the last pull that moved enough; None: not known.
         udp_misses: pulls in a row on which datagrams brought nothing.
         cut: by topic key, how often a message of the topic was cut, one time after the other.
-        announced: messages that it has stored, as it says, and that we lack, by message id.
-        left: messages that it was told to leave to another peer, as far as they have not come.
+        announced: ids of messages that the peer announced and that we lack.
+        left: ids of messages that another peer is to send instead, until they arrive.
     """
 
     def __init__(  # noqa: PLR0913 - all that makes peers differ, once
@@ -136,13 +136,13 @@ class Peer:
         )
         return True
 
-    # --- what its syncs tell
+    # --- events of its syncs
 
     def report_start(self, direction: Direction, now: Instant) -> None:
         """A sync begins."""
         self.events.append(SyncStarted(self.name, now.unix_s, direction))
 
-    def report_end(  # noqa: PLR0913 - what there is to say of it
+    def report_end(  # noqa: PLR0913 - the fields of the event
         self,
         direction: Direction,
         now: Instant,
@@ -170,7 +170,7 @@ class Peer:
         return self.rtt_s is not None and self.rtt_s < NEAR_S
 
     def may_use_datagrams(self) -> bool:
-        """Whether to try datagrams; asked once per pull."""
+        """Whether to try datagrams; call it once per pull."""
         if self.udp_misses < MAX_MISSES:
             return True
         self.udp_misses += 1
@@ -184,28 +184,28 @@ class Peer:
         return self._address_tokens[-1]
 
     def renew_token(self) -> None:
-        """Give it another one next time; so a copy of what it said is of use for a while only."""
+        """Issue a new token next time, so that a replayed opening is valid for a while only."""
         self._address_tokens.append(secrets.randbits(64) or 1)
 
     def verify_token(self, address_token: int) -> bool:
-        """Whether it is one that we have given to the peer of late."""
+        """Whether we issued this token to the peer recently."""
         return address_token in self._address_tokens
 
     def agrees(self, config_hash: int) -> bool:
-        """The peer says what ids mean to it; whether that is what they mean to us."""
+        """Compare the peer's configuration hash with ours; whether they agree."""
         self.config_mismatch = config_hash != self.node.config_hash
         return not self.config_mismatch
 
     # --- what it holds
 
     def met(self, boot_id: int) -> None:
-        """The peer says which boot of it is speaking."""
+        """The peer reported its boot id; a new one clears what it held."""
         if boot_id != self._boot_id:
             self._held.clear()
             self._boot_id = boot_id
 
     def forget(self) -> None:
-        """The peer says all that it holds: what it said before is nothing."""
+        """Clear the holdings of the peer before it reports all of them."""
         self._held.clear()
 
     def holds(self, *message_ids: int) -> None:
@@ -276,7 +276,7 @@ class _Mark(NamedTuple):
 
 
 class Credit:
-    """The asking side's account of one connection.
+    """The pulling node's account of one connection.
 
     Args:
         rate_bytes_s, rtt_s: what the last contact showed, if there was one.
@@ -301,7 +301,7 @@ class Credit:
         return GRANT.pack(self._allowed, chunk)
 
     def take(self, size: int, now_s: float, rtt_s: float | None) -> bool:
-        """Account for bytes that came; says whether to send the new grant."""
+        """Account for received bytes; whether to send the new grant."""
         self.received += size
         if rtt_s:  # the least one: what queues add to it must not lengthen them
             self._rtt_s = min(rtt_s, self._rtt_s or rtt_s)

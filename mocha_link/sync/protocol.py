@@ -20,20 +20,20 @@ GHEAD, GDATA, DENDT = b"GHEAD", b"GDATA", b"DENDT"  # the list of headers, a mes
 SYNC1, SYNCF, SYNCC = b"SYNC1", b"SYNCF", b"SYNCC"
 SERRM, ACK = b"SERRM", b"Ack"
 
-# An original client is idle again 12.4 s after its last unanswered request. Until then it may ask
-# for what was offered to it, and it would store an error reply as if it were a message.
+# An original client is idle again 12.4 s after its last request without a reply. Until then it may
+# request for what was offered to it, and it would store an error reply as if it were a message.
 PATIENCE_S = 13.0
-FOLLOW_S = 60.0  # a peer that says nothing for longer does not follow any more
+FOLLOW_S = 60.0  # a peer that sends nothing for longer no longer follows
 NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
-LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks again
+LINGER_S = 2.0  # so long the end of a sync is repeated on request
 
 Frame = bytes | memoryview
 Route = tuple[bytes, ...]
-"""The frames in front of a request that say on which connection it came."""
+"""The frames before a request that identify its connection."""
 
 
 def random_id() -> bytes:
-    """What names a request, if a test says nothing else."""
+    """The id of a request, unless a test supplies another source."""
     return os.urandom(ID_BYTES)
 
 
@@ -65,7 +65,7 @@ class Disconnect:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Send a reply on the connection on which the peer asked."""
+    """Send a reply on the connection of the request."""
 
     peer: str
     route: Route
@@ -106,7 +106,7 @@ class NodeContext:
         timeout_s: seconds without a byte after which a pull breaks off.
         follow: take in at once what a peer stores between two pulls.
         followed: ids of the robots that push to us what they store.
-        actions: what is to be done at the sockets, in order.
+        actions: for the transport to execute at the sockets, in order.
     """
 
     name: str

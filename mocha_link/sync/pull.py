@@ -1,9 +1,9 @@
 """One pull from one peer, whatever node it runs and whatever path is open. No sockets here.
 
-On a fresh connection it says three things at once: SYNC1 (a new node goes on from there), GHEAD
+On a new connection it sends three requests at once: SYNC1 (a new node goes on from there), GHEAD
 with the same id right behind it (an original node, which refuses SYNC1, goes on from there), and
 the same opening in a datagram, which arrives before any connection stands. On a connection that the
-pull before has left standing it says SYNC1 alone.
+previous pull has left open it sends SYNC1 alone.
 """
 
 from __future__ import annotations
@@ -30,13 +30,11 @@ from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
 
-NEAR_CONNECT_S = (
-    0.025  # a connection that stands within this time tells that an unknown peer is near
-)
-PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
+NEAR_CONNECT_S = 0.025  # an unknown peer whose connection opens within this time is near
+PATIENCE_S = 0.1  # without a reply on the connection to a near peer, datagrams may get through
 MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
-STANDS_S = 3.0  # without a byte for longer, a connection that stood is taken for gone
+STANDS_S = 3.0  # an open connection without a byte for longer counts as lost
 
 
 class Pull:
@@ -52,7 +50,7 @@ class Pull:
         broken: it has broken off.
         standing: it relies on a connection of which is not known yet whether it still stands.
         path: what the exchange goes over; None until it is known.
-        alive_s: when the peer was heard last, steady seconds.
+        alive_s: when the last bytes were received, steady seconds.
         flow: of datagrams, once one leaves.
     """
 
@@ -77,7 +75,7 @@ class Pull:
         self._began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
     def start(self, now: Instant, *, again: bool = False) -> None:
-        """Begin on a fresh connection or the one that stands; `again`: that is no news."""
+        """Begin on a fresh connection or the one that stands; `again`: without a start event."""
         self._began_s = self.alive_s = now.steady_s
         if not again:
             self._peer.report_start(Direction.IN, now)
@@ -158,7 +156,7 @@ class Pull:
             self._session.progress(now)
 
     def measured(self, rtt_s: float) -> None:
-        """The round trip of the connection, as far as it is known by now."""
+        """The round trip of the connection; None: not measured yet."""
         if self.path == "udp":
             return
         self._peer.rtt_s = rtt_s
@@ -198,7 +196,7 @@ class Pull:
             self._peer.report_timeout(Direction.IN, reason, now)
 
     def abandon(self) -> None:
-        """Break off, and say nothing of it."""
+        """Abort without an event."""
         self.over = self.broken = True
         self._learn()
         if self.path in ("original", None):
@@ -255,7 +253,7 @@ class Pull:
 
     @property
     def throughput_bytes_s(self) -> float | None:
-        """What it moved per second, if it was enough to say something of the link."""
+        """Bytes per second, if the pull was large enough to measure the link."""
         rate, size = self._bandwidth_bytes_s, self._session.bytes_in + self._receiver.bytes
         return throughput_bytes_s(size, size / rate, self.rtt_s) if rate else None
 
@@ -269,7 +267,7 @@ class Pull:
 
     @property
     def _relies_on_datagrams(self) -> bool:
-        """Whether nothing has come on the connection that says what the peer is."""
+        """Whether the connection has not yet shown what kind of node the peer runs."""
         return self.flow is not None and self.path in (None, "udp") and not self._refused
 
     def _reply_of_refusal(self, now: Instant) -> None:
@@ -303,7 +301,7 @@ class Pull:
             )
 
     def _take(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
-        """Take in a frame of a sync; what to say to it."""
+        """Process a frame of a sync; returns the replies."""
         self.alive_s = self._last_s = now.steady_s
         self._first_s = self._first_s or now.steady_s
         self.standing = False
@@ -332,7 +330,10 @@ class Pull:
         return self._outbox.popleft() if self._outbox else None
 
     def _learn(self) -> None:
-        """What nothing came of says nothing of datagrams: the contact may have been too short."""
+        """A pull without a byte does not count against datagrams.
+
+        The contact may have been too short.
+        """
         if self.path == "zmq":
             self._peer.rate_bytes_s = self._bandwidth_bytes_s or self._peer.rate_bytes_s
         elif self.path == "udp" and (self._receiver.messages or self._receiver.complete):

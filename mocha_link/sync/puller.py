@@ -1,4 +1,4 @@
-"""The asking side of one peer: its pulls, one after the other, and what is pushed between them."""
+"""The pulls from one peer, one after the other, and the messages that it pushes between them."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ LEAST_BUDGET = 1024  # with less left no pull begins
 
 
 class Puller:
-    """Pulls from one peer when told to, and takes in what it pushes.
+    """Pulls from one peer on request, and stores the messages that it pushes.
 
-    A pull that ends well leaves the peer *followed*: on its connection or flow comes what the peer
-    stores. The next pull goes on over a connection that stands.
+    After a complete pull the node *follows* the peer: the peer pushes what it stores on the same
+    connection or flow. The next pull goes on over a connection that stands.
 
     Attributes:
         pull: the one under way, if any.
         followed: the one that is over, and on which the peer pushes.
-        followed_sent: the robots that we followed when the peer heard of it last, by id.
+        followed_sent: ids of the robots that we followed at the last FOLLOW to the peer.
     """
 
     def __init__(self, peer: Peer, link_table: LinkTable) -> None:
@@ -42,7 +42,7 @@ class Puller:
         self._peer = peer
         self._link_table = link_table  # learns what a pull has measured
         self._spent_bytes = 0  # of the contact's budget
-        self._lingering: tuple[Flow, float] | None = None  # says END until that steady time
+        self._lingering: tuple[Flow, float] | None = None  # repeats END until that steady time
 
     def sync(self, now: Instant) -> bool:
         """Begin a pull; False if one is under way, or the contact's budget is used up."""
@@ -56,7 +56,7 @@ class Puller:
 
     @property
     def has_all(self) -> bool:
-        """Whether all that the peer stores comes by itself, from it or from who made it."""
+        """Whether every message that the peer stores is pushed to us, by it or by its publisher."""
         followed, peer = self.followed, self._peer
         lacking = peer.left or not followed or followed.pull_needed
         return not lacking and self.followed_sent <= peer.node.followed
@@ -66,10 +66,10 @@ class Puller:
         self._spent_bytes = 0
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> None:
-        """Take in what came back on the connection."""
+        """Process a reply on the connection."""
         pull, followed = self.pull, self.followed
         if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
-            pull = followed  # pushed before the peer had heard of the pull that is under way
+            pull = followed  # pushed before the peer received the present pull
         if pull:
             size = sum(map(len, parts))
             self._spent_bytes += size
@@ -78,7 +78,7 @@ class Puller:
             self._finish(pull, now)
 
     def packet(self, packet: bytes, now: Instant) -> None:
-        """Take in a datagram that the peer sent in answer to ours."""
+        """Process a datagram that the peer sent in reply to ours."""
         pull = self.pull or self.followed
         if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
             self._spent_bytes += len(packet)
@@ -98,7 +98,7 @@ class Puller:
                 self.pull.measured(rtt_s)
 
     def lost(self, reason: str, now: Instant) -> None:
-        """The connection is gone."""
+        """The connection was lost."""
         pull = self.pull
         if pull and pull.standing:
             self._begin_afresh(pull, now)
@@ -123,7 +123,7 @@ class Puller:
             self._finish(pull, now)
 
     def tick(self, now: Instant) -> None:
-        """Do what is due by the time alone."""
+        """Run the timers."""
         pull, followed = self.pull, self.followed
         if pull and pull.is_in_vain(now):
             self._begin_afresh(pull, now)
@@ -171,7 +171,7 @@ class Puller:
         pull.start(now, again=again)
 
     def _begin_afresh(self, pull: Pull, now: Instant) -> None:
-        """Go on over a new connection where the one that stood is gone; the same pull to all."""
+        """Continue the pull over a new connection after the old one was lost."""
         pull.abandon()
         self._follow(None)
         budget = self._peer.budget_bytes
@@ -199,7 +199,7 @@ class Puller:
             self._lingering = (pull.flow, now.steady_s + LINGER_S)
 
     def _follow(self, pull: Pull | None) -> None:
-        """Take in what the peer pushes after a pull; None: nothing any more."""
+        """Follow the peer after a pull; None: stop following."""
         node = self._peer.node
         robot_id = node.team.robot(self._peer.name).robot_id
         node.reassembly.brings_no_more(self._peer.name)

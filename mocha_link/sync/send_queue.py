@@ -17,7 +17,7 @@ _MIN_PIECE = 64  # a smaller one is not worth its head
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
-_MAX_GIVEN = 65_536  # that are remembered; what is beyond may be sent twice
+_MAX_GIVEN = 65_536  # message ids that are remembered; later ones may be sent twice
 _FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
@@ -40,7 +40,8 @@ class SendQueue:
         self._database = peer.node.database
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
-        # By topic key: the ranks under which messages came in, some of which may be gone by now.
+        # By topic key: the ranks under which messages came in, some of which may be replaced by
+        # now.
         self._added: dict[int, list[int]] = {}
         self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
         self._given: set[int] = set()  # message ids

@@ -34,7 +34,7 @@ from mocha_link.sync.sync_messages import MAX_NEWS, Hello, Reception
 from mocha_link.sync.sync_sender import SyncSender
 
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
-REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
+REPLACED_S = 0.5  # a datagram does not replace a sync that received a frame within this time
 LATE_ACK_S = 0.1  # so long an acknowledgement may be late
 PADDING = b"\0"  # what a frame without meaning begins with
 
@@ -42,12 +42,12 @@ _HELLO_ROOM = 64
 
 
 def _patience_s(sync: SyncSender) -> float:
-    """How long the peer may say nothing."""
+    """How long the peer may send nothing."""
     return FOLLOW_S if sync.ended else PATIENCE_S
 
 
 class Server:
-    """Answers one peer, whatever it sends, and tells when its pulls start and end."""
+    """Serves one peer, and reports the start and end of its pulls."""
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
@@ -71,7 +71,7 @@ class Server:
         return self._session.handle(parts, now)
 
     def packet(self, packet: bytes, now: Instant) -> bool:
-        """Take in a datagram; says whether the peer is where it came from: it is no copy."""
+        """Process a datagram; whether its source is the peer's address, so it is no replay."""
         flow = self._flows.current
         token = packet[1 : 1 + ID_BYTES]
         if len(token) != ID_BYTES:
@@ -115,7 +115,7 @@ class Server:
             self._sync.request_pull()
 
     def is_well(self, now: Instant) -> bool:
-        """Whether the peer that pulls has not been away, and has nothing that we lack."""
+        """Whether the pulling peer stayed connected, and holds nothing that we lack."""
         acknowledged = self._sync.acknowledged if self._sync and self._standing else None
         if acknowledged is None or len(acknowledged) > MAX_NEWS:
             return False
@@ -123,13 +123,13 @@ class Server:
         return not any(wants(header_of(m), now.unix_s, m & STAMP_MASK) for m in acknowledged)
 
     def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
-        """Whether the peer is to hear of new messages of these robots."""
+        """Whether new messages of these robots concern the peer."""
         return self._sync is not None and self._sync.wants_push(robot_ids)
 
     def route(self, stands: Callable[[Route], bool]) -> Route | None:
         """The connection of the sync, if it has one that `stands`.
 
-        On one that is gone nothing gets to the peer. One that followed there does not any more; one
+        A closed connection does not reach the peer. One that followed there does not any more; one
         in the middle of a pull may go on by datagrams, or over another connection.
         """
         sync = self._sync
@@ -164,7 +164,7 @@ class Server:
         """Have them carry what the connection began as soon as they are known to reach a far peer.
 
         Where packets are lost a connection moves little, and it was first only because the peer's
-        opening, or all that we answered, was among them.
+        opening, or our whole reply, was among them.
         """
         flow = self._flows.current
         if flow is None or flow.token != sync.id or sync.done:
@@ -178,7 +178,7 @@ class Server:
             self._flows.current.on_contact(now.steady_s)
 
     def tick(self, now: Instant) -> None:
-        """What the peer's silence ends."""
+        """Run the timers: the silence of a peer ends its pull."""
         self._session.tick(now)
         sync = self._sync
         if sync is None and self._flows.current and now.steady_s - self._ended_s > LINGER_S:
@@ -242,7 +242,7 @@ class Server:
         return self._rejection(request_id)
 
     def _rejection(self, request_id: bytes) -> bytes | None:
-        """What to say on the connection of a sync that is turned away."""
+        """The reply on the connection of a rejected sync."""
         if self._rejected is None or self._rejected[0] != request_id:
             return None
         hello = Hello(self._rejected[1], self._peer.node.config_hash)
@@ -290,7 +290,7 @@ class Server:
         self._check_sync(now)
 
     def _check_sync(self, now: Instant) -> None:
-        """End the pull when the peer says that it is over, or may not have anything."""
+        """End the pull when the peer has ended it, or is rejected."""
         sync = self._sync
         if sync and (sync.over or sync.follows) and not sync.ended:
             self._end(sync, now)
@@ -298,7 +298,7 @@ class Server:
             self._reject(sync, sync.rejection, now)
 
     def _reject(self, sync: SyncSender, why: Reception, now: Instant) -> None:
-        """A flow stays until it has said so."""
+        """Reject a sync; its flow stays until the rejection is sent."""
         self._sync = None
         self._past.append(sync.id)
         self._ended_s = now.steady_s
@@ -335,7 +335,7 @@ class Server:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
         self._release(sync)
-        if not sync.ended:  # otherwise it has ended well, and was told
+        if not sync.ended:  # otherwise its end was reported already
             self._peer.report_timeout(Direction.OUT, reason, now)
 
     def _release(self, sync: SyncSender) -> None:

@@ -1,7 +1,7 @@
-"""What the messages of the sync between two new nodes say (docs/sync-protocol.md).
+"""The messages of the sync between two new nodes (docs/sync-protocol.md).
 
 In the order of a pull: OPEN, HELLO, and if digests were compared GROUPS and ANSWER; SKIP at any
-time, DONE; END and FOLLOW say nothing.
+time, DONE; END and FOLLOW have no content.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Digest:
 
 
 class FragmentRequest(NamedTuple):
-    """A message of which a part is there, and what is missing of it."""
+    """A message that has arrived in part, and its missing ranges."""
 
     message_id: int
     total: int
@@ -75,7 +75,7 @@ class FragmentRequest(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Open:
-    """What the asking side says first: what it has, what it has in part, what it may take.
+    """The opening of the pulling node: its messages, its partial messages, its budget.
 
     `boot_id` is a number of its process. `budget` is in bytes of frames; 0: no limit.
     `config_hash` stands for what ids mean to it (`config_hash_of`). `address_token` is the last
@@ -153,13 +153,13 @@ class Reception(enum.IntEnum):
     """How the serving side takes an OPEN."""
 
     WELCOME = 0
-    UNKNOWN = 1  # it cannot tell what is new since the Since
+    UNKNOWN = 1  # the server does not know the sequence of the Since
     CONFIG_MISMATCH = 2  # ids mean something else to it: nothing follows
     UNREADABLE = 3  # damaged, or of another version: nothing follows
 
 
 class Hello(NamedTuple):
-    """The serving side's first word: its own configuration hash and version, an address token.
+    """The first message of the serving node: its configuration hash and version, an address token.
 
     A peer that shows it in a later OPEN has been reached at its address.
     """
@@ -177,7 +177,7 @@ class Hello(NamedTuple):
     def decode(cls, content: bytes) -> Hello:
         """Read the content of the message. Raises SyncFrameError.
 
-        Of another version only that is read: it says nothing else that we know how to take.
+        Of another version only the version is decoded: the rest may have another meaning.
         """
         if len(content) > 1 and content[1] != VERSION:
             return cls(Reception.UNREADABLE, 0, content[1])
@@ -188,7 +188,7 @@ class Hello(NamedTuple):
 
 
 class Done(NamedTuple):
-    """The serving side's last word: all up to its `sequence` has been said, in `frames` frames.
+    """The last message of the serving node: it sent all up to `sequence`, in `frames` frames.
 
     `cut_short`: the budget ended before that.
     """
@@ -225,7 +225,7 @@ def decode_groups(content: bytes) -> dict[int, tuple[int, ...]]:
 
 
 class HeldGroups(NamedTuple):
-    """All that the asking side holds in some groups (a bit each) of a robot's topics."""
+    """All messages that the pulling node holds in some groups (a bit each) of a robot's topics."""
 
     robot_id: int
     groups: int
@@ -250,7 +250,7 @@ def decode_answers(content: bytes) -> list[HeldGroups]:
     held_groups: list[HeldGroups] = []
     while not reader.at_end:
         if len(held_groups) == MAX_ROBOTS:
-            raise SyncFrameError("more answers than there can be robots")
+            raise SyncFrameError("more robots in an ANSWER than a team can have")
         robot_id, groups, count = reader.read(_ANSWER)
         table = reader.table(_TOPIC_STAMP, count)
         message_ids = [
@@ -281,7 +281,7 @@ def encode_news(message_ids: Sequence[int]) -> bytes:
 def decode_news(content: bytes) -> tuple[int, ...]:
     """The reverse of `encode_news`. Raises SyncFrameError."""
     if len(content) % 8 or len(content) > 8 * MAX_NEWS:
-        raise SyncFrameError(f"news of {len(content)} bytes")
+        raise SyncFrameError(f"a NEWS of {len(content)} bytes")
     return struct.unpack(f">{len(content) // 8}Q", content)
 
 

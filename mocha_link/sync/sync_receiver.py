@@ -1,4 +1,4 @@
-"""The asking side of a sync between new nodes: one pull from one peer. No sockets here."""
+"""The pulling side of a sync between new nodes: one pull from one peer. No sockets here."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, Have, Reception, Since
 
 ROOM = 65_536
-_REPAIRS = 2  # rounds that only ask again for what was damaged
-_SKIP_BYTES = 4_096  # so much more of what we have already is worth a word
+_REPAIRS = 2  # rounds that only request damaged messages again
+_SKIP_BYTES = 4_096  # a SKIP pays off for at least so much that we have already
 _MAX_AHEAD = 65_536
 _MAX_BEGUN = 1_024
 _MAX_FAILED = 1_024
-_MAX_GIVEN = 65_536  # what comes beyond is told to the peer in the next pull, as if it were ours
-_MAX_REFUSALS = 100  # that one frame is told of
+_MAX_GIVEN = 65_536  # messages beyond are reported to the peer in the next pull like ours
+_MAX_REFUSALS = 100  # that are reported of one frame
 
 
 class Chunks(NamedTuple):
@@ -95,19 +95,19 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
 
 
 class SyncReceiver:
-    """Takes in what one peer gives us. Make one per pull; it is `over` when all is said.
+    """Stores the messages of one pull from one peer. Make one per pull.
 
     With `follow` in the node's context a pull that brought everything is not the end: what the peer
     stores later is taken in as it comes, until the next pull.
 
     Args:
-        peer: who is asked; gets the refusals and events.
+        peer: the peer that sends; records refusals and events.
         budget: bytes of frames that the peer may send; 0: no limit.
         room: the largest frame that we may send.
 
     Attributes:
-        over: all is said.
-        follows: all is said, and more may come.
+        over: the pull has ended.
+        follows: the pull has ended, and the peer pushes new messages.
         complete: everything that the peer had has come in.
         pull_needed: what the peer stored later waits for the next pull.
         rejection: why the peer and we do not understand each other; nothing more is taken then.
@@ -132,28 +132,28 @@ class SyncReceiver:
         self._room = room
         self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS)
         self._round = 0  # of our OPENs
-        self._repairs = 0  # rounds that only asked again
+        self._repairs = 0  # repair rounds so far
         self._now = Instant(0.0, 0.0)  # of the frame at hand
-        self._refusals_end = 0  # so many refusals of the peer, and no more are told
-        self._replies: list[bytes] = []  # frames in answer to the one at hand
+        self._refusals_end = 0  # no refusals beyond this number are recorded
+        self._replies: list[bytes] = []  # frames in reply to the present one
         self._next = 0  # frames of chunks of this round: all below it have come, and `_ahead`
         self._ahead: set[int] = set()  # that came ahead of it
         self._damaged = 0  # frames
         self._done: sync_messages.Done | None = None  # of this round
         self._given: set[int] = set()  # messages that the peer gave us before it was over
         self._begun: set[int] = set()  # messages of which a part came in this pull
-        self._skipped: set[int] = set()  # asked not to be sent on
+        self._skipped: set[int] = set()  # requested not to be sent on
         self._failed: set[int] = set()  # messages
-        self._flawed = False  # this round left something out that may be asked for again
+        self._flawed = False  # this round lacks something that may be requested again
         self._hopeless = False  # it will not come whole in this pull
 
     def open(self, now: Instant) -> list[bytes]:
-        """Begin: the frames that say what we have."""
+        """Begin the pull; returns the frames of the opening."""
         self._now = now
         return self._opening(self._holdings.knowledge(now))
 
     def receive(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
-        """Take in a frame of the peer, `more` if it has further parts; what to say to it.
+        """Process a frame of the peer, `more` if it has further parts; returns the replies.
 
         A bad one is refused.
         """
@@ -310,7 +310,7 @@ class SyncReceiver:
                 self._reassembly.drop(message_id)
 
     def _is_impossible(self, message_id: int) -> bool:
-        """Whether a message is of nothing that the team has, or of an impossible time; told so."""
+        """Whether a message has unknown ids or an impossible time; records the refusal."""
         stamp_ms = message_id & wire.STAMP_MASK
         taken = wire.is_taken(stamp_ms, self._now.unix_s)
         safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS

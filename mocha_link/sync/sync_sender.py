@@ -24,14 +24,14 @@ PUSH_BYTES = 65_536  # a larger message waits for the next pull, which may take 
 
 
 class SyncSender:
-    """Gives one peer what it lacks, the most urgent first, in frames of any size.
+    """Sends one peer the messages that it lacks, the most urgent first, in frames of any size.
 
-    Looks into the database before every frame, so what is stored meanwhile joins in. `SendQueue`
-    has the order. Make one per pull.
+    Reads the database before every frame, so that messages stored meanwhile are sent too.
+    `SendQueue` has the order. Make one per pull.
 
-    A peer that follows gets what is stored after the pull at once: messages of the robots in
-    `Peer.pushed`, small ones, of no promise. Of others it is told, unless it follows who made them,
-    and its next pull brings them.
+    A peer that follows receives new messages at once: small messages of the robots in
+    `Peer.pushed`, best effort. Other messages are announced, unless the peer follows their
+    publisher; its next pull brings them.
 
     Attributes:
         id: what its frames begin with on a connection, the id of the request.
@@ -42,9 +42,9 @@ class SyncSender:
         sent: bytes on that connection.
         by_datagram: frames come, and go, by datagrams.
         all_cast: everything that was given out went by datagrams.
-        over: the peer has said that it is.
+        over: the peer has sent END.
         follows: all was given out, and the peer waits for more.
-        ended: the end of the pull was told; if it follows, what is stored later leaves at once.
+        ended: the end of the pull was reported; if the peer follows, new messages are sent at once.
         done: all has been given out, or all that the peer's budget allows.
         cut_short: not all, because the budget was used up.
         rejection: why the peer gets nothing, once it has opened.
@@ -80,10 +80,8 @@ class SyncSender:
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
         self._budget = 0  # bytes of the peer; 0: no limit
         self._free = 0  # bytes of group digests: they must not leave too little for any message
-        self._unknown = False  # we cannot say what is new since what the peer knows
-        self._requested_groups: frozenset[int] = (
-            frozenset()
-        )  # robots whose groups the peer is to answer
+        self._unknown = False  # the sequence that the peer knows is not ours
+        self._requested_groups: frozenset[int] = frozenset()  # robots whose groups were requested
         self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
         self._queue = SendQueue(peer)  # of this round
         self._sequence = self._opened_at = 0  # what is stored later is new
@@ -96,7 +94,7 @@ class SyncSender:
         """How many were given out to the end."""
         return self._queue.messages
 
-    # --- what the peer says
+    # --- frames of the peer
 
     def open(self, frame: bytes) -> bool:
         """Take in the first frame; False if it is none that begins a sync."""
@@ -149,7 +147,7 @@ class SyncSender:
         self.all_cast = self.done
         self._again.extend(lost)
 
-    # --- what is to be sent
+    # --- frames to send
 
     def supply(self) -> list[Frame] | None:
         """The next frame for the connection, in parts; None: nothing now, or no credit for it."""
@@ -172,16 +170,19 @@ class SyncSender:
         return self.next(room) if self.by_datagram and (room >= MIN_ROOM or brief) else None
 
     def request_pull(self) -> None:
-        """Tell the peer that follows to pull, whatever it holds."""
+        """Request that the following peer pulls, whatever it holds."""
         self._outbox.append((sync.NEWS, sync_messages.encode_news(()), 0))
 
     def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
-        """Whether the peer is to hear of new messages of these robots."""
+        """Whether new messages of these robots concern the peer."""
         theirs = robot_ids <= self._followed and robot_ids.isdisjoint(self._peer.pushed)
         return not (self.follows and theirs)
 
     def next(self, room: int) -> bytes | None:
-        """The next frame, of at most `room` bytes (at least MIN_ROOM); None: nothing to say now."""
+        """The next frame, of at most `room` bytes (at least MIN_ROOM); None.
+
+        Nothing to send now.
+        """
         parts = self._next_parts(room)
         return None if parts is None else b"".join(parts)
 
@@ -225,7 +226,7 @@ class SyncSender:
             self._reject(message.round, Reception.CONFIG_MISMATCH)
 
     def _reject(self, round_: int, why: Reception) -> None:
-        """Say so, and nothing else, whatever else comes."""
+        """Send the rejection, and ignore all further frames."""
         self._round = round_
         self.rejection = why
         self._queue.clear()
@@ -242,7 +243,7 @@ class SyncSender:
         self._requested_groups = frozenset()
         self._outbox.clear()
         self._peer.met(opening.boot_id)
-        self._sequence = self._opened_at = self._database.sequence  # before looking at what it has
+        self._sequence = self._opened_at = self._database.sequence  # before the database is read
         groups: list[tuple[int, tuple[int, ...]]] = []
         new: Iterable[Record] = ()
         match opening.knowledge:
@@ -292,7 +293,7 @@ class SyncSender:
         self._peer.holds(*(message_id for each in held for message_id in each.message_ids))
         differing = dict.fromkeys(
             self._requested_groups, 0
-        )  # groups, a bit each; none is looked at twice
+        )  # groups, a bit each; none is read twice
         for robot_id, groups, _ in held:
             if robot_id in differing:
                 differing[robot_id] |= groups
@@ -318,7 +319,7 @@ class SyncSender:
         self._sequence = sequence
 
     def _pushed(self, new: Iterable[Record]) -> list[Record]:
-        """Those that are pushed; the peer is told of the others that it may lack."""
+        """Messages to push; others that the peer may lack are announced."""
         peer, pushed = self._peer, []
         announced = []
         for record in new:
