@@ -28,7 +28,7 @@ _MAGIC = {_GRID: b"SGRD", _PATCH: b"SPAT"}
 
 
 class GridError(ValueError):
-    """A grid or patch whose numbers or bytes make no sense; the message says which."""
+    """A grid or patch with invalid numbers or bytes; the message names them."""
 
 
 class Terrain(IntEnum):

@@ -20,13 +20,13 @@ _WEEK = timedelta(days=8)
 
 
 def moment_of(text: object) -> datetime:
-    """A moment in UTC, from ISO 8601 text that says its time zone.
+    """A moment in UTC, from ISO 8601 text with a time zone.
 
     Raises:
-        ValueError: it is none; says what to write.
+        ValueError: the text is invalid; the message has the correct form.
     """
     try:
-        moment = datetime.fromisoformat(text)  # type: ignore[arg-type] # told below
+        moment = datetime.fromisoformat(text)  # type: ignore[arg-type] # checked below
         if moment.tzinfo is not None:
             return moment.astimezone(UTC)
     except (TypeError, ValueError, OverflowError):
@@ -85,13 +85,13 @@ class Period:
         )
 
     def __str__(self) -> str:
-        words = []
+        ends = []
         if self.start is not None:
-            words.append(f"from {self.start:%Y-%m-%d %H:%M}")
+            ends.append(f"from {self.start:%Y-%m-%d %H:%M}")
         if self.end is not None:
-            words.append(f"until {self.end:%Y-%m-%d %H:%M}")
+            ends.append(f"until {self.end:%Y-%m-%d %H:%M}")
         hours = [_hours_text(hours) for hours in self.daily]
-        return ", ".join([" ".join(words), *hours] if words else hours) or "always"
+        return ", ".join([" ".join(ends), *hours] if ends else hours) or "always"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ def _meets_on(day: date, hours: Hours, first: datetime, last: datetime) -> bool:
         return False
     start = datetime.combine(day, hours.start, UTC)
     end = datetime.combine(day, hours.end, UTC)
-    # On the next day, perhaps, of which there may be none: files say 9999-12-31.
+    # Hours may end on the next day, which does not exist after 9999-12-31.
     later = timedelta(days=1 if hours.end <= hours.start else 0)
     return start <= last and first - end <= later
 

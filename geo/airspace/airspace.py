@@ -39,7 +39,7 @@ from geo.frame import Point
 __all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
 
 FENCE = "fence"
-"""The name that stands for the fences in answers about what is near or in the way."""
+"""The name of the fences in results."""
 
 
 class Airspace:
@@ -80,7 +80,7 @@ class Airspace:
         self.fence_distance_m = self._required_m(None)  # to keep from fences
         self._fences = tuple(Fence(shape, self.fence_distance_m) for shape in self.fences)
         self._index = ZoneIndex(self.zones, self.distances_m)
-        # the last leg, and whether it is clear: a route asks for the straight one three times
+        # the last leg, and whether it is clear: a route tests the straight one three times
         self._last_leg: tuple[Point, Point, bool] | None = None
 
     def with_margin(self, margin_m: float) -> Airspace:
@@ -381,7 +381,7 @@ class Airspace:
 
     def _within_fences(self, shape: BaseGeometry) -> bool:
         things = np.array([shape], dtype=object)
-        for fence in self._fences:  # noqa: SIM110 - asked for every leg; a generator takes longer
+        for fence in self._fences:  # noqa: SIM110 - called for every leg; a generator takes longer
             if not fence.keeps(things)[0]:
                 return False
         return True

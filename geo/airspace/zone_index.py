@@ -32,10 +32,10 @@ _dwithin = cast("Callable[..., Flags]", shapely.dwithin)
 
 
 class ZoneIndex:
-    """Zones, each with the distance to keep from it. Made in no time; indexed when first asked.
+    """Zones, each with its required distance. Cheap to construct; indexed on first use.
 
     Args:
-        zones: their numbers in the answers are those of this order.
+        zones: results number them in this order.
         distances_m: to keep from each.
     """
 
@@ -130,7 +130,7 @@ def threshold_m(distance_m: float) -> float:
 
 def leg_line(start: Point, end: Point) -> BaseGeometry:
     """A straight leg; a leg without length is a point."""
-    # GEOS 3.14 answers dwithin wrongly for a prepared shape and a line without length.
+    # GEOS 3.14 computes dwithin wrongly for a prepared shape and a line without length.
     return LineString((start, end)) if tuple(start) != tuple(end) else ShapelyPoint(start)
 
 

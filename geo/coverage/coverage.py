@@ -1,8 +1,9 @@
-"""Rows over an area, from which a camera that looks straight down sees all of it.
+"""Rows over an area, from which a nadir camera covers all of it.
 
 Rows are exact scan lines over the clear area, so that each keeps the clearance by construction;
 they are joined by shortest clear paths. What the even rows cannot see (niches, ends of slanted
-gaps) gets short rows of its own where that is worth a turn; what is still not seen is named.
+gaps) gets short rows of its own where that is worth a turn; ground that remains uncovered is
+listed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _TRIED = 3
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Rows in the order of flight, how they are joined, and what is seen from them.
+    """Rows in the order of flight, the legs between them, and the ground that they cover.
 
     Attributes:
         bearing_deg: where the rows lead, clockwise from north.
@@ -44,9 +45,9 @@ class Coverage:
             keeps the airspace's clearance.
         way_out: from the start to the first row, both included; empty without a start.
         way_back: from the last row to the start.
-        target: what is to be seen: the area without what lies inside of no-fly zones.
-        seen: what is seen of it.
-        missed: what is not, and why.
+        target: the ground to cover: the area without no-fly zones.
+        seen: the covered part of it.
+        missed: the uncovered parts, and why.
     """
 
     bearing_deg: float
@@ -87,9 +88,9 @@ def cover(  # noqa: PLR0913 - what a survey flight is made from
     """Rows over an area, in a good order.
 
     Args:
-        area: what is to be seen; polygons with holes, in metres east and north.
+        area: the ground to cover; polygons with holes, in meters east and north.
         airspace: where the vehicle may be. Rows may begin and end outside of the area.
-        swath: what is seen from a row, and how close rows are.
+        swath: the width covered from a row, and the distance of rows.
         bearing_deg: where rows lead, clockwise from north; None for the quickest.
         start: where the vehicle sets out and comes back to; None leaves that open.
         stop_m: what a stop at a corner costs, as metres of flight.
@@ -182,7 +183,7 @@ _DUST_M2 = 0.01
 
 
 class UnseenCause(Enum):
-    """Why ground is not seen, in words; `{by}` is the zone (or the fence) in the way."""
+    """Why ground is not covered, for the operator; `{by}` is the zone (or the fence) in the way."""
 
     NEAR = "no place that keeps its distance from {by} sees it"
     APART = "no clear way leads there, {by} is nearest"

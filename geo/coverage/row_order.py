@@ -33,7 +33,10 @@ _GAIN_M = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A straight row, in the direction of flight; both ends are one place if a look is enough."""
+    """A straight row, in the direction of flight.
+
+    Both ends are one place if one photo is enough.
+    """
 
     start: Point
     end: Point

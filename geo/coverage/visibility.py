@@ -33,7 +33,7 @@ _MOST_ROWS = 5_000
 
 
 class CoverageError(ValueError):
-    """An area that cannot be covered at all: the message says why."""
+    """An area that cannot be covered at all; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ class Visibility:
         self.worth_m2 = _WORTH * swath.across_m * swath.along_m  # less is not flown for
 
     def bearings(self, area: BaseGeometry, stop_m: float) -> list[float]:
-        """Bearings to try, the one that looks quickest first."""
+        """Bearings to try, the one with the shortest estimate first."""
         hull = shapely.get_coordinates(area.convex_hull)
         sides = np.diff(hull, axis=0)
         along_sides = np.degrees(np.arctan2(sides[:, 0], sides[:, 1])) % 180.0

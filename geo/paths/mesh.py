@@ -82,7 +82,7 @@ class Mesh:
             np.stack([triangles.ravel()[border], ends])
         ]
         self._tree = STRtree(pieces)  # for `holding`
-        self._held: dict[Point, list[int]] = {}  # what that found: a route asks twice for its ends
+        self._held: dict[Point, list[int]] = {}  # cached results: a route locates its ends twice
 
     def __len__(self) -> int:
         return len(self.part)

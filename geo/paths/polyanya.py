@@ -19,13 +19,13 @@ from geo.frame import Point
 from geo.paths.mesh import ON_M, Mesh, Place
 
 _SPECK_M = 1e-9
-"""Corners that are reached so little sooner than before are not looked at again."""
+"""A corner whose path became shorter by less than this is not expanded again."""
 
 _ROUNDED_M = 1e-11
 """By how much rounding may move a place; one that is on a ray but for this is on it."""
 
 _CLOSE_M2 = 1e-5
-"""Nothing is on a ray whose cross product with it is more: it is looked at more closely."""
+"""A place whose cross product with a ray is more is not on the ray; below, the exact test runs."""
 
 _NOWHERE, _LEFTWARD, _RIGHTWARD = -1, -2, -3
 """Instead of the vertex on a ray: none; the root is still to be turned at, to that hand."""
@@ -145,7 +145,7 @@ class Search:
         heappush(self._queue, (self._estimate_m(root, left, right, *cone), root, entry, *cone))
 
     def _follow(self, node: _Node) -> None:  # noqa: C901, PLR0912 - unrolled: here time is spent
-        """Look on through triangles until what is seen divides, or ends."""
+        """Extend a cone through triangles until its view divides, or ends."""
         _, root, entry, left_e, left_n, on_left, right_e, right_n, on_right = node
         entries, goals = self._entries, self._goal_entries
         places, queue, close_m2 = self._mesh.places, self._queue, _CLOSE_M2
@@ -174,7 +174,7 @@ class Search:
                 if hand > -close_m2 and _along(hand, right_e, right_n, ahead_e, ahead_n):
                     right_e, right_n, on_right = ahead_e, ahead_n, apex
                 entry = onward_left
-            elif onward_left < 0:  # only what is right of the apex leads on
+            elif onward_left < 0:  # only the part right of the apex leads on
                 left_e, left_n, on_left, entry = ahead_e, ahead_n, apex, onward_right
             elif onward_right < 0:
                 right_e, right_n, on_right, entry = ahead_e, ahead_n, apex, onward_left
@@ -244,7 +244,7 @@ class Search:
                     self._see(root, onward_left, left, apex)
                 entry = onward_right
 
-    def _estimate_m(  # noqa: PLR0913, PLR0917 - a cone, unpacked: asked most
+    def _estimate_m(  # noqa: PLR0913, PLR0917 - a cone, unpacked: the hottest call
         self,
         root: int,
         left: int,
@@ -281,7 +281,7 @@ class Search:
         return length_m + math.hypot(ahead_e, ahead_n)
 
     def _arrive_through(self, root: int, left: int, right: int, cone: _Cone) -> None:
-        """Arrive in the triangle behind a side: straight, or along the edge of what is seen."""
+        """Enter the triangle behind a side: straight, or along the edge of the view."""
         left_e, left_n, on_left, right_e, right_n, on_right = cone
         east, north, so_far_m, _ = self._roots[root]
         ahead_e, ahead_n = self._goal[0] - east, self._goal[1] - north

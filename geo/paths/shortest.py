@@ -27,7 +27,7 @@ _CORNER_EXCESS = math.hypot(BEVEL, 1.0) - 1.0
 behind an arc lie the corners of the square that a needle's end grows."""
 
 _WORTH = 0.03
-"""A path that may be this share longer than it must be is looked for again in the tight shape."""
+"""If a path may be longer than necessary by this share, the search repeats in the tight shape."""
 
 _BLUNT = math.radians(40)
 """Turns along an arc are made one up to here: an arc gets 4 % longer, and has few corners."""
@@ -35,10 +35,10 @@ _BLUNT = math.radians(40)
 _DIRECTIONS = 48
 
 _OUT_M, _OUT_TRIES = 300.0, 200
-"""How far ways out of a tight place are looked for, and to how many corners at most."""
+"""Limits of the search for a way out of a tight place: distance, and number of corners."""
 
 _PATIENCE = 100
-"""After so many nodes a path is looked for from its end too, as one end may be walled in. Then, so
+"""After so many nodes the search starts from the end too, as one end may be walled in. Then, so
 many at a time, the search goes on that knows the path to be longer: it is likely the nearer one."""
 
 
@@ -200,7 +200,7 @@ class ShortestPaths:
             return self._pocket_path(start, end)
         if here is None or there is None or here[1] != there[1]:
             return None
-        back = end < start  # looked for in one direction, it is the same path in both
+        back = end < start  # one search direction makes both paths the same
         one, other = (there[0], here[0]) if back else (here[0], there[0])
         path = self._between(self.mesh, one, other)
         if path is None:
@@ -284,7 +284,7 @@ class ShortestPaths:
         return closer if closer is not None and path_length_m(closer) < length_m else path
 
     def _clear_and_blunt(self, path: Path) -> Path | None:
-        """A path along arcs as one that turns less often, where that is clear; else as it is."""
+        """A path along arcs as one that turns less often, where that is clear; else unchanged."""
         blunt = _blunted(path, self._required_m) if len(path) > 3 else path
         if len(blunt) < len(path) and self._all_clear(blunt):
             return blunt

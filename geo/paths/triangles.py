@@ -2,7 +2,7 @@
 
 GEOS clips ears, which takes the square of the number of zones: four seconds for 5,000 of them. In a
 large area nearly all triangles are those that Delaunay's rule makes of the corners alone, without
-the sides, in a tenth of that. GEOS cuts what is left, where these would cross a side.
+the sides, in a tenth of that. GEOS cuts the rest, where these would cross a side.
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ def _of_corners(part: Polygon) -> Shapes:
         pieces = np.concatenate([np.delete(pieces, crossed), more])
         triangles = np.concatenate([np.delete(triangles, crossed, axis=0), corners.of(more)])
     pieces = pieces[corners.inside(triangles)]
-    # Rounding may make one too many, without an area; where rings meet, corners are not told apart.
+    # Rounding may make one too many, without an area; where rings meet, corners are not
+    # distinguished.
     whole = math.isclose(shapely.area(pieces).sum(), part.area, rel_tol=1e-9)
     return pieces if whole and len(pieces) == corners.triangles else _clipped(part)
 
