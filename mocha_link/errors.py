@@ -128,7 +128,7 @@ def install_command(extra: str, distribution: str = "mocha-link") -> str:
         return f"pip install '{_FOLDERS[distribution]}[{extra}]' (in the project's folder)"
     origin = json.loads(found.read_text("direct_url.json") or "{}")
     path = Path(unquote(urlsplit(origin.get("url", "")).path))
-    if not path.is_absolute() or not path.exists():  # a wheel among others, or gone
+    if not path.is_absolute() or not path.exists():  # an installed wheel, or a removed path
         needs = (each.replace('"', "'").split(";") for each in found.requires or ())
         names = [
             shlex.quote(name) for name, *when in needs if f"extra == '{extra}'" in "".join(when)

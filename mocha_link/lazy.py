@@ -1,8 +1,8 @@
 """A door whose rooms are entered when one of their names is used (PEP 562).
 
 A room's `__init__.py` names what other rooms may use. Where importing all of it would load what a
-caller does not need (NumPy for a command's help, an extra that is not installed), it says so in one
-literal table, and `__init__.pyi` says the same to type checkers:
+caller does not need (NumPy for a command's help, an extra that is not installed), it declares them
+in one literal table, and `__init__.pyi` declares the same for type checkers:
 
     __getattr__, __dir__, __all__ = door(__name__, {"wire": ("Header", "HeaderError")})
 

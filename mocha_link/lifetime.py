@@ -58,7 +58,7 @@ class _Terminated(BaseException):
 
 @contextlib.contextmanager
 def until_terminated() -> Iterator[None]:
-    """SIGTERM ends what is within the ``with``, and that is no error. For the main thread."""
+    """SIGTERM ends the body of the ``with`` without an error. For the main thread."""
 
     def terminate(_number: int, _frame: FrameType | None) -> None:
         raise _Terminated

@@ -1,7 +1,7 @@
 """Where files are written: no link of another user is followed, and no file of theirs is emptied.
 
 In a folder that others may write to (of another user, or as `/tmp` open to all) another user may
-have put a link of the name that is going to be written: what is written would go into the file
+have created a link with the name of the new file: the data would go into the file
 that it leads to, with our rights. The kernel's `fs.protected_symlinks` guards sticky folders only,
 and may be off.
 """
@@ -35,7 +35,7 @@ def _check(path: Path, most: int) -> int:
         try:
             about = each.lstat()
         except (FileNotFoundError, NotADirectoryError, PermissionError):
-            break  # what comes next says what is wrong
+            break  # the next step reports the error
         if not stat.S_ISLNK(about.st_mode):
             continue
         if about.st_uid not in (os.getuid(), _ROOT):
@@ -62,7 +62,7 @@ def new_file(path: Path) -> IO[bytes]:
     temporary = path.with_name(f".{path.name[:40]}.{secrets.token_hex(8)}")
     try:
         descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-    except OSError as error:  # it names the temporary file, for which no caller asked
+    except OSError as error:  # it names the temporary file, which no caller knows
         raise OSError(error.errno, error.strerror, str(path)) from None
     try:
         temporary.replace(path)

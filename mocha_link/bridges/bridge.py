@@ -1,8 +1,8 @@
 """Hands messages between a node's service and another middleware, in both directions.
 
-What the middleware says on the robot's own topics is published through the node; what arrives from
-other robots is handed to the middleware under ``/<robot>/<topic>``. Messages wait for whichever
-side is away; one that cannot be handed on is logged and passed over.
+Messages of the middleware on the robot's own topics are published through the node; what arrives
+from other robots is handed to the middleware under ``/<robot>/<topic>``. Messages wait for
+whichever side is away; one that cannot be handed on is logged and passed over.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from mocha_link.service import (
     split,
 )
 
-WAIT_S = 1.0  # of a request for news
-DRAIN_S = 30.0  # at its end what the robot has said leaves as long as the node answers
-PAUSE_S = 0.5  # before a node that does not answer is asked again
-QUIET_S = 20.0  # of a topic, until that is told of
+WAIT_S = 1.0  # of a request for new messages
+DRAIN_S = 30.0  # at its end the bridge publishes queued messages while the node replies
+PAUSE_S = 0.5  # before a request to an absent node is repeated
+QUIET_S = 20.0  # silence of a topic until a warning
 MAX_QUEUED = 1000  # messages of the robot that wait for the node
 MAX_QUEUED_BYTES = 64 * 1024 * 1024
 JSON_PACKAGE = "json/"
@@ -56,14 +56,14 @@ class Middleware(Protocol):
         """The UTF-8 text in a serialized std_msgs/String. Raises ValueError."""
 
     def watch(self, wait: Callable[[float], bool]) -> str | None:
-        """Why a bridge must end though it was not asked to; None when `wait` says that it ends."""
+        """Why a bridge must end without a request; None when `wait` ends it."""
 
     def close(self) -> None:
         """Give up everything."""
 
 
 class PublishQueue:
-    """Messages of the robot on their way to the node, in order; the oldest give way to too many."""
+    """Messages of the robot on their way to the node, in order; a full queue drops the oldest."""
 
     def __init__(self) -> None:
         self._queued: deque[tuple[str, bytes]] = deque()  # topic, data
@@ -101,7 +101,7 @@ class PublishQueue:
 class Bridge:
     """Runs between the node at an endpoint and a middleware until it is stopped.
 
-    The node is away when it has not answered for `patience_s`; `clock` has seconds.
+    The node is away when it has not replied for `patience_s`; `clock` has seconds.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Bridge:
         self._publish_queue = PublishQueue()
         self._stopping = threading.Event()
         self._complaints: Counter[str] = Counter()  # by subject: the first is a warning
-        self._away = False  # the node does not answer, as told
+        self._away = False  # the node does not reply; the log has it
 
     def stop(self) -> None:
         """Let `run` end, from any thread or a signal handler."""
@@ -188,7 +188,7 @@ class Bridge:
         return None
 
     def _follow(self, client: ServiceClient, team: dict[str, Any], quiet_s: float) -> None:
-        """Hand on what comes from other robots; at `quiet_s` tell of topics that stay silent."""
+        """Publish messages of other robots; warn of topics that are silent after `quiet_s`."""
         histories = {
             (robot, topic["name"]): topic["history"]
             for robot, about in team["robots"].items()
@@ -234,7 +234,7 @@ class Bridge:
         self._progress.note(name, about["header"], history)
 
     def _send(self) -> None:
-        """Publish through the node what the robot says."""
+        """Publish messages of the robot through the node."""
         with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
             while (message := self._publish_queue.first(WAIT_S)) or not self._stopping.is_set():
                 if message is None:
@@ -251,7 +251,10 @@ class Bridge:
                 self._publish_queue.done(message)
 
     def _retry(self, request: Callable[[], Any], about: str = "") -> Any:
-        """What a request answers, as soon as the node does; when stopping None after one try."""
+        """The reply to a request, repeated until the node replies.
+
+        When stopping, one try or None.
+        """
         while True:
             try:
                 reply = request()
@@ -278,7 +281,7 @@ class Bridge:
 
 
 class _GivenUpError(Exception):
-    """The node does not take a message, and will not."""
+    """The node has refused a message for good."""
 
 
 def channel(name: str) -> str:

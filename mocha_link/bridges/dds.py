@@ -1,7 +1,7 @@
 """The ROS 2 side of a bridge without a ROS installation: CycloneDDS speaks to the topics.
 
 Types are made from their definitions. A sample is its serialized bytes: DDS learns what the type
-looks like, so that it can match others, but nothing is decoded.
+is, so that it can match others, but nothing is decoded.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 BUFFER_BYTES = 16 * 1024 * 1024  # rospy falls behind with large messages in a smaller one
-ROSCORE_S = 5.0  # between looks at whether the roscore is still the same
+ROSCORE_S = 5.0  # between checks that the roscore is still the same
 FIRST_S = 0.2  # until there is one
 MIN_DEPTH = 10  # messages that wait for a subscription of ROS 2
 _LITTLE_ENDIAN = b"\x00\x01"
@@ -30,7 +30,7 @@ class Ros1:
 
     Args:
         name: of the ROS node.
-        types: by type name what the node says of it: ``md5`` and ``text``.
+        types: by type name the fields of the node: ``md5`` and ``text``.
     """
 
     ros = 1
@@ -43,7 +43,7 @@ class Ros1:
         self._classes: dict[str, Any] = {}  # message classes, by type
         self._publishers: dict[str, Any] = {}  # by topic
         self._subscribers: list[Any] = []  # kept from the garbage collector
-        self._odd: set[str] = set()  # topics of another type, told once
+        self._odd: set[str] = set()  # topics of another type, logged once
         rospy.init_node(name, disable_signals=True)
         LOG.disabled = False  # rospy takes over all logging
         handler = logging.StreamHandler()
@@ -52,7 +52,7 @@ class Ros1:
         LOG.propagate = False
 
     def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
-        """See `bridge.Middleware`. Publishers of another type are told once, and not heard."""
+        """See `bridge.Middleware`. Publishers of another type are logged once and ignored."""
         md5 = self.types.get(kind, {}).get("md5", "*")
 
         def received(message: Any) -> None:
@@ -118,7 +118,7 @@ class Ros1:
             return None
 
     def _class(self, kind: str) -> Any:
-        """A class of messages that are their bytes, with the names that rospy tells others."""
+        """A class of messages that are their bytes, with the names that rospy announces."""
         if kind not in self._classes:
             about = self.types[kind]
             self._classes[kind] = type(
@@ -193,7 +193,7 @@ class Rcl(Cdr):
             self._thread.start()
 
     def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
-        """See `bridge.Middleware`. The newest stay for subscribers that come later and ask so."""
+        """See `bridge.Middleware`. Late subscribers that request it receive the newest messages."""
         if topic not in self._publishers:
             qos = self._qos(history, reliable=True, lasting=True)
             self._publishers[topic] = self._node.create_publisher(_class(kind), topic, qos)

@@ -27,7 +27,7 @@ LOG = logging.getLogger("mocha_link")
 
 
 class BridgeError(MochaLinkError):
-    """A bridge cannot run here; the message says what it needs."""
+    """A bridge cannot run here; the message has the requirement."""
 
 
 def run(kind: str, options: SimpleNamespace) -> int:
@@ -65,7 +65,7 @@ def _run(kind: str, options: SimpleNamespace) -> None:
 
 
 def _team(client: ServiceClient) -> dict[str, Any]:
-    """What the node says of its team, as soon as it runs."""
+    """The node's team, as soon as the node runs."""
     logged = False
     while True:
         try:

@@ -1,4 +1,4 @@
-"""`mocha-link check`: what a team file says, and every problem in it."""
+"""`mocha-link check`: the content of a team file, and every problem in it."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def diagnose(
 
 
 class _Trial:
-    """Asks every peer, is asked, and listens to the radio, for a few seconds."""
+    """Pulls from every peer, serves pulls, and reads the radio, for a few seconds."""
 
     def __init__(self, team: Team, robot: Robot, secret: SecretKey | None, seconds: float) -> None:
         self.findings: list[Finding] = []  # in the order of the page
@@ -101,9 +101,9 @@ class _Trial:
         self._seconds = seconds  # how long at most
         self._gossip = Gossip(team, robot.name, by_timer=True, timeout_s=seconds / 2, follow=False)
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
-        self._readings: dict[str, Reading | None] = {}  # what the radio says, by peer
+        self._readings: dict[str, Reading | None] = {}  # of the radio, by peer
         self._ends: dict[tuple[str, Direction], SyncEnded | SyncTimedOut] = {}  # the newest
-        self._serves = True  # peers can ask: the ports are ours
+        self._serves = True  # peers can pull: the ports are ours
         self._has_node = False  # its node runs beside us
         self._owns_radio = robot.radio is not None  # its radio is ours
 
@@ -168,7 +168,7 @@ class _Trial:
         return closing(radio)
 
     def _watch(self) -> None:
-        """Until every peer has been asked and has asked with success, or the time is over."""
+        """Wait until the pulls to and from every peer have succeeded, or the time is over."""
         wanted = {(peer, IN) for peer in self._robot.peers}
         if self._serves:
             wanted |= {(peer, OUT) for peer in self._robot.peers}

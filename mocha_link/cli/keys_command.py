@@ -88,7 +88,8 @@ def links(team: Team) -> dict[tuple[str, str], str | None]:
     """Every link of the team once, by its robots: why keys do not protect it; None: they do.
 
     Raises:
-        KeyMismatchError: what the team file has for a robot is no key (told if PyNaCl is there).
+        KeyMismatchError: the team file has an invalid key for a robot (checked if PyNaCl is
+            installed).
     """
     for robot in team.robots.values() if keys.available() else ():
         keys.public_key(robot)

@@ -52,7 +52,7 @@ def _shown(value: object) -> str:
 
 
 class EventFilter:
-    """Tells which events are worth a line for a person who watches a node.
+    """Selects the events that deserve a line for a person who watches a node.
 
     Left out is what only repeats: that a sync begins, that one found nothing new after another
     that came to its end, and that one breaks off for the same reason as the one before.
@@ -109,11 +109,11 @@ class _Column(NamedTuple):
 
 
 class NodeView:
-    """What has been heard of a node."""
+    """The metrics and events received from a node."""
 
     def __init__(self, endpoint: str) -> None:
         self._endpoint = endpoint
-        self._links: dict[str, Any] = {}  # the newest answer
+        self._links: dict[str, Any] = {}  # the newest snapshot
         self._received_s = 0.0  # when it came, monotonic
         self._filter = EventFilter()
         self._events: deque[str] = deque(maxlen=MAX_EVENTS)  # lines; the newest are last
@@ -124,7 +124,7 @@ class NodeView:
         return bool(self._links)
 
     def printed(self, style: Style) -> str:
-        """What has just been heard, for an output that is no terminal."""
+        """The newest snapshot, for an output that is no terminal."""
         return "\n".join(self.lines(PRINTED, style, self._received_s))
 
     def take(self, kind: str, fields: dict[str, Any], steady_s: float) -> None:
@@ -133,16 +133,19 @@ class NodeView:
         Raises one of `UNREADABLE` if it is none.
         """
         if kind == "links":
-            _table(fields, 0.0, unicode=True)  # what is strange is found out here
+            _table(fields, 0.0, unicode=True)  # malformed fields raise here
             self._links = fields
         else:
-            line = sanitize(event_line(fields, date=False))  # what is strange is found out here
+            line = sanitize(event_line(fields, date=False))  # malformed fields raise here
             if self._filter.is_new(fields):
                 self._events.append(line)
         self._received_s = steady_s
 
     def lines(self, size: os.terminal_size, style: Style, steady_s: float) -> list[str]:
-        """The screen at a steady time: title, table, and the latest news in what room is left."""
+        """The screen at a steady time.
+
+        Title, table, and the latest events in the remaining rows.
+        """
         silent_s = steady_s - self._received_s
         title = f"links of {sanitize(str(self._links['robot']))}, {self._endpoint}"
         colour = BOLD
@@ -258,7 +261,7 @@ def _path(link: Link) -> str:
 
 
 def _signal(link: Link) -> str:
-    """How a peer is heard, with unit and source, from the fields of its metrics."""
+    """The signal of a peer with unit and source, from the fields of its metrics."""
     signal = link.get("signal")
     if signal is None:
         return "-" if link["rssi_dbm"] is None else f"{link['rssi_dbm']:.1f} dBm"

@@ -23,7 +23,7 @@ from mocha_link.service import Subscription
 DONE = 0
 REDRAW_S = 1.0  # ages grow also when nothing comes
 POLL_S = 0.2
-FIRST_S = 5.0  # a node that runs has answered by then
+FIRST_S = 5.0  # a running node has sent a snapshot by then
 
 _ENTER = "\x1b[?1049h\x1b[?25l"  # another screen, no cursor
 _LEAVE = "\x1b[?25h\x1b[?1049l"
@@ -37,7 +37,7 @@ _HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 def run(options: Options) -> int:
     """Show the links until q or Ctrl-C; once, if the output is no terminal.
 
-    Raises MetricsError if no node answers within 5 s.
+    Raises MetricsError if no node sends anything within 5 s.
     """
     with Subscription(options.endpoint) as subscription:
         picture = NodeView(options.endpoint)
@@ -92,7 +92,7 @@ def _receive(subscription: Subscription, picture: NodeView, timeout_s: float = P
 
 
 def _draw(picture: NodeView, style: Style) -> None:
-    """Write over what is there, line by line, so that nothing flickers."""
+    """Overwrite the screen line by line, so that it does not flicker."""
     size = os.get_terminal_size(sys.stdout.fileno())
     lines = picture.lines(size, style, time.monotonic())
     _write(_HOME + "".join(f"{line}{_END_OF_LINE}\r\n" for line in lines) + _BELOW)

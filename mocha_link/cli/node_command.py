@@ -132,7 +132,7 @@ def _show(events: queue.SimpleQueue[LinkEvent], *, as_json: bool) -> NoReturn:
             continue
         try:
             print(json.dumps(fields) if as_json else event_line(fields), flush=True)
-        except OSError as error:  # its reader is gone, or the disk is full
+        except OSError as error:  # its reader has closed, or the disk is full
             drop_output()
             LOG.warning("no event is printed any more (%s); the node goes on", error.strerror)
 

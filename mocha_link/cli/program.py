@@ -40,27 +40,30 @@ SHELLS: Final = {
     "zsh": "{} completion zsh > ~/.zfunc/_{}    # a folder of fpath",
     "fish": "{} completion fish > ~/.config/fish/completions/{}.fish",
 }
-"""How each shell is told of a program."""
+"""The completion script of each shell."""
 
 PATH: Final = click.Path(path_type=Path, readable=False)
-"""The type of a file or folder; the shell completes it. Who opens it says what is wrong with it."""
+"""The type of a file or folder; the shell completes it.
+
+The command that opens it reports errors.
+"""
 
 Decorator = Callable[[Any], Any]
 """Adds options to a function that `command` makes a command."""
 
 
 class Options(SimpleNamespace):
-    """What the command line says, each option by its name."""
+    """The values of a command line, by option name."""
 
 
 class _Alone(str):
-    """A text that is no word of the command line."""
+    """A text that no argument of a command line can be."""
 
     __slots__ = ()
 
 
 class Parsed(click.ParamType[Any]):
-    """The type of a value that a function reads; its ValueError says what is wrong and what helps.
+    """The type of a value that a function parses; its ValueError becomes the usage error.
 
     A default, and the value of an option that is given without one, are taken as they are.
     """
@@ -139,15 +142,15 @@ class Command(_WithEpilog):
 
     def __init__(self, *arguments: Any, usage: str = "", **more: Any) -> None:
         super().__init__(*arguments, **more)
-        self.usage = usage  # of its words, where click's would mislead
+        self.usage = usage  # replaces click's usage line where that would mislead
         self.params += _log_options()
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
-        """The words after its name, in the help."""
+        """The usage line after the name, in the help."""
         return [self.usage] if self.usage else super().collect_usage_pieces(ctx)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read its words, and refuse options that contradict each other."""
+        """Parse the arguments, and refuse options that contradict each other."""
         rest = super().parse_args(ctx, self._spread(ctx, args))
         if ctx.resilient_parsing:
             return rest
@@ -159,7 +162,7 @@ class Command(_WithEpilog):
         return rest
 
     def _spread(self, ctx: click.Context, args: Sequence[str]) -> list[str]:
-        """The words with `--rows A B` as `--rows A --rows B`, which is how click has it.
+        """The arguments with `--rows A B` as `--rows A --rows B`, the form that click accepts.
 
         Raises:
             click.BadOptionUsage: an option stands where another one's value should be.
@@ -182,7 +185,7 @@ class Command(_WithEpilog):
         return spread
 
     def invoke(self, ctx: click.Context) -> int:
-        """Run it, with the log that was asked for; from now on an interrupt can be handled."""
+        """Run it with the requested log level; from now on an interrupt can be handled."""
         raise_when_interrupted()
         program = ctx.find_root().command
         if isinstance(program, Program):
@@ -198,18 +201,18 @@ def command(about: str, epilog: str = "", *, usage: str = "") -> Callable[..., C
     Args:
         about: What it does, in whole sentences.
         epilog: How its help ends, as it stands.
-        usage: Its words, where those that follow from its options would mislead.
+        usage: the usage line, where the generated one would mislead.
     """
     return click.command(cls=Command, help=about, epilog=epilog, usage=usage)
 
 
 def options_of(ctx: click.Context) -> Options:
-    """What a command's words say, without those about its log."""
+    """The values of a command line, without the options of the log."""
     return Options(**{k: v for k, v in ctx.params.items() if k not in {"verbose", "log_level"}})
 
 
 class Group(_WithEpilog, click.Group):
-    """Several commands behind one word."""
+    """A group of commands."""
 
     def __init__(self, name: str, **more: Any) -> None:
         names = {"help_option_names": ["-h", "--help"]}
@@ -253,7 +256,7 @@ class Program(Group):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **x: Any
     ) -> click.Context:
-        """Read the words before the command."""
+        """Parse the arguments before the command."""
         return super().make_context(info_name, _with_values(args), parent, **x)
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's
@@ -293,7 +296,7 @@ class Program(Group):
 
     def run(self, argv: Sequence[str] | None) -> int:
         """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
-        leave_when_interrupted()  # a command is imported when it is asked for
+        leave_when_interrupted()  # a command is imported on use
         prepare_output()
         arguments = list(sys.argv[1:] if argv is None else argv)
         name = str(self.name)
@@ -324,7 +327,7 @@ class Program(Group):
 
 
 def _with_values(arguments: Sequence[str]) -> list[str]:
-    """The words, each that is a negative number after no option with a blank before it.
+    """The arguments; a negative number that follows no option gets a blank before it.
 
     Else ``ask goto -33.9,151.2`` would be an option.
     """
@@ -353,7 +356,7 @@ def _log_options() -> list[click.Parameter]:
 
 
 def log_level(ctx: click.Context, usual: int) -> int:
-    """The level of `logging` asked for before and after the command; each ``-v`` is one more."""
+    """The level of `logging` requested before and after the command; each ``-v`` is one more."""
     verbose = 0
     while True:
         if level := ctx.params.get("log_level"):
@@ -389,7 +392,7 @@ def _completion_of(program: Program) -> Command:
 
 
 def _variable(program: str) -> str:
-    """Where a shell says what it wants completed."""
+    """The environment variable of a completion request."""
     return f"_{program.upper().replace('-', '_')}_COMPLETE"
 
 
@@ -399,7 +402,7 @@ def _complete(program: Program, instruction: str) -> int:
     name = str(program.name)
     try:
         code: int = shell_complete(program, {}, name, _variable(name), instruction)
-    except MissingExtraError:  # the command says so when it is run
+    except MissingExtraError:  # the command reports it when it runs
         return 0
     return code
 
@@ -424,7 +427,7 @@ def coloured(out: TextIO) -> bool:
 def prepare_output() -> None:
     """Have a command's results go somewhere, whatever stdout is and whichever letters it takes.
 
-    What its encoding lacks is escaped, as on stderr. A closed one swallows what is printed.
+    What its encoding lacks is escaped, as on stderr. A closed stream discards the output.
     """
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - until the end
@@ -433,7 +436,7 @@ def prepare_output() -> None:
 
 
 def drop_output() -> None:
-    """Let what is still printed, also at exit, go nowhere instead of into a broken pipe."""
+    """Discard further output, also at exit, instead of writing to a broken pipe."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)

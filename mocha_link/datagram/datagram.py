@@ -17,9 +17,9 @@ from mocha_link.datagram.packet import ACK_BYTES, ACK_DELAY_S, DATA_BYTES, LENGT
 MAX_QUOTA = 1 << 30
 PACKET_BYTES = 1_400  # 1,500 of most links - 20 - 8 - 40 for a seal around it, and some to spare
 PIGGYBACK_BYTES = 16  # a longer list of what arrived goes in a packet of its own
-SECOND_FRAME_BYTES = 300  # with less room left in a packet no peer is asked for another frame
+SECOND_FRAME_BYTES = 300  # with less room left in a packet no further frame is requested
 GRANULARITY_S = 0.01
-QUIET_S = 0.15  # nothing heard for two round trips and this: the link is down
+QUIET_S = 0.15  # without a packet for two round trips and this the link is down
 PROBE_S = 0.1  # then probes leave at this distance, growing
 MAX_PROBE_S = 1.0
 LEAST_QUOTA = 80  # less is not worth a packet
@@ -31,8 +31,8 @@ class Flow:
     """One end. Whatever the `source` of one end hands out arrives at the other, once, in any order.
 
     `source(room)` returns the next frame of at most `room` bytes, or None when there is none now.
-    It is asked when a packet can leave, not before, so what matters most can still go first. Call
-    `transmit` after every `receive`, at `wake_s`, and when the source has something again.
+    The source is called when a packet can leave, not before, so the most urgent frame goes first.
+    Call `transmit` after every `receive`, at `wake_s`, and when the source has something again.
     Both ends begin with the same token; who has lost the state of a flow begins another one.
     All times are steady seconds from the same clock.
 
@@ -42,7 +42,7 @@ class Flow:
         that is shown by the first acknowledgement, and little leaves before it.
     """
 
-    def __init__(  # noqa: PLR0913 - what a flow may be told
+    def __init__(  # noqa: PLR0913 - the options of a flow
         self,
         token: bytes,
         source: Callable[[int], bytes | None],
@@ -56,17 +56,17 @@ class Flow:
         if len(token) != wire.TOKEN_BYTES:
             raise ValueError(f"a token has {wire.TOKEN_BYTES} bytes, not {len(token)}")
         self.token = token
-        self.alive_s: float | None = None  # when the peer was heard last
+        self.alive_s: float | None = None  # when the last packet was received
         self.proven = proven
         self.refused = 0  # packets that were none
         self.repeated = 0  # packets whose frames had arrived before
-        self.down = False  # nothing is heard though it should be
+        self.down = False  # an expected acknowledgement is overdue
         self._bytes_in = self._bytes_out = 0  # limit what leaves to an unproven address
         self._source = source
         self._packet = packet_bytes  # bytes of a full packet
         self._known_rate = rate_bytes_s  # remembered, bytes/s
         self._pacing = Pacing(packet_bytes, rate_bytes_s=rate_bytes_s, rtt_s=rtt_s)
-        self._link = self._pacing.link  # what is measured of it
+        self._link = self._pacing.link  # its measurements
         self._arrivals = wire.Arrivals()
         self._outbox = Outbox(first_number)
         self._dry = False  # the source had nothing
@@ -75,7 +75,7 @@ class Flow:
         self._probe_s = 0.0  # when the next probe leaves
         self._probe_every_s = PROBE_S  # grows while it is down
         self._blind = False  # what of the last flight arrived is not known yet: it goes later
-        self._contact_s: float | None = None  # when a contact began; nothing was heard since
+        self._contact_s: float | None = None  # when a contact began without a packet so far
         self._hello = False  # a packet has to leave now, whatever is in it
 
     # --- what others may know
@@ -162,7 +162,7 @@ class Flow:
         self._pacing.arrived(acked.stamps, rtt_s, came_s, outbox.in_flight_bytes)
 
     def _prove(self, acked: Acknowledged, ack: wire.Ack, now_s: float) -> None:
-        """What left before this said nothing of the link, it was too little: begin now."""
+        """Restart the pacing: the few packets before this did not measure the link."""
         self.proven = True
         rtt_s = None
         if acked.newest:
@@ -283,7 +283,7 @@ class Flow:
         outbox = self._outbox
         scarce = self._quota() < self._packet  # new frames may be made to fit
         content = None
-        if not self._blind and not scarce:  # blind: the next acknowledgement tells what arrived
+        if not self._blind and not scarce:  # blind: the next acknowledgement reports the arrivals
             content = outbox.again()
         if content is None:
             body = self._pull()

@@ -80,9 +80,9 @@ class Delivery:
         self.round = Round(0.0)
         self._packet = packet_bytes  # bytes of a full packet
         self._floor_rtt_s: float | None = None  # the lowest of all
-        self._min_rtt_at_s: float | None = None  # none for what is only remembered
+        self._min_rtt_at_s: float | None = None  # None for a remembered value
         self._total_s = self._first_s = 0.0  # of the newest arrival, of its sending
-        self._limited_until = -1  # a total: earlier arrivals say little
+        self._limited_until = -1  # a total: earlier arrivals were limited by the sender
         self._peaks: deque[tuple[int, float]] = deque([(0, rate)] if rate else [])  # round, rate
         self._rounds = 0  # that were not limited
         self._round_ends = 0  # when this much has arrived
@@ -100,7 +100,7 @@ class Delivery:
         return Stamp(size, now_s, self.total, self._total_s, self._first_s, limited, low)
 
     def limited(self, in_flight: int) -> None:
-        """There is nothing to send: what arrives next says little about the link."""
+        """There is nothing to send: the next arrivals do not measure the link."""
         if self.total or in_flight:
             self._limited_until = self.total + in_flight
 

@@ -44,7 +44,7 @@ class Acknowledged(NamedTuple):
 class Outbox:
     """Packets under way by number, and contents that have to arrive.
 
-    A packet that is sent again gets a new number, so an acknowledgement always says which one came.
+    A packet that is sent again gets a new number, so an acknowledgement always identifies the copy.
     `first` is the number of the first one.
     """
 
@@ -182,7 +182,7 @@ class Outbox:
             self.base += low
             self._open >>= low
 
-    # --- what is lost
+    # --- losses
 
     def lose(self, before_s: float) -> list[Stamp]:
         """Give up packets that later ones overtook: by several numbers, or when long sent."""

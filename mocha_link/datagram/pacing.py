@@ -1,11 +1,11 @@
 """How fast to send over a link: as much as it takes, at once if it is known. No clock here.
 
 After BBR (draft-ietf-ccwg-bbr): packets leave at the highest rate that the link delivered lately,
-and no more are under way than it holds. Single losses say nothing, as radios lose packets without
-being full. A queue that stands, packets that come out at longer distances than they went in, or
-losses together with a risen round trip say that it is full; then what it delivers at that moment
-is its rate, however fast it was before. Unlike BBR, the distances of the first packets let a fast
-start leap, and losses that stay when less is sent are made up for by sending more.
+and no more are under way than it holds. Single losses carry no information, as radios lose packets
+without being full. A queue that stands, packets that come out at longer distances than they went
+in, or losses together with a longer round trip show that it is full; then what it delivers at that
+moment is its rate, however fast it was before. Unlike BBR, the distances of the first packets let a
+fast start leap, and losses that stay when less is sent are made up for by sending more.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ UP_ROUNDS = 2
 DOWN_ROUNDS = 2  # with no more under way than the link holds; then a queue is not ours
 START_LOSS = 0.1
 EXCESS_LOSS = 0.05
-LOSSY = 0.02  # with more losses it is worth looking where they come from
+LOSSY = 0.02  # above this share the pacing examines the cause of losses
 MAX_LOSS = 0.25  # not more than that is made up for
 
 
@@ -64,7 +64,7 @@ class Pacing:
         self, packet_bytes: int, *, rate_bytes_s: float | None = None, rtt_s: float | None = None
     ) -> None:
         rate = min(max(rate_bytes_s, 1.0), MAX_RATE) if rate_bytes_s else 0.0
-        self.link = Delivery(packet_bytes, rate, rtt_s)  # what is measured of it
+        self.link = Delivery(packet_bytes, rate, rtt_s)  # its measurements
         self.phase = Phase.CRUISE if rate else Phase.START  # decides gain and limit
         self.pace = START_RATE  # bytes/s at which packets leave
         self.cap_bytes = START_PACKETS * packet_bytes  # most that is under way
@@ -84,7 +84,7 @@ class Pacing:
         self._more = 1.0  # the gain of the last probing
         self._set(0.0)
 
-    # --- what the sender asks
+    # --- limits of the sender
 
     def room(self, in_flight: int) -> bool:
         """Whether the link holds another packet."""
@@ -115,14 +115,14 @@ class Pacing:
             self._enter(Phase.CRUISE)
         self._set(now_s)
 
-    # --- what acknowledgements say
+    # --- acknowledgements
 
     def arrived(
         self, stamps: list[Stamp], rtt_s: float | None, now_s: float, in_flight: int
     ) -> None:
-        """Packets were acknowledged; the newest is the last one, and came about when `now_s` says.
+        """Packets were acknowledged; the newest is the last one, and arrived about `now_s`.
 
-        The time that the other end let pass before it answered is not in it, nor in `rtt_s`.
+        The delay of the peer before its acknowledgement is not in it, nor in `rtt_s`.
         """
         link = self.link
         self._burst = 0
@@ -251,7 +251,7 @@ class Pacing:
         self._next_s = now_s + (self._next_s - now_s) * self.pace / pace
         self.pace = pace
         self.cap_bytes = int(cap * holds + slack)
-        if self._trusted is not None:  # until a round has shown that what is remembered holds
+        if self._trusted is not None:  # until a round has confirmed the remembered rate
             self._trusted = self._trusted or self.cap_bytes
             grown = self._trusted + 2 * (link.total - self._began)
             self.cap_bytes = min(self.cap_bytes, grown)

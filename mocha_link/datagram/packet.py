@@ -43,7 +43,7 @@ class Packet(NamedTuple):
 
     ack: Ack | None
     number: int | None  # None: it only acknowledges
-    floor: int  # the sender asks for nothing below it again
+    floor: int  # the sender needs no acknowledgement below it
     content: int  # the number under which these frames were sent first
     frames: list[bytes]  # what it carries
 
@@ -130,10 +130,10 @@ class Arrivals:
 
     def __init__(self) -> None:
         self.due_s: float | None = None  # when an acknowledgement has to leave
-        self.waiting = 0  # packets that the peer has not been told of
+        self.waiting = 0  # packets that are not acknowledged yet
         self.any = False  # something has arrived
         self.count = 0  # different packets that arrived
-        self._floor = 0  # the sender needs no more said of those below
+        self._floor = 0  # the sender needs no acknowledgement below it
         self._seen = 0  # bit n: floor + n has arrived
         self._next = 0  # after the highest that arrived
         self._newest_s = 0.0  # when that arrived
@@ -147,7 +147,7 @@ class Arrivals:
             self._seen >>= packet.floor - self._floor
             self._floor = packet.floor
         if number < self._floor or number >= self._floor + WINDOW:
-            self._schedule_ack(now_s)  # long settled: the peer has not heard it yet
+            self._schedule_ack(now_s)  # settled long ago: the acknowledgement was lost
             return False
         bit = 1 << (number - self._floor)
         if self._seen & bit:

@@ -18,7 +18,7 @@ def open_radio(url: str, team: Team, robot_name: str) -> Radio:
     """The radio of a robot, not yet started. `url` is what the team file has as its `radio`.
 
     Raises:
-        RadioError: the URL is none, or the team file does not say which peer is which for it.
+        RadioError: the URL is invalid, or the team file does not identify the peers for it.
         UnknownRobotError: the team has no such robot.
     """
     robot = team.robot(robot_name)

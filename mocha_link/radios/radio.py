@@ -16,7 +16,7 @@ from mocha_link.links import Reading
 LOG = logging.getLogger("mocha_link")
 
 Report = Callable[[str, Reading | float | None], None]
-"""Takes a peer and how it is heard: a reading, a bare number in dBm, or None (not heard)."""
+"""Takes a peer and its signal: a reading, a bare number in dBm, or None (no signal)."""
 
 
 class Radio(Protocol):

@@ -1,6 +1,6 @@
 """Rajant BreadCrumb radios, through the output of the monitor that MOCHA runs beside them.
 
-The monitor is a Java program that asks the radio by Rajant's own API and prints what it hears; it
+The monitor is a Java program that queries the radio by Rajant's API and prints its links; it
 is started here or runs elsewhere. Three forms of its output are read: the lines of MOCHA's ROS 2
 branch (``Ts:..,Iface:..,Peer:..,RSSI:..;`` up to ``END,..;``), the protobuf text of its ROS 1
 branch, and the dictionary that the ROS 1 branch publishes from it.
@@ -174,7 +174,7 @@ class _Blocks:
 class Monitor:
     """Reads the monitor's output line by line.
 
-    What it says of a radio goes by each of its ids: MAC address and IP address.
+    The reading of a radio is stored under each of its ids: MAC address and IP address.
     """
 
     def __init__(self) -> None:
@@ -183,7 +183,7 @@ class Monitor:
         self._blocks = _Blocks()
 
     def feed(self, line: str, now_s: float) -> dict[str, Reading | None]:
-        """Take a line in; at the end of a report how each radio in it is heard, by id.
+        """Process a line; at the end of a report returns the reading of each radio, by id.
 
         None: not any more. `now_s` are steady seconds. Raises RadioError if the monitor has lost
         its radio.
@@ -208,9 +208,9 @@ class Monitor:
         address = fields.get("ipv4Address", "").lower()
         if address:
             ids.add(address[:64])
-        gone = fields.get("action", "").startswith("DELETE")
+        deleted = fields.get("action", "").startswith("DELETE")
         for radio_id in ids:
-            if gone:
+            if deleted:
                 self._known.pop(radio_id, None)
                 self._best(radio_id, None)
             elif "rssi" in fields:
@@ -227,7 +227,7 @@ class Monitor:
                 self._best(radio_id, reading if radio_id in self._known else None)
 
     def _best(self, radio_id: str, reading: Reading | None) -> None:
-        """Note a value; the better one of a radio that is heard on several interfaces."""
+        """Store a value; the better one of a radio with several interfaces."""
         known = self._found.get(radio_id)
         if known and (reading is None or reading.value <= known.value):
             return

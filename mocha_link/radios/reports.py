@@ -25,7 +25,7 @@ from mocha_link.team import RadioUrl
 MAX_LINE_BYTES = 2048
 MAX_PROGRAMS = 8  # connected to one port
 READ_BYTES = 4096
-ALIVE_S, PROBE_S, TRIES = 15, 5, 3  # a program that is gone without a word is noticed in 30 s
+ALIVE_S, PROBE_S, TRIES = 15, 5, 3  # a dead program is detected within 30 s
 UNKNOWN = 255  # in a RADIO_STATUS
 STATUS_NAMES = ("RADIO_STATUS", "RADIO")  # RADIO: the same fields, from old SiK firmware
 
@@ -34,9 +34,9 @@ UNITS = {"dbm": Unit.DBM, "db": Unit.SNR_DB, "device": Unit.DEVICE}
 
 
 def parse_report(raw: bytes, source: str = "radio") -> tuple[str, Reading | None]:
-    """The peer and how it is heard, from one line; None: not heard.
+    """The peer and its signal, from one line; None: no signal.
 
-    `source` is what the reading is from if the line does not say so. Raises RadioError.
+    `source` is the source of the reading if the line names none. Raises RadioError.
     """
     if len(raw) > MAX_LINE_BYTES:
         raise RadioError(f"a report of more than {MAX_LINE_BYTES} bytes")
@@ -151,9 +151,9 @@ class _Receiver(asyncio.DatagramProtocol):
 class UdpRadio(_ListeningRadio):
     """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
 
-    ``null`` for `rssi_dbm`: the peer is not heard; `docs/embedding.md` has the other forms.
-    `url` is ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no
-    reports are counted in `refused`.
+    ``null`` for `rssi_dbm`: no signal of the peer; `docs/embedding.md` has the other forms. `url` is
+    ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
+    are counted in `refused`.
     """
 
     def __init__(self, url: str) -> None:
@@ -172,7 +172,7 @@ class TcpRadio(_ListeningRadio):
 
     A line is a JSON object as a datagram of `UdpRadio`, or ``io -61.5 dBm``. Lines that are no
     reports are counted in `refused`, and so is a program beyond the first 8. One whose computer is
-    gone without a word is hung up on after 30 s; one that only says nothing may stay.
+    dead is disconnected after 30 s; a silent one may stay.
     """
 
     def __init__(self, url: str) -> None:
@@ -198,7 +198,7 @@ class TcpRadio(_ListeningRadio):
             server.close()
 
     async def _receive(self, stream: asyncio.StreamReader, program: asyncio.StreamWriter) -> None:
-        """Take in what a program says until it hangs up."""
+        """Receive reports of a program until it disconnects."""
         if self._programs >= MAX_PROGRAMS:
             self.refuse(RadioError(f"more than {MAX_PROGRAMS} programs connected"))
             program.close()
@@ -235,7 +235,7 @@ class StdinRadio(BackgroundRadio):
         def read() -> None:
             try:
                 data = os.read(fd, READ_BYTES)
-            except OSError:  # e.g. its terminal is gone
+            except OSError:  # e.g. its terminal is closed
                 data = b""
             if data:
                 stream.feed_data(data)
@@ -250,7 +250,7 @@ class StdinRadio(BackgroundRadio):
 
 
 class MavlinkRadio(_ListeningRadio):
-    """A telemetry radio that tells its state by MAVLink RADIO_STATUS, as SiK radios do.
+    """A telemetry radio that reports its state by MAVLink RADIO_STATUS, as SiK radios do.
 
     Listens at ``mavlink://host:port?peer=io``; the radio links to one peer. A MAVLink router or a
     ground station can forward the radio's messages there.
@@ -276,7 +276,7 @@ class MavlinkRadio(_ListeningRadio):
 
 
 def parse_radio_status(datagram: bytes) -> list[Reading | None]:
-    """What the RADIO_STATUS messages in a datagram say; None: the radio does not know.
+    """The readings of the RADIO_STATUS messages in a datagram; None: unknown to the radio.
 
     A reading is the weaker of the strengths at both ends, since an exchange needs both. Other
     messages and junk are left out. Raises RadioError.
@@ -297,5 +297,5 @@ def _reading(status: Any) -> Reading | None:
 
 @functools.cache
 def _dialect() -> Any:
-    with needs_extra("a radio that tells its state by MAVLink", "mavlink"):
+    with needs_extra("a radio that reports its state by MAVLink", "mavlink"):
         return importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

@@ -1,4 +1,4 @@
-"""A Linux Wi-Fi interface: how it hears the stations that it is linked with, by the tool `iw`."""
+"""A Linux Wi-Fi interface: signals of its associated stations, by the tool `iw`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mocha_link.team import RadioUrl
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0
-INACTIVE_S = 10.0  # a station that has been silent for longer is not heard
+INACTIVE_S = 10.0  # after a longer silence a station has no signal
 MAX_OUTPUT_LETTERS = 1024 * 1024
 
 _STATION = re.compile(r"^Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE | re.MULTILINE)
@@ -27,7 +27,7 @@ _INACTIVE = re.compile(r"^[ \t]*inactive time:[ \t]*(\d{1,15}) ms\b", re.MULTILI
 
 
 def parse_station_dump(text: str) -> dict[str, Reading]:
-    """The stations that are heard, by MAC address, from ``iw dev INTERFACE station dump``.
+    """The signals of stations, by MAC address, from ``iw dev INTERFACE station dump``.
 
     The average signal where the driver has one, else that of the last frame. Lines that are not
     about that are left out, and so are stations that have been silent for 10 s.
@@ -40,7 +40,7 @@ def parse_station_dump(text: str) -> dict[str, Reading]:
 
 
 def _reading(lines: str) -> Reading | None:
-    """How a station is heard; only the first of a kind: those of single links come behind it."""
+    """The signal of a station; only the first of a kind: those of single links follow it."""
     signals = dict(reversed(_SIGNAL.findall(lines)))
     inactive = _INACTIVE.search(lines)
     if not signals or (inactive and int(inactive[1]) > INACTIVE_S * 1000):
@@ -76,7 +76,7 @@ class WifiRadio(BackgroundRadio):
         self._complaint = ""  # warned of last, once
 
     def start(self, report: Report) -> None:
-        """Begin to ask. Raises RadioError if `iw` is not installed."""
+        """Begin to poll. Raises RadioError if `iw` is not installed."""
         if shutil.which(self._command[0]) is None:
             raise RadioError(f"no program {self._command[0]}; install it (Debian/Ubuntu: iw)")
         self._begin(report, self._watch())
@@ -90,7 +90,7 @@ class WifiRadio(BackgroundRadio):
             await asyncio.sleep(self._poll_s)
 
     async def _stations(self) -> dict[str, Reading]:
-        """How each station is heard, by MAC address."""
+        """The signal of each station, by MAC address."""
         stations, complaint = {}, ""
         try:
             stations = parse_station_dump(await self._station_dump())
@@ -102,7 +102,7 @@ class WifiRadio(BackgroundRadio):
         return stations
 
     async def _station_dump(self) -> str:
-        """What `iw` says; nothing if it has no answer now. Raises OSError if it cannot run."""
+        """The output of `iw`; empty if it fails now. Raises OSError if it cannot run."""
         iw = await asyncio.create_subprocess_exec(
             *self._command, stdin=DEVNULL, stdout=PIPE, stderr=PIPE
         )

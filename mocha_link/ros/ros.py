@@ -245,7 +245,7 @@ class _Builder:
         self._left = MAX_OBJECTS  # objects it may still make
 
     def message(self, name: str, values: object, where: str) -> object:
-        """A message of a type that has been checked. Raises RosError, which says where."""
+        """A message of a type that has been checked. Raises RosError with the place."""
         self._left -= 1
         if self._left < 0:
             raise RosError(f"more than {MAX_OBJECTS} messages within it")

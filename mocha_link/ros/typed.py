@@ -1,7 +1,7 @@
 """What messages mean: JSON values, ROS messages, or bytes, by the type in the team file.
 
 ``json/...`` types are UTF-8 JSON. Standard ROS types and those in the team's `definitions` are ROS
-messages, serialized as the robot that publishes them says (`Robot.ros`); they need the extra
+messages, serialized for the ROS version of the publishing robot (`Robot.ros`); they need the extra
 ``ros``. All others are bytes.
 """
 

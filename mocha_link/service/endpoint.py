@@ -3,7 +3,7 @@
 A web page that the operator has open, and every other user, reach all ports of 127.0.0.1, and
 libzmq takes an HTTP POST for a message of ZMTP 1.0. So an ``ipc`` endpoint is a socket that only
 its owner may open, and a TCP endpoint speaks CURVE, whose key is in a file that only its owner may
-read. A client that does not know the server's key cannot begin to talk. docs/security.md says more.
+read. A client that does not know the server's key cannot begin to talk. See docs/security.md.
 
 For any Python from 3.8 on that has `pyzmq`, as `service_client`, which uses it.
 """
@@ -28,7 +28,7 @@ KEY_BYTES = 40  # of a CURVE key in Z85
 
 
 class EndpointError(MochaLinkError):
-    """What was named as an endpoint is none."""
+    """An invalid endpoint."""
 
 
 class EndpointKeyError(EndpointError):
@@ -123,7 +123,7 @@ def connect(client: zmq.Socket[Any], endpoint: str) -> bool:
 
 
 def _check(endpoint: str) -> None:
-    """Raises ZMQError for what is no TCP endpoint."""
+    """Raises ZMQError for an invalid TCP endpoint."""
     with contextlib.suppress(ValueError):
         if urlsplit(endpoint).port is not None:
             return

@@ -1,7 +1,7 @@
 """Serves an endpoint to the programs of one user on this machine, whatever they send.
 
 The sockets are our own ZeroMQ (`mocha_link.node.router`): a client costs a connection of few that
-there are, a request of so many bytes, and answers of so many that wait for it. What is more is
+there are, a request of so many bytes, and replies of so many that wait for it. What is more is
 closed; a client may come again.
 """
 
@@ -49,14 +49,14 @@ class Listener:
 
     Only programs that may read this user's files reach it: the socket of an ``ipc`` endpoint has
     mode 0600, a TCP endpoint has a key. A path that another program has, and any other file there,
-    stays as it is; what a process that is gone has left is cleared away. One thread may use it.
+    stays as it is; files of a dead process are removed. One thread may use it.
 
     Args:
         what: What cannot be done if this cannot, as the beginning of a sentence.
         max_bytes: Of a request, all its parts together.
         kind: Of the socket, as ZeroMQ has it: ROUTER, or XPUB.
         burst: Requests of one client in a row.
-        most_bytes: Of answers that wait for all clients together.
+        most_bytes: of queued replies for all clients together.
 
     Attributes:
         endpoint: Where it is.
@@ -96,9 +96,9 @@ class Listener:
         return self._router.wait_ms
 
     def requests(self) -> Iterator[tuple[list[bytes], list[bytes]]]:
-        """Those whose turn it is: the envelope that the answer needs, and the request's frames.
+        """Those whose turn it is: the envelope of the reply, and the request's frames.
 
-        Answer before you fetch the next.
+        Reply before you fetch the next.
         """
         now_s = time.monotonic()
         if now_s - self._expired_s > EXPIRE_S:
@@ -110,11 +110,11 @@ class Listener:
             yield envelope, [bytes(each) for each in parts[start:]]
 
     def send(self, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
-        """Send an answer; if the client is gone, it goes, too."""
+        """Send a reply; it is dropped if the client has closed."""
         self._router.reply(envelope[0], envelope[1:], frames)
 
     def publish(self, client: bytes, frames: Sequence[Part]) -> None:
-        """Send what no client has asked for; its requests do not wait for that."""
+        """Publish to a client without a request; its requests do not wait for that."""
         self._router.push(client, frames)
         self._router.flush(client)
 
@@ -199,7 +199,7 @@ class Listener:
 
 
 def _clear(path: str, what: str) -> None:
-    """Take away what a process that is gone has left.
+    """Remove the files of a dead process.
 
     Raises ListenError, or OSError if another program listens there.
     """

@@ -64,7 +64,7 @@ def exposition(node: Node) -> str:
 
 
 class _Metrics(Collector):
-    """Collects the metrics of a node when asked; where nothing is known there is no metric."""
+    """Collects the metrics of a node on request; a metric without a value is left out."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -118,7 +118,7 @@ class _Metrics(Collector):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers GET and HEAD of /metrics."""
+    """Serves GET and HEAD of /metrics."""
 
     server: _Server
     timeout = REQUEST_S
@@ -126,7 +126,7 @@ class _Handler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
-        """The metrics; only how long they are, if asked so."""
+        """The metrics; for HEAD only their length."""
         if self.path.partition("?")[0] not in ("/", "/metrics"):
             self.send_error(HTTPStatus.NOT_FOUND, "the metrics are at /metrics")
             return
@@ -141,7 +141,7 @@ class _Handler(BaseHTTPRequestHandler):
     do_HEAD = do_GET  # noqa: N815 - the name that the library calls
 
     def log_message(self, *_: Any) -> None:
-        """Requests are not news."""
+        """Do not log requests."""
 
 
 class _Server(ThreadingTCPServer):
@@ -180,7 +180,7 @@ class _Server(ThreadingTCPServer):
             now_s = time.monotonic()
             for connection, since_s in self._open.items():
                 if now_s - since_s >= older_s:
-                    with contextlib.suppress(OSError):  # gone already
+                    with contextlib.suppress(OSError):  # closed already
                         connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -198,7 +198,7 @@ class PrometheusServer(Startable):
         if not port.isdecimal() or int(port) > 65535:
             raise PrometheusError(f"'{address}' is no address; write host:port")
         self._node = node
-        self._address = (host or "127.0.0.1", int(port))  # as asked for
+        self._address = (host or "127.0.0.1", int(port))  # as requested
         self._server: _Server | None = None  # while it serves
         self._thread: threading.Thread | None = None  # while it serves
 

@@ -1,8 +1,8 @@
-"""Requests of other programs as JSON over ZeroMQ: a table of verbs, and an answer to each request.
+"""Requests of other programs as JSON over ZeroMQ: a table of verbs, and a reply to each request.
 
-A request is a JSON object: `request` names the verb, `id` comes back with the answer, the rest are
-the verb's fields; frames of data may follow. So it is with answers, which say whether they are
-`ok`. REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ sends.
+A request is a JSON object: `request` names the verb, `id` returns with the reply, the rest are
+the verb's fields; frames of data may follow. Replies have the same form, with `ok`.
+REQ, DEALER and ROUTER sockets may send requests, with or without the empty frame that REQ sends.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ class Request(BaseModel, extra="forbid", strict=True):
 
 
 class Response(NamedTuple):
-    """The fields of an answer to a request that was done, and the data behind them."""
+    """The fields of the reply to an executed request, and the data frames after them."""
 
     fields: Mapping[str, Any]  # JSON
     data: Sequence[bytes] = ()  # frames behind it
 
 
 class Verb(NamedTuple):
-    """What may be asked for.
+    """One kind of request.
 
     Attributes:
         model: The fields of a request.
-        run: Takes the request and the data behind it; None: the answer comes later.
+        run: executes the request with its data; None: the reply follows later.
         frames: How many frames of data may be behind it.
     """
 
@@ -83,13 +83,13 @@ def check(
     return verb, request
 
 
-def reply(number: object, answer: Response) -> Frames:
-    """The frames that answer a request which was done; `number` is its id."""
-    return [_json({"ok": True, "id": number, **answer.fields}), *answer.data]
+def reply(number: object, response: Response) -> Frames:
+    """The frames of the reply to an executed request; `number` is its id."""
+    return [_json({"ok": True, "id": number, **response.fields}), *response.data]
 
 
 def refusal(number: object, error: str, *, again: bool) -> Frames:
-    """The frames that answer one which was not; `again`: the same may be taken later."""
+    """The frames of the reply to a refused request; `again`: it may succeed later."""
     short = isinstance(number, str | int) and len(str(number)) <= MAX_ID
     known = number if short else None
     return [_json({"ok": False, "id": known, "error": error, "again": again})]

@@ -40,7 +40,7 @@ STOPPED_S = 12.0  # a subscriber that takes nothing for so long is cut off; it m
 class EndpointServer(Startable):
     """Serves a started node at an endpoint, e.g. ``tcp://127.0.0.1:24500`` or ``ipc://path``.
 
-    Port ``*`` takes a free one; `endpoint` then says which.
+    Port ``*`` takes a free one; `endpoint` then has its number.
     """
 
     def __init__(self, node: Node, endpoint: str, what: str) -> None:
@@ -109,7 +109,7 @@ class EndpointServer(Startable):
 
     @abstractmethod
     def _turn(self, listener: Listener) -> None:
-        """Do what is to be done."""
+        """Run one turn."""
 
     def _end(self) -> None:
         """Say the last things, before the socket is closed."""
@@ -182,8 +182,8 @@ class MetricsServer(EndpointServer):
         if time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + SNAPSHOT_S
             listener.drop_stopped(STOPPED_S)
-            gone = [client for client in self._subscribed if not listener.stands(client)]
-            for client in gone:
+            closed = [client for client in self._subscribed if not listener.stands(client)]
+            for client in closed:
                 del self._subscribed[client]
             newcomers = list(self._subscribed)
         if newcomers:

@@ -1,6 +1,6 @@
 """A node's messages for programs on the same machine, over ZeroMQ: a verb for each request.
 
-`publish` has a frame with the data; an answer has a frame of data for every message in it. Programs
+`publish` has a frame with the data; a reply has a frame of data for every message in it. Programs
 that do not want bytes send and get JSON values in their place. docs/ros.md describes them. A
 program that reaches the endpoint may publish in the robot's name: keep it on this machine.
 """
@@ -34,9 +34,9 @@ from mocha_link.team import Ros
 
 MAX_HEADER_BYTES = 8 * 1024 * 1024  # of the JSON object of a request
 MAX_FRAMES = 8
-MAX_HELD = 4  # of the largest requests and their answers: so much is kept for all clients together
+MAX_HELD = 4  # times the largest request and reply: the memory for all clients together
 MAX_WAITING = 256  # requests that wait for a message
-BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
+BATCH_BYTES = 8 * 1024 * 1024  # of data, after which a reply is full
 STEP = 32  # messages that are unpacked at once; they may be large
 KEPT_KEYS = 4096  # of publish requests, so that one that is repeated is done once
 
@@ -73,7 +73,7 @@ class _Since(_Read):
     # of the sequence; another one begins anew
     epoch: Annotated[str, Field(max_length=64)] | None = None
     sequence: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    limit: Annotated[int, Field(ge=1, le=1000)] = 100  # messages in an answer
+    limit: Annotated[int, Field(ge=1, le=1000)] = 100  # messages in a reply
     wait_s: Annotated[float, Field(ge=0, le=60)] = 0.0
     own: bool = False  # the node's own messages too
 
@@ -81,12 +81,12 @@ class _Since(_Read):
 @dataclass(slots=True)
 class _Waiting:
     request: _Since
-    until_s: float  # then an empty answer
+    until_s: float  # then the reply is empty
     send: Send
 
 
 class Service:
-    """Answers requests about one node. One thread may use it; sockets are the server's.
+    """Serves requests about one node. One thread may use it; sockets are the server's.
 
     Raises:
         RosError: the team brings along a definition that cannot be used.
@@ -99,7 +99,7 @@ class Service:
         self._waiting: list[_Waiting] = []  # for messages
         self._done: OrderedDict[str, Response] = OrderedDict()  # by key, oldest first
         self._boot_id = secrets.token_hex(4)  # after a crash the last numbers may be given again
-        self.verbs = {  # what answers each
+        self.verbs = {  # by name
             "publish": Verb(_Publish, self._publish, frames=1),
             "latest": Verb(_Latest, self._latest),
             "list": Verb(_List, self._list),
@@ -124,7 +124,7 @@ class Service:
             _refuse(number, send, error)
 
     def tick(self, now_s: float, *, ending: bool = False) -> None:
-        """Answer those that waited, if there is something for them or their time is over."""
+        """Send replies to waiting requests that have a result or whose time is over."""
         waiting, self._waiting = self._waiting, []
         for one in waiting:
             if ending or now_s >= one.until_s:
@@ -140,7 +140,7 @@ class Service:
 
     def _wait(self, one: _Waiting) -> None:
         if len(self._waiting) >= MAX_WAITING:
-            why = f"{MAX_WAITING} requests wait already; ask without wait_s"
+            why = f"{MAX_WAITING} requests wait already; send it without wait_s"
             raise RequestError(why, again=True)
         self._waiting.append(one)
 
@@ -210,7 +210,7 @@ class Service:
     def _shown(
         self, messages: Sequence[Message], request: _Read
     ) -> tuple[list[dict[str, Any]], list[bytes]]:
-        """What is said about messages, and their data, unless their values are wanted."""
+        """The fields of messages, and their payloads, unless values are requested."""
         found = [self._with_data(message, request) for message in messages]
         frames = [] if request.as_json else [data for _, data in found]
         return [about for about, _ in found], frames
@@ -221,7 +221,7 @@ class Service:
             if request.as_json:
                 value = self._typed.plain(message)
                 values = [_as_base64(each) for each in (value if "parts" in about else [value])]
-                json.dumps([[[values]]], allow_nan=False)  # as deep as in the answer
+                json.dumps([[[values]]], allow_nan=False)  # as deep as in the reply
                 about |= {"values": values} if "parts" in about else {"value": values[0]}
             elif "parts" in about and message.data and not parts:
                 about["error"] = "not a batch of messages"
@@ -237,7 +237,7 @@ class Service:
         return about, b"".join(parts)
 
     def fields(self, message: Message) -> dict[str, Any]:
-        """What is said about a message."""
+        """The fields of a message."""
         topic = self._node.team.topic(message.robot, message.topic)
         about: dict[str, Any] = {
             "robot": message.robot,
@@ -280,7 +280,7 @@ class Service:
 
 
 def _refuse(number: object, send: Send, error: Exception) -> None:
-    """Answer a request that failed; a mistake of ours costs that one, not the service."""
+    """Reply to a failed request; an internal error ends that request, not the service."""
     why, again = str(error), isinstance(error, NodeClosedError) or getattr(error, "again", False)
     if not isinstance(error, MochaLinkError):
         LOG.error("a request failed", exc_info=error)
@@ -289,12 +289,12 @@ def _refuse(number: object, send: Send, error: Exception) -> None:
 
 
 def _as_base64(value: Any) -> Any:
-    """Bytes as ``{"base64": text}``; any other value as it is."""
+    """Bytes as ``{"base64": text}``; any other value unchanged."""
     return {"base64": base64.b64encode(value).decode()} if isinstance(value, bytes) else value
 
 
 def _from_base64(value: Any) -> Any:
-    """Bytes that were sent as ``{"base64": text}``; any other value as it is."""
+    """Bytes that were sent as ``{"base64": text}``; any other value unchanged."""
     if not isinstance(value, dict) or set(value) != {"base64"}:
         return value
     try:

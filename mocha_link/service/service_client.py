@@ -1,6 +1,6 @@
 """Asks and follows other programs in JSON over ZeroMQ: above all a node.
 
-`ServiceClient` asks what a node serves (``mocha-link node --serve``), `watch` follows its metrics
+`ServiceClient` sends requests to a node (``mocha-link node --serve``), `watch` follows its metrics
 (``--metrics``). Made to be used by any Python from 3.8 on that has `pyzmq`, e.g. that of a ROS
 installation: it imports nothing else of others, and nothing of the node.
 """
@@ -44,7 +44,7 @@ class _Connection(Closeable):
     """A socket to an endpoint; the program there may start later, and may restart."""
 
     unreachable: ClassVar[type[Any]]
-    """What is raised when the endpoint is none, no program answers, or a wrong one does."""
+    """The error of an invalid endpoint, an absent server, or a wrong one."""
 
     def __init__(self, endpoint: str) -> None:
         self.endpoint = endpoint
@@ -104,9 +104,9 @@ class EndpointClient(_Connection):
     """
 
     server_kind: ClassVar[str]
-    """Who answers, as in "is no node"."""
+    """The kind of server, as in "is not a node"."""
     server_option: ClassVar[str]
-    """With which option that program answers."""
+    """The command line option of the server for this endpoint."""
     refused: ClassVar[type[Any]]
     """What is raised when a request is refused; its `again`: it may be taken later."""
 

@@ -3,8 +3,8 @@
 In memory; `mocha_link.store.storage` keeps a copy on disk.
 
 Two orders hold it together. Every message that enters gets the next *sequence number*, so "what
-came after number n" is a short answer. And the *wire order* (most urgent first, then newest first)
-is the one in which an original node is told what there is.
+came after number n" has a short reply. And the *wire order* (most urgent first, then newest first)
+is that of the header lists for original nodes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mocha_link.store.wire import STAMPS_MS, WRAP_MS, Header, latest_ms
 GROUPS = 16
 """A robot's topics fall into so many groups, each with a digest: group = topic id % GROUPS."""
 
-# Numbers that a crash took back may have been told to peers: after a restart ours go on beyond
+# Peers may know numbers that a crash has undone: after a restart ours go on beyond
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
 _GAP = 1 << 32
@@ -134,7 +134,7 @@ class Database:
         return self._floors.newest_of_each(wanted, latest)
 
     def insert(self, record: Record, now_s: float) -> bool:
-        """Store a message if it is among the newest of its topic; says whether it was.
+        """Store a message if it is among the newest of its topic; whether it was.
 
         One with a header that is already here is the same message and not stored again; nor is
         one whose stamp is not the time of its header, or that was received at no time.
@@ -163,7 +163,7 @@ class Database:
         return found[:limit]
 
     def remembers(self, epoch: int, sequence: int) -> bool:
-        """Whether `since(sequence)` answers a peer that learnt these numbers from us.
+        """Whether `since(sequence)` is valid for a peer that has these numbers from us.
 
         Not if they are of another database, or of a later state than the one that we came back
         with, e.g. from a copy of the file.

@@ -130,5 +130,5 @@ def message_of(record: Record, team: Team) -> Message | None:
 def _parts(data: bytes) -> tuple[bytes, ...]:
     try:
         return unpack_batch(data)
-    except BatchError:  # of a peer whose team file says something else
+    except BatchError:  # of a peer with another team file
         return ()

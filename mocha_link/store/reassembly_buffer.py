@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
 
-MAX_RANGES = 16  # missing ranges that are asked for; more are taken together
+MAX_RANGES = 16  # missing ranges in a request; more are merged
 
 _LIMIT_BYTES = 128 * 1024 * 1024
-_MAX_MESSAGES = 4_096  # each is looked at when a pull begins
-_BLOCK_BYTES = 32_768  # growing what is larger would copy it too often
+_MAX_MESSAGES = 4_096  # every pull checks each of them when it begins
+_BLOCK_BYTES = 32_768  # growing a larger block would copy it too often
 MAX_SEGMENTS = 65_536  # of a message; the largest has fewer in datagrams, and begins anew with more
 _SEGMENT_COST = 200  # what Python takes for a segment and for an entry, in bytes, roughly
 _ENTRY_COST = 600
@@ -67,7 +67,7 @@ class Fragment:
         return self.held + _ENTRY_COST + _SEGMENT_COST * len(self._segments)
 
     def add(self, offset: int, data: memoryview, peer: str = "") -> None:
-        """Take in a piece, which must lie within the whole. A large one is kept as it is."""
+        """Store a piece, which must lie within the whole. A large one is stored without a copy."""
         segments = self._segments
         end = offset + len(data)
         place = bisect_right(segments, offset, key=attrgetter("start"))  # of the next segment
@@ -154,7 +154,7 @@ class ReassemblyBuffer:
         self._limit = limit
         # By message id, the latest grown last; by size and the one peer they are of, "": of any.
         self._fragments: dict[int, dict[tuple[int, str], Fragment]] = {}
-        self._bringers: dict[int, _Bringer] = {}  # by message id, the latest heard last
+        self._bringers: dict[int, _Bringer] = {}  # by message id, the last active one last
 
     def __len__(self) -> int:
         return len(self._fragments)
@@ -230,6 +230,9 @@ class ReassemblyBuffer:
         return {number for number, by in bringers if by.peer != peer and by.is_at_it(now_s)}
 
     def brings_no_more(self, peer: str) -> None:
-        """A peer is out of reach, or has said all: what it was bringing may come from another."""
+        """A peer is out of reach or has ended.
+
+        Another peer may send the messages it was sending.
+        """
         bringers = self._bringers.items()
         self._bringers = {number: by for number, by in bringers if by.peer != peer}

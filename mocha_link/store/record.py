@@ -1,4 +1,4 @@
-"""What a database holds, and two indexes for long header lists: what is newer, in what order.
+"""The records of a database, and two indexes for long header lists: by age and by wire order.
 
 Topics of robots are numbered here: key = robot id * 256 + topic id, as the first two bytes of a
 header read.
@@ -17,14 +17,14 @@ import numpy as np
 from mocha_link.store.wire import AHEAD_MS, WRAP_MS, Header
 
 KEYS = 65_536
-_UNSET_MS = 50 * 365 * 86_400_000  # a clock that says 1970 or soon after was never set
+_UNSET_MS = 50 * 365 * 86_400_000  # a clock at 1970 or soon after was never set
 _FUTURE_MS = AHEAD_MS // 3
 _TURNED_MS = WRAP_MS - 2 * AHEAD_MS
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A message as it is stored and passed on: `body` is what the wire carries, untouched.
+    """A message as it is stored and passed on: `body` is the bytes of the wire.
 
     `stamp_ms` is when the robot published it, Unix milliseconds below 2**47 that agree with the
     header modulo 65536 s; `received_s` is when we got or made it. `extrapolated`: the stamp
@@ -51,7 +51,8 @@ class Knowledge:
     """What we know of a peer's database.
 
     Everything that it held up to its number `sequence` of its `epoch` has been offered to us. What
-    we held then up to our own number `own_sequence` it was told, or gave us itself. Each is a u64.
+    we held then up to our own number `own_sequence` we reported to it, or it sent us. Each is a
+    u64.
     """
 
     epoch: int
@@ -61,7 +62,7 @@ class Knowledge:
 
 @dataclass(slots=True)
 class Kept:
-    """A record in the database with what is computed from it once."""
+    """A record in the database with its derived values."""
 
     record: Record
     raw: bytes  # its header

@@ -5,9 +5,10 @@ slow disk makes longer transactions, not a longer queue; so long that the journa
 are not (`changes`). See `storage_file` for the file.
 
 When the file cannot be written (disk full, damaged, locked by another process, directory missing)
-it is said once, in the log and to `on_fault`; the database works on from memory. The writing is
-tried again every few seconds, and catches up with everything when it works. A damaged file is moved
-aside, and a new one begun with what is in memory; so it is for one that was deleted under the node.
+the storage reports the fault once, to the log and to `on_fault`; the database continues in memory.
+The writing is tried again every few seconds, and catches up with everything when it works. A
+damaged file is moved aside, and a new one begun with what is in memory; so it is for one that was
+deleted under the node.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Storage:
         path: the file; it is made if there is none, its directory is not.
         config: of the team. Of a file from under another one only those messages are taken whose
             ids mean the same; the others go.
-        on_fault: called with what is wrong when the file cannot be used, and with None when it
+        on_fault: called with the fault when the file cannot be used, and with None when it
             can again; mostly on the storage's thread.
         retry_s: real seconds until the next try.
         connect: opens the SQLite file.
@@ -86,7 +87,7 @@ class Storage:
         self._saved = 0  # changes on disk
         self._fault: StorageError | None = None  # None while it works
         self._hurried = False  # after a fault: try again now
-        self._closing = False  # write what is left, and end
+        self._closing = False  # write the rest, and end
         self._ended = False  # the thread has ended
 
     @property
@@ -154,7 +155,7 @@ class Storage:
             return self._saved >= target
 
     def close(self, timeout_s: float = CLOSE_S) -> bool:
-        """Write what is left and give up the file; whether all is on disk by then.
+        """Write the rest and close the file; whether all is on disk by then.
 
         A disk that is slower than `timeout_s` is written in the background while the process
         lives. May be called twice.
@@ -236,9 +237,9 @@ class Storage:
         self._file = StorageFile(self.path, self._connect)
         self._inode = (self._state() or (0,))[0]
         self._file.read(found)
-        gone = self._file.adopt(self._config, found) if self._config else 0
-        if gone:
-            what = "1 message is" if gone == 1 else f"{gone} messages are"
+        removed = self._file.adopt(self._config, found) if self._config else 0
+        if removed:
+            what = "1 message is" if removed == 1 else f"{removed} messages are"
             LOG.warning("%s: %s gone: under this team file the ids mean others", self.path, what)
         return self._file
 
@@ -249,12 +250,12 @@ class Storage:
                 file.close()
 
     def _check_place(self) -> None:
-        """Raises _LostError if what is open is not what is at the path any more."""
+        """Raises _LostError if the open file is no longer the file at the path."""
         if self._file and (self._state() or (None,))[0] != self._inode:
             raise _LostError(f"{self.path} was deleted or replaced while it was open")
 
     def _set_aside(self) -> str | None:
-        """Move a damaged file away, for someone to look at; its name then, None if it stays."""
+        """Move a damaged file aside, for an operator to examine; its new name, None if it stays."""
         number = 1
         try:
             while (to := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():

@@ -94,14 +94,14 @@ class Contents:
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
 
     def last_s(self) -> float:
-        """Unix seconds at which the last message came, looked for in all; 0 if there is none."""
+        """Unix seconds of the last received message, by a scan of all; 0 if there is none."""
         return self.records[max(self.records)].received_s if self.records else 0.0
 
 
 def connect(path: Path) -> sqlite3.Connection:
     """Open an SQLite file for use by one thread after another; a new one is only the user's."""
     check_links(path)
-    with suppress(OSError):  # it is there, or SQLite says why it cannot be
+    with suppress(OSError):  # it exists, or SQLite reports the reason
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
     return sqlite3.connect(path, timeout=LOCKED_S, isolation_level=None, check_same_thread=False)
 
@@ -201,7 +201,7 @@ class StorageFile:
         return len(void)
 
     def write(self, changes: Changes) -> None:
-        """Commit everything, mostly at once; what is on disk is taken out of `changes`."""
+        """Commit everything, mostly at once; changes on disk are taken out of `changes`."""
         drops = bool(changes.drops)
         try:
             for piece in changes.pieces():
@@ -210,7 +210,7 @@ class StorageFile:
         except sqlite3.OperationalError as error:
             if _code(error) != sqlite3.SQLITE_FULL:
                 raise
-            # The journal may have the room that is missing, or what is dropped has it.
+            # The journal or dropped messages may have the missing room.
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
             self._commit(changes)
             changes.settle(changes)
@@ -239,7 +239,7 @@ class StorageFile:
             raise
 
     def close(self) -> None:
-        """Give the file up; what was not committed is gone."""
+        """Close the file; uncommitted changes are lost."""
         self._connection.close()
 
     def _value(self, question: str) -> Any:
@@ -247,7 +247,7 @@ class StorageFile:
 
 
 def fault(error: Exception, path: Path) -> StorageError:
-    """What has happened to a file, in the words of its user."""
+    """The fault of a file, as text for the operator."""
     if isinstance(error, StorageError):
         return error
     code = _code(error)
@@ -257,7 +257,7 @@ def fault(error: Exception, path: Path) -> StorageError:
         return StorageDamagedError(_damaged(path, str(error)))
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
         return StorageLockedError(f"another process uses {path}; end it, or name another file")
-    with suppress(OSError):  # it cannot be looked at: not permitted, or the disk fails
+    with suppress(OSError):  # it cannot be read: no permission, or the disk fails
         if not path.parent.is_dir():
             return StorageUnreachableError(f"there is no directory {path.parent}; make it")
     return StorageUnreachableError(f"cannot use {path}: {error}; may this user write it?")
@@ -274,7 +274,7 @@ def _damaged(path: Path, what: str) -> str:
 
 
 def is_database(path: Path) -> bool:
-    """Whether a file was an SQLite database, as far as its beginning says. Raises OSError."""
+    """Whether a file begins like an SQLite database. Raises OSError."""
     with path.open("rb") as file:
         return file.read(len(_MAGIC)) in (_MAGIC, bytes(len(_MAGIC)))
 

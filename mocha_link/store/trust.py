@@ -2,7 +2,7 @@
 
 A signature covers the ids and names of robot and topic, the full time, dtype, priority and the LZ4
 frame. What is accepted from whom is the team's `trust` (docs/security.md). The configuration that
-peers share, and that a database was written under, says what the ids stand for.
+peers share, and that a database was written under, identifies the meaning of the ids.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class SignatureError(PayloadError):
 
 
 def sign(secret: SecretKey, robot: Robot, topic: Topic, statement: bytes) -> bytes:
-    """The signature of a message of a topic; `statement` is what `wire.pack` says it covers."""
+    """The signature of a message of a topic; `statement` is the bytes that `wire.pack` covers."""
     return secret.sign(_about(robot, topic) + statement)
 
 
 class Verifier:
-    """Decides what is accepted from whom, as the team's `trust` says.
+    """Decides which messages to accept from which peer, by the team's `trust`.
 
     Raises:
         KeyMismatchError: a key in the team file is none.
@@ -47,7 +47,7 @@ class Verifier:
         """Accept a message that a peer handed us; `trailer` is what `wire.check` returned.
 
         Raises:
-            SignatureError: not accepted; the message says why.
+            SignatureError: refused; the message has the reason.
         """
         known = self._team.by_ids(header.robot_id, header.topic_id)
         if known is None:
@@ -81,7 +81,7 @@ def _about(robot: Robot, topic: Topic) -> bytes:
 
 
 def config_hash_of(team: Team) -> int:
-    """A u64 that two nodes must have in common before one reads what the other says.
+    """A u64 that two nodes must have in common before one accepts messages of the other.
 
     It covers whatever decides on what the bytes of a message are taken for: the id and name of
     every robot and how its ROS messages are serialized, and of every topic of it the id, name,
@@ -106,7 +106,7 @@ def config_hash_of(team: Team) -> int:
 
 
 def difference(peer: str) -> str:
-    """What to say when a peer has another mark."""
+    """The refusal of a peer with another configuration hash."""
     return f"{peer} has another team file (robots or topics differ); give all robots the same"
 
 
@@ -114,8 +114,8 @@ def difference(peer: str) -> str:
 class TeamConfig:
     """Ids follow from names by their order, so with another team file they may mean others.
 
-    `names` says what each topic key (see `Header`) stands for; `accepted` is whatever else decides
-    on what is taken from peers.
+    `names` has the meaning of each topic key (see `Header`); `accepted` is any other setting that
+    decides which messages are accepted.
     """
 
     names: Mapping[int, str] = field(default_factory=dict)

@@ -1,12 +1,12 @@
 """A message on the wire: a header of 6 bytes, and a body.
 
-The header says who, what, and when modulo 65536 seconds. The body is DTYPE u8, PRIORITY u8, one LZ4
-frame, and a trailer. Old nodes carry on what stands behind the frame without reading it, so that is
-where the trailer of ours is: magic (4 bytes), version (u8 and its complement), its own length u16,
-stamp u48 (Unix ms), then perhaps a signature (64 bytes), then a CRC-32. Of version 2 that is of
-robot id, topic id and the whole body up to there, so a message cannot be taken for one of another
-topic of the same time; of version 1, which storages may still hold, of the body only. Anything else
-behind the frame is carried on and not read.
+The header has robot, topic, and time modulo 65536 seconds. The body is DTYPE u8, PRIORITY u8, one
+LZ4 frame, and a trailer. Old nodes carry on what stands behind the frame without reading it, so
+that is where the trailer of ours is: magic (4 bytes), version (u8 and its complement), its own
+length u16, stamp u48 (Unix ms), then perhaps a signature (64 bytes), then a CRC-32. Of version 2
+that is of robot id, topic id and the whole body up to there, so a message cannot be taken for one
+of another topic of the same time; of version 1, which storages may still hold, of the body only.
+Anything else behind the frame is carried on and not read.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ STAMP_MASK = (1 << 48) - 1  # of a message id
 # 139 years from now: our clock may not be set, and what was forged for then has a later time soon.
 FUTURE_MS = 2**42
 MAGIC = b"\xd6mcl"
-VERSION = 2  # version 1: the checksum does not say whose message it is
+VERSION = 2  # version 1: the checksum does not cover the ids
 SIGNATURE_BYTES = 64
 MAX_BLOCKS = 65_536  # no encoder needs more; each costs us time before anything is known of it
 
@@ -111,7 +111,7 @@ class Header:
         return self.wrapped_ms <= UNSAFE_MS
 
     def stamp_s(self, near_s: float) -> float:
-        """Unix seconds of the message, as it is seen at Unix time `near_s`."""
+        """Unix seconds of the message, nearest to Unix time `near_s`."""
         return self.stamp_ms(near_s) / 1000
 
     def stamp_ms(self, near_s: float) -> int:
@@ -149,7 +149,7 @@ class PayloadError(MochaLinkError):
 
 @dataclass(frozen=True, slots=True)
 class Trailer:
-    """What a node of ours says behind the LZ4 frame: when, and perhaps its signature for it."""
+    """The trailer of a new node behind the LZ4 frame: the stamp, and perhaps a signature."""
 
     stamp_ms: int  # Unix milliseconds
     signature: bytes | None = None  # Ed25519; None: unsigned
@@ -208,7 +208,7 @@ def compress(data: bytes) -> bytes:
 
 def check_size(data: bytes, more: int = 0) -> None:
     """Raise PayloadError if data, and `more` bytes, are larger than any node would accept."""
-    size = memoryview(data).nbytes + more  # TypeError for what is not bytes
+    size = memoryview(data).nbytes + more  # TypeError without a buffer of bytes
     if size > MAX_BYTES:
         raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
 
@@ -226,8 +226,8 @@ def check(
 ) -> Trailer | None:
     """Verify everything in a body but the signature; its trailer, if it has one.
 
-    `ids` say whose message it is said to be; only what has no trailer of version 2 passes without.
-    `stamp_ms` is when its maker is said to have published it, where that is known in full.
+    `ids` are the ids of the header; only a message without a trailer of version 2 passes without.
+    `stamp_ms` is the announced time of publication, where it is known in full.
 
     It takes next to no memory, whatever the body states.
 
@@ -312,9 +312,9 @@ def _frame(body: Body) -> _Frame:
 
 
 def _decompressed(
-    body: Body, frame: _Frame, limit: int, looks_only_bytes: int | None = None
+    body: Body, frame: _Frame, limit: int, check_only_bytes: int | None = None
 ) -> list[bytes]:
-    """The data in as few pieces as possible; none if it is only looked at, so much at a time.
+    """The data in as few pieces as possible; none if it is only checked, so much at a time.
 
     Raises PayloadError.
     """
@@ -330,10 +330,10 @@ def _decompressed(
     try:
         while not over:
             # One call if the size is stated; otherwise doubling keeps the copies few, and the room
-            # for a bomb is never asked for at once.
+            # for a bomb is never allocated at once.
             room = size if size and not done else min(max(done, _STEP_BYTES), limit - done) + 1
             piece, read, over = lz4.frame.decompress_chunk(
-                context, view[at : frame.end], max_length=looks_only_bytes or room
+                context, view[at : frame.end], max_length=check_only_bytes or room
             )
             at += read
             done += len(piece)
@@ -341,7 +341,7 @@ def _decompressed(
                 raise PayloadError(f"unpacks to more than {limit if size is None else size} bytes")
             if not over and not piece and not read:
                 raise PayloadError("ends within its LZ4 frame")
-            if looks_only_bytes is None:
+            if check_only_bytes is None:
                 pieces.append(piece)
     except (RuntimeError, EOFError, ValueError, MemoryError) as error:
         raise PayloadError(f"not an LZ4 frame: {error}") from None

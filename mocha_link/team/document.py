@@ -149,7 +149,7 @@ class Document:
 
 
 class _Plain:
-    """Turns nodes into plain values and collects what is wrong with them."""
+    """Converts nodes to plain values and collects their problems."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -239,7 +239,7 @@ _READERS: dict[str, Callable[[str], Any]] = {
 
 
 def _scalar(node: yaml.Node) -> Any:
-    """The plain value of a scalar node. Raises ValueError with words for the user."""
+    """The plain value of a scalar node. Raises ValueError with a text for the user."""
     kind = node.tag.removeprefix(TAG)
     if kind not in _READERS:
         raise ValueError(_strange(node))
@@ -261,7 +261,7 @@ def _mark(node: yaml.Node | None) -> tuple[int, int]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes exactly what `Loader` would not read as text; writes out what is used twice."""
+    """Quotes only texts that `Loader` would not read as text; writes no aliases."""
 
     yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
 
@@ -282,7 +282,7 @@ class _LineDumper(_Dumper):
         return self.represent_scalar(TAG + "str", text, style=None if text.isprintable() else '"')
 
     def number(self, number: float) -> yaml.ScalarNode:
-        """With as many digits as the number itself says."""
+        """A number with the digits of its shortest form."""
         digits = str(number)
         return self.represent_scalar(TAG + ("float" if "." in digits else "int"), digits)
 

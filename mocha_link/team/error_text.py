@@ -1,4 +1,4 @@
-"""What pydantic finds wrong, in words for the person who wrote the file: what, and what to do."""
+"""Texts of pydantic errors for the author of a file: the mistake, and the correction."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def as_label(key: Any) -> str:
 
 
 def text_of_error(detail: ErrorDetails, model: type[BaseModel], written: Sequence[str] = ()) -> str:
-    """One line about one pydantic error: what is wrong and what to do.
+    """One line about one pydantic error: the mistake and the correction.
 
     Args:
         detail: The error.
@@ -118,7 +118,7 @@ def text_of_error(detail: ErrorDetails, model: type[BaseModel], written: Sequenc
         what = f"{name} must have {phrase} {count} {'entry' if count == 1 else 'entries'}, "
         advice = _length_advice(kind, count, found, written)
         what += f"found {context.get('actual_length') or 'none'}; {advice or 'change it'}"
-    elif "-" in kind:  # an error of a model of ours, that says itself what to do
+    elif "-" in kind:  # an error of our own model; its text has the correction
         what = f"{name}: {detail['msg']}"
     elif kind == "value_error":
         what = f"{name}: {context.get('error', detail['msg'])}"
@@ -184,7 +184,7 @@ def _text_advice(kind: str, found: str) -> str:
 
 
 def _as_number(text: str) -> float | None:
-    """The number that a text spells; None if it spells none."""
+    """The number in a text; None if the text is not a number."""
     try:
         return float(text)
     except ValueError:

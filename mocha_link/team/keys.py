@@ -109,7 +109,7 @@ class SecretKey:
         return cls(os.urandom(SEED_BYTES))
 
     def sign(self, message: bytes) -> bytes:
-        """The 64 bytes that prove that the holder of this key has said the message."""
+        """The signature of a message by this key, 64 bytes."""
         signed: bytes = nacl.bindings.crypto_sign(message, self._signing)
         return signed[: nacl.bindings.crypto_sign_BYTES]
 

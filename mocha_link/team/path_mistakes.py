@@ -1,4 +1,4 @@
-"""Paths that lead to no file: what is likely to be wrong with them, and what to write."""
+"""Paths that lead to no file: the likely mistake, and its correction."""
 
 from __future__ import annotations
 

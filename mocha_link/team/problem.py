@@ -14,7 +14,7 @@ from mocha_link.sanitize import sanitize
 from mocha_link.team.path_mistakes import path_advice
 
 MOST_OF_A_KIND: Final = 20
-"""Problems with one code that a file is told of; a person mends the first ones and looks again."""
+"""Problems of one code that are reported per file; a person fixes these and checks again."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -31,7 +31,7 @@ class Problem:
     path: Path
     line: int  # of the value, or of the file's beginning
     column: int
-    message: str  # what is wrong, and what to do
+    message: str  # the mistake, and the correction
     code: str
     keys: tuple[str | int, ...] = field(default=(), compare=False)
 
@@ -73,7 +73,7 @@ def first_of_each_kind(problems: Iterable[Problem]) -> tuple[Problem, ...]:
 class ProblemList:
     """Collects problems, and builds only the first of each kind: to find a place takes a while.
 
-    It iterates over these as they came, then says of each kind how many more there are.
+    It iterates over these in order, then gives the number of further ones of each kind.
     """
 
     def __init__(self) -> None:
@@ -115,7 +115,7 @@ _UTF_16: Final = re.compile(rb"(\0[\t\n\r -~]){2}|([\t\n\r -~]\0){2}")
 
 
 def text_in(raw: bytes, path: Path) -> str:
-    """The text that bytes spell. Raises DocumentError: it is not UTF-8."""
+    """Bytes decoded as text. Raises DocumentError: they are not UTF-8."""
     if raw.startswith(b"PK\x03\x04"):
         message = "a ZIP archive (such as a spreadsheet), no text; export it as text"
         raise DocumentError.at(path, message, "not-utf8")

@@ -42,7 +42,7 @@ __all__ = [
 
 
 class UnknownRobotError(NotInTeamError):
-    """A name that is not a robot of the team, or not a robot that is linked to the asking one."""
+    """A name that is not a robot of the team, or a robot without a link to this one."""
 
     def __init__(self, name: str, known: Mapping[str, Any] | tuple[str, ...], where: str) -> None:
         names = ", ".join(sorted(known)) or "none"

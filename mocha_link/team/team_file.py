@@ -46,7 +46,7 @@ class PortRange:
         """Problem codes and messages, beside the ranges of others by the names of their robots.
 
         Args:
-            others: who comes before it in the file, so that each pair is told once.
+            others: the ranges before it in the file, so that each pair is reported once.
             key: how the file calls the first port.
         """
         if self.last > LAST_PORT:
@@ -61,7 +61,7 @@ class PortRange:
 
 
 _HOST = r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}(\.[A-Za-z0-9_-]{1,63})*\.?"
-"""A name or an IPv4 address; of other labels no look-up makes anything."""
+"""A name or an IPv4 address; other labels cannot be resolved."""
 
 _PLACE, _PORT = rf"//(?P<host>{_HOST})", r":(?P<port>\d{1,5})"
 
@@ -69,7 +69,7 @@ _PLACE, _PORT = rf"//(?P<host>{_HOST})", r":(?P<port>\d{1,5})"
 @dataclass(frozen=True, slots=True)
 class _Form:
     shown: str  # an example, for messages
-    pattern: str  # of what is between scheme and options
+    pattern: str  # of the part between scheme and options
     options: tuple[str, ...] = ()  # that such a URL may have
 
 
@@ -212,7 +212,7 @@ class TopicModel(BaseModel, frozen=True):
 
 
 class KindModel(BaseModel):
-    """What robots of a kind say."""
+    """The topics of a kind of robot."""
 
     topics: Annotated[list[TopicModel], Key(max_length=IDS)]
 

@@ -36,7 +36,7 @@ Keys = tuple[str | int, ...]
 
 
 def _a_port(value: object) -> object:
-    """The original nodes say int(...) to it, so text does, too."""
+    """The original nodes convert it by int(...), so text is valid too."""
     try:
         return int(value) if isinstance(value, str) else value
     except ValueError:
@@ -138,7 +138,7 @@ def load(
 def configuration(path: Path) -> tuple[Path, Path, Path | None, int]:
     """Files of robots, topics and radios, and the ROS, of the package that the original node is.
 
-    The branches for ROS 1 and ROS 2 have the same files; `package.xml` says which builds them.
+    The branches for ROS 1 and ROS 2 have the same files; `package.xml` names the build system.
 
     Args:
         path: The package, the folder of its files, or the file of robots.
@@ -171,7 +171,7 @@ class _Converter:
     notices: list[Problem] = field(default_factory=list)  # for the user
 
     def data(self, ours: Collection[str], ros: int) -> dict[str, Any]:
-        """What the team file says. Raises DocumentError or UnknownRobotError."""
+        """The team of the files. Raises DocumentError or UnknownRobotError."""
         self._check_topics()
         radio_ids = {name: self._radio_id(name) for name in self.radios}
         self._check_robots()

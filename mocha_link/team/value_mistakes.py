@@ -1,4 +1,4 @@
-"""Values that are not what they look like to a person: decimal commas, degrees with minutes, units.
+"""Values that a person reads otherwise than YAML: decimal commas, degrees with minutes, units.
 
 Each function gives an advice, or "" where nothing is recognised.
 """
@@ -120,7 +120,7 @@ def key_advice(key: str) -> str:
 
 
 def pair_advice(entries: Sequence[str]) -> str:
-    """What was to be a pair of numbers, as it is written, and has more entries."""
+    """Advice for a pair of numbers that was written with more entries."""
     joined = ",".join(entry.strip() for entry in entries)
     if match := _TWO_COMMAS.fullmatch(joined):
         return f"decimals stand behind a point: [{match[1]}.{match[2]}, {match[3]}.{match[4]}]"
@@ -136,7 +136,7 @@ def pair_advice(entries: Sequence[str]) -> str:
 
 
 def plain(text: str) -> str:
-    """A text with plain characters for those that look alike, and without those not seen."""
+    """A text with plain characters for similar ones, and without invisible ones."""
     kept = "".join(
         " " if unicodedata.category(each) == "Zs" else _ALIKE.get(each, each)
         for each in text

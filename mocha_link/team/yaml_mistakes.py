@@ -1,7 +1,7 @@
-"""What is wrong with a text that is not YAML, in words for the person who wrote it.
+"""The mistake in a text that is not YAML, in a sentence for its author.
 
-A YAML parser says what it expected, often lines below the mistake. Here the lines around that place
-are compared with the mistakes that people make.
+A YAML parser reports its expectation, often lines below the mistake. Here the lines around that
+place are compared with the mistakes that people make.
 """
 
 from __future__ import annotations
@@ -278,7 +278,7 @@ _OTHERS: Final = (
     ("directive", "this line is no part of a document; remove it, or put its text in quotes"),
     ("document start", "this line is no part of a document; remove it, or put its text in quotes"),
 )
-"""What a parser says, in part, and what it means; {} is the character where it noticed."""
+"""Parts of a parser's text, and our advice; {} is the character at the place."""
 
 
 def _other(found: _Text) -> Advice | None:

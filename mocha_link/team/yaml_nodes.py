@@ -10,7 +10,7 @@ import yaml
 
 MAX_DEPTH = 60
 LARGE = 50_000
-"""Characters from which on an error is told in the words of the quick parser: the other one takes
+"""Length in characters above which the quick parser words the error: the other one takes
 a second for so many."""
 
 _MOST_KEPT = 20_000
@@ -78,7 +78,7 @@ def compose(text: str) -> yaml.Node | None:
     except yaml.YAMLError:
         if len(text) > LARGE:
             raise
-    return _composed(text, Loader)  # its words do not depend on what is installed
+    return _composed(text, Loader)  # its text does not depend on the installed packages
 
 
 def _composed(text: str, loader: type[Loader | _QuickLoader]) -> yaml.Node | None:
@@ -88,7 +88,7 @@ def _composed(text: str, loader: type[Loader | _QuickLoader]) -> yaml.Node | Non
     except _DeepError:
         _check_depth(text, loader)
     composer = loader(text)
-    composer.most = math.inf  # words may lie in the deepest list
+    composer.most = math.inf  # scalars may lie in the deepest list
     return composer.get_single_node()
 
 

@@ -282,7 +282,7 @@ def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, greeted)
         return line.failure is not None
 
     turn_until(line, done, 100.0)
-    assert line.failure == "the peer does not read the answers that it asks for"
+    assert line.failure == "the peer does not read the replies that it requests"
 
 
 # --- with keys

@@ -59,7 +59,7 @@ def test_an_answer_that_repeats_itself_is_looked_at_once(monkeypatch):
 
     monkeypatch.setattr(Database, "headers_in", noted)
     answers = [struct.pack(">BHH", ROBOT, 1 << each % GROUPS, 0) for each in range(MAX_ROBOTS)]
-    with pytest.raises(SyncFrameError, match="more answers"):
+    with pytest.raises(SyncFrameError, match="more robots"):
         decode_answers(b"".join([*answers, answers[0]]))
     say(sender, sync.ANSWER, b"".join(answers))
     assert sorted(looks) == list(range(GROUPS))
