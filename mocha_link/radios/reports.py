@@ -151,8 +151,8 @@ class _Receiver(asyncio.DatagramProtocol):
 class UdpRadio(_ListeningRadio):
     """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
 
-    ``null`` for `rssi_dbm`: no signal of the peer; `docs/embedding.md` has the other forms. `url` is
-    ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
+    ``null`` for `rssi_dbm`: no signal of the peer; `docs/embedding.md` has the other forms. `url`
+    is ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
     are counted in `refused`.
     """
 
