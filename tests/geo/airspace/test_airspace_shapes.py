@@ -323,4 +323,4 @@ def test_what_is_at_the_reach_itself_is_around_and_a_fence_is_left_by_who_is_bey
     assert space.around(P(0, 0), 10.0).zones == (mast,)
     assert space.around(P(0, 0), 9.999).zones == ()
     for east, fences in ((99.999, 1), (100.0, 1), (100.001, 0)):
-        assert len(space.leaving(P(east, 0)).fences) == fences
+        assert len(space.without_zones_at(P(east, 0)).fences) == fences
