@@ -34,10 +34,10 @@ from sitl.process import (
     px4_ports,
     stop_signal,
 )
-from sitl.px4sim import BEHAVIOURS, USUAL, Place, defaults
+from sitl.px4sim import BEHAVIOURS, USUAL, StartPosition, defaults
 from sitl.px4sim.motion import WindSettings
 
-PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
+PX4_HOME: Final = StartPosition(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts by default."""
 
 _MOST_WIND_M_S: Final = 25.0
@@ -61,14 +61,14 @@ def parameters_of(arguments: Options) -> dict[str, float]:
     return {"SIM_BAT_DRAIN": drain_s, "SIM_BAT_MIN_PCT": 0.0} | dict(arguments.param)
 
 
-def place_of(arguments: Options) -> Place:
+def place_of(arguments: Options) -> StartPosition:
     """Where the command line says that the vehicle starts."""
-    home: Place | None = arguments.home
+    home: StartPosition | None = arguments.home
     if home is not None or arguments.mission is None:
         return home or PX4_HOME
     mission = load_mission(arguments.mission, uav=arguments.uav)
     latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
-    return Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0)
+    return StartPosition(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0)
 
 
 def process_of(arguments: Options, **settings: Any) -> VehicleProcess:
@@ -124,14 +124,14 @@ def _wind(text: str) -> WindSettings:
     return wind
 
 
-def _place(text: str) -> Place:
+def _place(text: str) -> StartPosition:
     try:
         latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
     except ValueError:
         raise ValueError(
             f"'{text}' is not LAT,LON,ALT; write for example 47.397742,8.545594,489.4"
         ) from None
-    place = Place(latitude_deg, longitude_deg, altitude_m)
+    place = StartPosition(latitude_deg, longitude_deg, altitude_m)
     if not (abs(latitude_deg) < 90 and abs(longitude_deg) <= 180 and abs(altitude_m) < 10000):
         raise ValueError(f"'{text}' is not a place on Earth")
     return place
@@ -305,7 +305,7 @@ def _listens(wanted: str | None, partner: str) -> str:
     return HERE if is_loopback(partner) else ""
 
 
-def ready_line(links: dict[str, Any], system_id: int, speed: float, place: Place) -> None:
+def ready_line(links: dict[str, Any], system_id: int, speed: float, place: StartPosition) -> None:
     """Print the line that says that a vehicle runs, and where."""
     home = {
         "latitude_deg": place.latitude_deg,

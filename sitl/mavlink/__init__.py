@@ -3,7 +3,7 @@
 from mocha_link.errors import needs_extra
 
 with needs_extra("the simulator", "sim", "air-router"):
-    import pymavlink  # noqa: F401 - said here once, for all that speaks MAVLink
+    import pymavlink  # noqa: F401 - checked here once, for every part that uses MAVLink
 
 from sitl.mavlink.codec import Frame, Sender, addressed, command_number, frames
 from sitl.mavlink.link import MavlinkLink

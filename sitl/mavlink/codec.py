@@ -192,7 +192,7 @@ def addressed(name: str, vehicle: int, fields: Mapping[str, Any]) -> dict[str, A
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One MAVLink 2 frame, not looked into yet.
+    """One MAVLink 2 frame, with its payload still packed.
 
     Attributes:
         number: Of the message.
@@ -226,7 +226,7 @@ class Frame:
 
 
 def frames(datagram: bytes) -> Iterator[Frame]:
-    """The MAVLink 2 frames in a datagram; what is none ends it."""
+    """The MAVLink 2 frames in a datagram, up to the first bytes that are none."""
     at = 0
     while at + _HEADER <= len(datagram) and datagram[at] == _MAGIC:
         signature = _SIGNATURE if datagram[at + 2] & 1 else 0

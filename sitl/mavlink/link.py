@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from sitl.mavlink.codec import NAMES, Outgoing, Receiver, Sender
 from sitl.mavlink.mission_protocol import MissionProtocol, Reply
-from sitl.mavlink.reports import MissionReporter, TextChannel, as_said
+from sitl.mavlink.reports import MissionReporter, TextChannel, worded_as
 from sitl.mavlink.telemetry import StreamSchedule, knows
 from sitl.mavlink.telemetry import message as telemetry
 from sitl.px4sim import (
@@ -35,7 +35,7 @@ _REQUESTS: Final = {410: 242, 520: 148, 528: 264}
 
 _NO_SUCH_PARAMETER: Final = 1  # MAV_PARAM_ERROR_DOES_NOT_EXIST
 _NOTHING: Final = 2**31 - 1
-_FIRST_WORD_S: Final = 1.4  # PX4 is silent for so long after its start
+_STARTUP_SILENCE_S: Final = 1.4  # PX4 is silent for so long after its start
 _SECOND_ACK_S: Final = 0.008
 
 
@@ -44,7 +44,7 @@ class MavlinkLink:
 
     Args:
         autopilot: Whose.
-        rates_hz: What is streamed from the start.
+        rates_hz: The streams from the start.
         time_scale: Simulated seconds per wall-clock second. Time-outs that wait for a partner
             out there are kept on the wall's clock.
         reports_mission: Whether MISSION_CURRENT and the like go out here.
@@ -118,10 +118,10 @@ class MavlinkLink:
 
     def _on_heartbeat(self, message: Any) -> None:
         if message.type == GROUND_STATION:
-            self._texts.heard_ground_station(self._autopilot.time_s)
+            self._texts.on_ground_station(self._autopilot.time_s)
         elif message.get_srcSystem() != self._system_id:
             return
-        self._autopilot.watchdog.heard(message.type, self._autopilot.situation)
+        self._autopilot.watchdog.on_heartbeat(message.type, self._autopilot.situation)
 
     def _on_mission(self, message: Any) -> None:
         self._reply(self._protocol.handle(message, self._wall_s))
@@ -192,8 +192,8 @@ class MavlinkLink:
 
     def _on_ping(self, message: Any) -> None:
         if (message.target_system, message.target_component) == (0, 0):
-            answer = {"time_usec": message.time_usec, "seq": message.seq}
-            self._queue.append(Outgoing("PING", answer | _target(_sender(message))))
+            reply = {"time_usec": message.time_usec, "seq": message.seq}
+            self._queue.append(Outgoing("PING", reply | _target(_sender(message))))
 
     def _on_timesync(self, message: Any) -> None:
         if message.tc1 == 0:
@@ -203,7 +203,7 @@ class MavlinkLink:
     def _on_param_read(self, message: Any) -> None:
         if self._is_for_us(message):
             found = self._autopilot.parameters.read(message.param_id, message.param_index)
-            self._tell(found)
+            self._queue_values(found)
             if not found and self._autopilot.behaviour.names_absent_parameters:
                 self._say_none(message)
 
@@ -219,8 +219,8 @@ class MavlinkLink:
 
     def _on_param_set(self, message: Any) -> None:
         if self._is_for_us(message):
-            asked = (message.param_id, message.param_value, message.param_type)
-            self._tell(self._autopilot.parameters.set(*asked))
+            wanted = (message.param_id, message.param_value, message.param_type)
+            self._queue_values(self._autopilot.parameters.set(*wanted))
 
     def _on_text(self, message: Any) -> None:
         _log.info("%d/%d says: %s", *_sender(message), message.text)
@@ -238,16 +238,16 @@ class MavlinkLink:
     # Out
 
     def step(self, spoken: list[Notice], events: list[Outgoing]) -> None:
-        """Queue what is due; to be called after every step of the autopilot.
+        """Queue the messages that are due; to be called after every step of the autopilot.
 
         Args:
-            spoken: What the autopilot said in this step.
+            spoken: The autopilot's announcements in this step.
             events: The EVENT messages of it, and whatever else every link sends.
         """
         now_s = self._autopilot.time_s
         for notice in spoken:
             self._texts.add(notice, now_s)
-        if now_s < _FIRST_WORD_S:
+        if now_s < _STARTUP_SILENCE_S:
             return
         while self._delayed and self._delayed[0][0] <= now_s:
             self._queue.append(self._delayed.popleft()[1])
@@ -258,7 +258,7 @@ class MavlinkLink:
             self._queue += self._reporter.step(now_s)
         if self._listing is not None:
             values = self._autopilot.parameters.listed(self._listing)
-            self._tell(values)
+            self._queue_values(values)
             self._listing = self._listing + len(values) if values else None
         for name in self._streams.due(now_s):
             message = telemetry(name, self._autopilot)
@@ -281,17 +281,17 @@ class MavlinkLink:
     def _wall_s(self) -> float:
         return self._autopilot.time_s / self._time_scale
 
-    def _tell(self, values: Iterable[dict[str, Any]]) -> None:
+    def _queue_values(self, values: Iterable[dict[str, Any]]) -> None:
         self._queue += [Outgoing("PARAM_VALUE", fields) for fields in values]
 
     def _reply(self, replies: list[Reply]) -> None:
-        """Send answers; words go out on this link only, their events on all."""
+        """Send replies; a text goes out on this link only, its event on all."""
         for reply in replies:
             if isinstance(reply, Outgoing):
                 self._queue.append(reply)
             else:
-                said = as_said(reply, self._autopilot.behaviour)
-                self._texts.add(said, self._autopilot.time_s)
+                notice = worded_as(reply, self._autopilot.behaviour)
+                self._texts.add(notice, self._autopilot.time_s)
                 self._autopilot.situation.notices.append(replace(reply, text=""))
 
     def _acknowledge(

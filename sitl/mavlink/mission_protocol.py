@@ -1,7 +1,7 @@
 """PX4's side of the MAVLink mission microservice: upload, download, clear, set current.
 
 A pure state machine, one per link; the plan is shared. Time comes in as an argument. The
-behaviour is that of PX4 1.17's mission manager, its answers, silences and time-outs included; the
+behaviour is that of PX4 1.17's mission manager, its replies, silences and time-outs included; the
 old messages with coordinates in floating point are not taken.
 """
 
@@ -55,11 +55,11 @@ class MissionProtocol:
         self._state = _State.IDLE  # while receiving, `plan.transferring` keeps other links out
         self._type = 0  # MAV_MISSION_TYPE of the transfer, or of the last one
         self._partner = (0, 0)  # system and component, of the transfer or of the last one
-        self._sequence = 0  # of the item to be sent or asked for next
+        self._sequence = 0  # of the item to be sent or requested next
         self._count = 0  # of the transfer
         self._items: list[MissionItem] = []  # received so far; stored when all are there
         self._checksum = 0  # of these; the plan's opaque_id
-        self._marked: int | None = None  # the one that says it is current
+        self._marked: int | None = None  # the one that is marked as current
         self._sent_s = 0.0  # time of the last request or count, on the wall's clock
         self._received_s = 0.0  # time of the partner's last message, on the wall's clock
         # By message name; called with the message, its sender and the time.
@@ -176,9 +176,9 @@ class MissionProtocol:
             ]
         self._received_s = now_s
         if self._state is _State.IDLE:
-            answer = self._begin_upload(message, sender)
-            if answer:
-                return answer
+            reply = self._begin_upload(message, sender)
+            if reply:
+                return reply
         elif sender != self._partner:
             return [self._ack(UploadResult.ERROR, sender)]
         elif self._sequence > 0:
@@ -217,19 +217,19 @@ class MissionProtocol:
 
     def _on_stray_item(self, sequence: int) -> list[Reply]:
         if self._state is _State.SENDING:
-            words = Notice.of("mavlink_mission_mis_item_busy")
+            notice = Notice.of("mavlink_mission_mis_item_busy")
         elif sequence + 1 == self._sequence:  # our last MISSION_ACK was lost, presumably
             return [self._ack(UploadResult.ACCEPTED, identifier=self._checksum)]
         else:
-            words = Notice.of("mavlink_mission_no_transfer")
-        return [words, self._ack(UploadResult.ERROR)]
+            notice = Notice.of("mavlink_mission_no_transfer")
+        return [notice, self._ack(UploadResult.ERROR)]
 
     def _take(self, message: Any, now_s: float) -> list[Reply]:
         item = self._accepted(message)
         if isinstance(item, Refusal):
             self._finish()
-            words = Notice.of("mavlink_mission_mis_item_invalid")
-            return [words] * item.said + [self._ack(item.result)]
+            notice = Notice.of("mavlink_mission_mis_item_invalid")
+            return [notice] * item.with_text + [self._ack(item.result)]
         self._checksum = checksum(message, self._checksum)
         self._items.append(item)
         if message.current:

@@ -19,7 +19,7 @@ Fields = dict[str, Any]
 
 
 def gps_raw_int(autopilot: Autopilot) -> Fields:
-    """What the receiver says: the truth and its own noise, not the estimate."""
+    """The receiver's output: the truth with its own noise, not the estimate."""
     airframe, noise = autopilot.airframe, autopilot.errors.sensor_noise
     latitude, longitude = _degrees_e7(
         autopilot, airframe.north_m + noise(_GPS_NOISE_M), airframe.east_m + noise(_GPS_NOISE_M)
@@ -90,7 +90,7 @@ def global_position_int(autopilot: Autopilot) -> Fields | None:
 
 
 def position_target_global_int(autopilot: Autopilot) -> Fields | None:
-    """What is flown to, where that is a place."""
+    """The setpoint, where it is a position."""
     setpoint = autopilot.situation.setpoint
     target = (setpoint.north_m, setpoint.east_m, setpoint.altitude_m)
     if setpoint.direct is not None:

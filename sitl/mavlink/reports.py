@@ -1,9 +1,9 @@
-"""What the vehicle reports unasked: texts, where its mission stands, and its health.
+"""What the vehicle reports unrequested: texts, the progress of its mission, and its health.
 
-STATUSTEXT goes only to a ground station that is there, and is never old news. MISSION_CURRENT and
+STATUSTEXT goes only to a ground station that is there, and never late. MISSION_CURRENT and
 MISSION_ITEM_REACHED are sent on each link, as PX4's mission manager does. A health report is a
 summary of the arming checks, one EVENT for each check that is not passed, and a summary of the
-components' health; it comes at most every two seconds, and when it is asked for.
+components' health; it comes at most every two seconds, and on request.
 """
 
 import math
@@ -30,7 +30,7 @@ _MOST: Final = 50
 
 
 class TextChannel:
-    """Keeps texts for up to 5 s until a ground station's heartbeat was heard on the link.
+    """Keeps texts for up to 5 s until the link receives a ground station's heartbeat.
 
     Args:
         time_scale: Simulated seconds per wall-clock second, in which heartbeats come.
@@ -38,26 +38,26 @@ class TextChannel:
 
     def __init__(self, time_scale: float) -> None:
         self._window_s = _WINDOW_S * time_scale  # simulated; within it the station counts as there
-        self._texts: deque[tuple[float, Notice]] = deque(maxlen=_MOST)  # with when it was said
-        self._heard_s = -math.inf  # its last heartbeat, simulated time
+        self._texts: deque[tuple[float, Notice]] = deque(maxlen=_MOST)  # with the time of each
+        self._received_s = -math.inf  # its last heartbeat, simulated time
         self._identifier = 0  # of the next STATUSTEXT, by which its chunks are joined
 
-    def heard_ground_station(self, now_s: float) -> None:
+    def on_ground_station(self, now_s: float) -> None:
         """A heartbeat of a ground station came in on the link."""
-        self._heard_s = now_s
+        self._received_s = now_s
 
     def add(self, notice: Notice, now_s: float) -> None:
-        """Something was said."""
+        """Queue the text of an announcement."""
         if notice.text:
             self._texts.append((now_s, notice))
 
     def take(self, now_s: float) -> list[Outgoing]:
         """The messages to be sent now."""
-        if not self._texts or now_s - self._heard_s > self._window_s:
+        if not self._texts or now_s - self._received_s > self._window_s:
             return []
         messages: list[Outgoing] = []
-        for said_s, notice in self._texts:
-            if now_s - said_s <= _AGE_S:
+        for queued_s, notice in self._texts:
+            if now_s - queued_s <= _AGE_S:
                 messages.extend(self._chunks(notice))
         self._texts.clear()
         return messages
@@ -75,9 +75,9 @@ class TextChannel:
         ]
 
 
-def as_said(notice: Notice, behaviour: Px4Behaviour) -> Notice:
-    """What a version of PX4 says in place of what 1.17 does."""
-    event, text = behaviour.words.get(notice.event, (notice.event, notice.text))
+def worded_as(notice: Notice, behaviour: Px4Behaviour) -> Notice:
+    """The announcement as a version of PX4 words it."""
+    event, text = behaviour.texts.get(notice.event, (notice.event, notice.text))
     return replace(notice, event=event, text=text if notice.text else "")
 
 
@@ -106,7 +106,7 @@ class MissionReporter:
         self._next_s = -math.inf  # simulated time of the next report without a change
 
     def step(self, now_s: float) -> list[Outgoing]:
-        """What is to be sent now."""
+        """The messages that are due now."""
         mission = self._autopilot.mission
         messages: list[Outgoing] = []
         if mission.index != self._current:
@@ -129,14 +129,14 @@ class MissionReporter:
         active = self._autopilot.mode in _ACTIVE_MODES
         count = len(plan.items(MissionType.MISSION))
         self._renew_state(count, active=active)
-        told = self._autopilot.behaviour.tells_mission_state
+        reported = self._autopilot.behaviour.reports_mission_state
         return Outgoing(
             "MISSION_CURRENT",
             {
                 "seq": self._current,
                 "total": count or _UNKNOWN_TOTAL,
-                "mission_state": self._state if told else 0,
-                "mission_mode": (_MODE_ACTIVE if active else _MODE_SUSPENDED) if told else 0,
+                "mission_state": self._state if reported else 0,
+                "mission_mode": (_MODE_ACTIVE if active else _MODE_SUSPENDED) if reported else 0,
                 "mission_id": plan.identifier(MissionType.MISSION),
                 "fence_id": plan.identifier(MissionType.FENCE),
                 "rally_points_id": plan.identifier(MissionType.RALLY),
@@ -162,7 +162,7 @@ def _item_reached(sequence: int) -> Outgoing:
 
 
 _EVERY_S: Final = 2.05
-_LOOK_S: Final = 0.1  # PX4 runs its checks ten times a second
+_CHECK_S: Final = 0.1  # PX4 runs its checks ten times a second
 _ATTITUDE_AFTER_S: Final = 2.5
 _POSITION_AFTER_S: Final = 4.2
 _ALL_MODES: Final = 0xFFFFFFFF
@@ -173,7 +173,7 @@ _STICKS: Final = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 10 | 1 << 15
 _WITHOUT_POSITION: Final = _USUAL_MODES & 0x80003A80 | 0x00010000
 
 # health_component_t
-_SYSTEM: Final = 1 << 20  # PX4's simulator has an error in it, without a check that says why
+_SYSTEM: Final = 1 << 20  # PX4's simulator has an error in it, without a check that names it
 _REMOTE_CONTROL: Final = 1 << 7
 _PRESENT: Final = 0x38021C0A
 _MODES: Final = 20
@@ -206,21 +206,21 @@ class HealthReport:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._told: tuple[list[_Check], int] | None = None  # checks, modes
-        self._next_s = _EVERY_S  # simulated time of the next look
+        self._reported: tuple[list[_Check], int] | None = None  # checks, modes
+        self._next_s = _EVERY_S  # simulated time of the next check
 
     def step(self) -> list[Notice]:
         """The events of a report that is due; to be called after every step."""
         now_s = self._autopilot.time_s
-        asked, self._autopilot.report_asked = self._autopilot.report_asked, False
-        if now_s < self._next_s and not asked:
+        requested, self._autopilot.report_requested = self._autopilot.report_requested, False
+        if now_s < self._next_s and not requested:
             return []
         checks = self._checks(now_s)
         modes = self._modes(checks)
-        if (checks, modes) == self._told and not asked:
-            self._next_s = now_s + _LOOK_S
+        if (checks, modes) == self._reported and not requested:
+            self._next_s = now_s + _CHECK_S
             return []
-        self._told, self._next_s = (checks, modes), now_s + _EVERY_S
+        self._reported, self._next_s = (checks, modes), now_s + _EVERY_S
         return _report(checks, modes, self._can_arm(modes))
 
     def _checks(self, now_s: float) -> list[_Check]:
@@ -267,21 +267,21 @@ class HealthReport:
         return modes
 
 
-def _said(check: _Check) -> Notice:
+def _notice_of(check: _Check) -> Notice:
     """What concerns no mode is a warning."""
     notice = Notice.of(check.event, check.modes, check.component, *check.arguments)
     return notice if check.modes else replace(notice, severity=Severity.WARNING)
 
 
 def _report(checks: list[_Check], modes: int, can_arm: int) -> list[Notice]:
-    said = [_said(check) for check in checks]
+    failed = [_notice_of(check) for check in checks]
     errors = _SYSTEM
-    for check, notice in zip(checks, said, strict=True):
+    for check, notice in zip(checks, failed, strict=True):
         if notice.severity <= Severity.ERROR and check.component != _MODES:
             errors |= 1 << check.component
     warnings = _REMOTE_CONTROL if _NO_STICKS in checks else 0
     return [
         Notice.of("commander_arming_check_summary", 0, errors, warnings, can_arm, modes),
-        *said,
+        *failed,
         Notice.of("commander_health_summary", 0, _PRESENT, 0, 0),
     ]

@@ -1,4 +1,4 @@
-"""The messages that the autopilot streams, and how often; what is in those about its state.
+"""The messages that the autopilot streams, how often, and the fields of those about its state.
 
 Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100). Those
 are left out that neither a companion nor a ground station flies by: raw sensors, odometry, servos,
@@ -73,7 +73,7 @@ def sys_status(autopilot: Autopilot) -> Fields:
 
 
 def battery_status(autopilot: Autopilot) -> Fields:
-    """What is not measured is -1, or the largest number."""
+    """A value that is not measured is -1, or the largest number."""
     battery = autopilot.watchdog.battery
     return {
         "battery_function": 1,
@@ -101,7 +101,7 @@ def extended_sys_state(autopilot: Autopilot) -> Fields:
 
 
 def current_mode(autopilot: Autopilot) -> Fields:
-    """The mode that is flown, and the one that was asked for."""
+    """The mode that is flown, and the one that was requested."""
     return {
         "standard_mode": _STANDARD_MODES.get(autopilot.shown_mode, 0),
         "custom_mode": autopilot.shown_mode.custom_mode,
@@ -147,7 +147,7 @@ def current_event_sequence(autopilot: Autopilot) -> Fields:
 
 @dataclass(frozen=True, slots=True)
 class _Message:
-    """A message: what is in it, and how often it comes on PX4's links, 0: only when asked for."""
+    """A message: its fields, and how often it comes on PX4's links, 0: only on request."""
 
     fields: Callable[[Autopilot], Fields | None]
     onboard_hz: float = 0.0
@@ -185,7 +185,7 @@ TRUTH_RATES_HZ: Final = {n: m.truth_hz for n, m in _MESSAGES.items() if m.truth_
 
 
 def knows(name: str) -> bool:
-    """Whether a message can be streamed or asked for."""
+    """Whether a message can be streamed or requested."""
     return name in _MESSAGES
 
 
@@ -207,7 +207,7 @@ class StreamSchedule:
 
     def __init__(self, rates_hz: Mapping[str, float]) -> None:
         self._defaults_s = {name: 1.0 / rate for name, rate in rates_hz.items()}  # for interval 0
-        self._intervals_s = dict(self._defaults_s)  # what is not sent is missing
+        self._intervals_s = dict(self._defaults_s)  # streams that are off are missing
         self._due_s = dict.fromkeys(self._intervals_s, 0.0)  # simulated time, of the same
 
     def set_interval(self, name: str, interval_us: float) -> None:

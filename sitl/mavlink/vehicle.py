@@ -9,7 +9,7 @@ from typing import Final
 from air_router.vehicle.px4 import Version
 from sitl.mavlink.codec import Outgoing
 from sitl.mavlink.link import MavlinkLink
-from sitl.mavlink.reports import HealthReport, as_said
+from sitl.mavlink.reports import HealthReport, worded_as
 from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ
 from sitl.px4sim import (
     BEHAVIOURS,
@@ -19,7 +19,7 @@ from sitl.px4sim import (
     FlightMode,
     Notice,
     Parameters,
-    Place,
+    StartPosition,
 )
 from sitl.px4sim.motion import WindSettings
 
@@ -43,13 +43,13 @@ class VehicleSettings:
         parameters: Values that differ from PX4's defaults.
         wind: That blows.
         ground_link: Whether there is a link to a ground station; without one it costs nothing.
-        truth_link: Whether there is one that says where it really is.
-        onboard_rates_hz: What is streamed on the onboard link.
+        truth_link: Whether there is a link that carries its true position.
+        onboard_rates_hz: The streams of the onboard link.
         step_s: Simulated seconds of one step.
         version: Of PX4, that it behaves as.
     """
 
-    place: Place
+    place: StartPosition
     system_id: int = 1
     seed: int = 0
     speed: float = 1.0
@@ -82,13 +82,13 @@ _Params = tuple[float, ...]
 class OwnCommands:
     """The commands that PX4 itself sends to gimbals and cameras, whether there are any or not.
 
-    No answer comes, so each is repeated three times. A companion has to pass over them.
+    Nobody acknowledges them, so PX4 repeats each three times. A companion has to ignore them.
     """
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
         self._mode: FlightMode | None = None  # flown at the last step
-        self._speed_m_s: float | None = None  # the mission's DO_CHANGE_SPEED that was told last
+        self._speed_m_s: float | None = None  # the mission's last DO_CHANGE_SPEED
         self._due: list[tuple[float, int, int, _Params]] = []  # when, MAV_CMD, confirmation
 
     def step(self) -> list[Outgoing]:
@@ -131,7 +131,7 @@ class MavlinkVehicle:
         autopilot: The vehicle itself.
         onboard: What PX4 calls the API or offboard link.
         ground: The link to a ground station.
-        truth: Where the simulator says where the vehicle really is; nothing is received on it.
+        truth: The simulator sends the vehicle's true position here; it receives nothing.
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
@@ -163,11 +163,11 @@ class MavlinkVehicle:
         self.ground = MavlinkLink(autopilot, GROUND_RATES_HZ, time_scale=scale)
         # What comes in on one of these goes out on the other; a truth link only sends.
         self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
-        self._tells_truth = settings.truth_link  # else `truth` queues nothing
+        self._sends_truth = settings.truth_link  # else `truth` queues nothing
         self.truth = MavlinkLink(autopilot, TRUTH_RATES_HZ, reports_mission=False)
 
     def receive(self, link: MavlinkLink, datagram: bytes) -> None:
-        """A datagram came in on one of the two links; what is not for us goes to the other."""
+        """A datagram came in on one of the two links; frames for others go to the other link."""
         for frame in link.receive(datagram):
             for other in self._links:
                 if other is not link:
@@ -175,15 +175,15 @@ class MavlinkVehicle:
         self.autopilot.take_up_plan()
 
     def step(self) -> None:
-        """Let one step of simulated time pass and queue what is to be sent."""
+        """Let one step of simulated time pass and queue the messages that are due."""
         self.autopilot.step(self._step_s)
-        said = self.autopilot.take_notices() + self._health.step()
-        notices = [as_said(notice, self.autopilot.behaviour) for notice in said]
+        notices = self.autopilot.take_notices() + self._health.step()
+        notices = [worded_as(notice, self.autopilot.behaviour) for notice in notices]
         events = [self._event(notice) for notice in notices if notice.event]
         events += self._own_commands.step()
         for link in self._links:
             link.step(notices, events)
-        if self._tells_truth:
+        if self._sends_truth:
             self.truth.step([], [])
 
     def _event(self, notice: Notice) -> Outgoing:
@@ -201,6 +201,6 @@ class MavlinkVehicle:
         )
 
 
-def _as_parameters(place: Place) -> Place:
+def _as_parameters(place: StartPosition) -> StartPosition:
     """Where it really starts: PX4's simulator keeps the place in parameters of single precision."""
-    return Place(*struct.unpack("<fff", struct.pack("<fff", *astuple(place))))
+    return StartPosition(*struct.unpack("<fff", struct.pack("<fff", *astuple(place))))

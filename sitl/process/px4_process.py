@@ -22,7 +22,7 @@ from mocha_link.path_safety import made_folder, new_file
 from sitl.mavlink import frames
 from sitl.process.end_with_parent import ending_with_us
 from sitl.process.px4_install import Px4Install
-from sitl.px4sim import Place
+from sitl.px4sim import StartPosition
 
 _LOCK: Final = "/tmp/px4_lock"  # noqa: S108 - PX4's own
 _STANDBY: Final = 3  # HEARTBEAT.system_status: it can arm
@@ -64,7 +64,7 @@ class Px4Settings:
         airframe: One of `AIRFRAMES`.
     """
 
-    place: Place
+    place: StartPosition
     speed: float = 1.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     instance: int | None = None

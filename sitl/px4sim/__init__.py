@@ -17,7 +17,7 @@ from sitl.px4sim.plan_store import (
     checksum,
     stored_item,
 )
-from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity
+from sitl.px4sim.state import FlightMode, MapProjection, Notice, Severity, StartPosition
 from sitl.px4sim.used_params import unused_param_of_command, unused_param_of_item
 from sitl.px4sim.versions import BEHAVIOURS, RECORDED, USUAL, Px4Behaviour
 
@@ -42,11 +42,11 @@ __all__ = [
     "Notice",
     "Parameters",
     "Params",
-    "Place",
     "PlanStore",
     "Px4Behaviour",
     "Refusal",
     "Severity",
+    "StartPosition",
     "Sticks",
     "UploadResult",
     "checksum",

@@ -28,7 +28,7 @@ class HoldFlight(Flight):
 
     def __init__(self) -> None:
         self._target: Setpoint = Setpoint()
-        self._reposition: Setpoint | None = None  # asked for, not taken up yet
+        self._reposition: Setpoint | None = None  # requested, not taken up yet
         self._speed_m_s: float | None = None  # to take up with it; None: as before
 
     def reposition(self, target: Setpoint, speed_m_s: float | None = None) -> None:
@@ -117,10 +117,10 @@ class TakeoffFlight(Flight):
         if altitude_m is None:
             climb_m = situation.parameters.limited("MIS_TAKEOFF_ALT", 0.0, 1000.0)
             altitude_m = situation.altitude_m + climb_m
-            situation.say("navigator_takeoff_default_alt", climb_m)
+            situation.announce("navigator_takeoff_default_alt", climb_m)
         if altitude_m < situation.altitude_m:
             altitude_m = situation.altitude_m
-            situation.say("navigator_takeoff_already_higher")
+            situation.announce("navigator_takeoff_already_higher")
         self._target = Setpoint(SetpointKind.TAKEOFF, *situation.here, altitude_m)
         self._wanted_m, self._requested, self.done = None, False, False
 
@@ -167,7 +167,7 @@ class ReturnFlight(Flight):
         self._phase = _ReturnPhase.CLIMB
         self._altitude_m = self._return_altitude(situation)
         above_m = math.ceil(self._altitude_m - situation.home_altitude_m)
-        situation.say("vrtl_return_at", math.ceil(self._altitude_m), above_m)
+        situation.announce("vrtl_return_at", math.ceil(self._altitude_m), above_m)
 
     def update(self, situation: Situation) -> Setpoint:
         """See `Flight`."""
@@ -180,7 +180,7 @@ class ReturnFlight(Flight):
             self._phase = _ReturnPhase.RETURN
         if self._phase is _ReturnPhase.RETURN and distance_m <= situation.acceptance_m:
             self._phase = _ReturnPhase.LAND
-            situation.say("rtl_land_at_destination")
+            situation.announce("rtl_land_at_destination")
         if self._phase is _ReturnPhase.CLIMB:
             return go_to(*self._start, self._altitude_m, situation)
         if self._phase is _ReturnPhase.LAND:
@@ -225,10 +225,12 @@ def go_to(north_m: float, east_m: float, altitude_m: float, situation: Situation
 
 
 def stop_ahead(situation: Situation) -> Setpoint:
-    """Where PX4 holds when told to hold: a braking distance ahead, at the present height."""
+    """Where PX4 holds on a Hold command: a braking distance ahead, at the present height."""
     north_m_s, east_m_s, _ = situation.velocity_m_s
     speed = math.hypot(north_m_s, east_m_s)
-    ahead_s = braking_distance(speed, situation.pace()) / speed if speed > _SLOW_M_S else 0.0
+    ahead_s = (
+        braking_distance(speed, situation.speed_limits()) / speed if speed > _SLOW_M_S else 0.0
+    )
     return go_to(
         situation.north_m + north_m_s * ahead_s,
         situation.east_m + east_m_s * ahead_s,

@@ -32,7 +32,7 @@ from sitl.px4sim.motion import (
 )
 from sitl.px4sim.parameters import Parameters
 from sitl.px4sim.plan_store import PlanStore
-from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity, Situation
+from sitl.px4sim.state import FlightMode, MapProjection, Notice, Severity, Situation, StartPosition
 
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5
@@ -52,7 +52,7 @@ _ROTORS: Final = 4
 class Autopilot:
     """A multirotor and its autopilot.
 
-    Its parts are public to be read; `situation` is what they share. `report_asked` is set by
+    Its parts are public to be read; `situation` is what they share. `report_requested` is set by
     RUN_PREARM_CHECKS, and taken back when the report is made; `events_sent` numbers its EVENTs.
 
     Args:
@@ -66,7 +66,7 @@ class Autopilot:
 
     def __init__(
         self,
-        place: Place,
+        place: StartPosition,
         parameters: Parameters,
         *,
         seed: int = 0,
@@ -101,13 +101,13 @@ class Autopilot:
         self.mode = self.intended = self._after_disarming = begins_in or FlightMode.AUTO_LOITER
         self.flying_mode: FlightMode | None = None  # in the last step; None: it was disarmed
         self.terminated = False  # for good: it never arms again (flight termination)
-        self.report_asked = False
+        self.report_requested = False
         self.events_sent = 0
         self._intake = PlanIntake(self.plan, self.fence, self.mission, self.modes.returning)
         self._home_base_m = place.altitude_m  # home's AMSL before the wandering error is added
         self._ground = GroundContact()
         # Sticks choose Position only before any mode command, and not from 1.18 on.
-        self._ever_asked = not behaviour.mode_by_first_sticks
+        self._mode_requested = not behaviour.mode_by_first_sticks
 
     # What the world may see
 
@@ -131,13 +131,13 @@ class Autopilot:
 
     @property
     def shown_mode(self) -> FlightMode:
-        """The mode that it says that it is in: PX4 1.18 does not name a failsafe's termination."""
+        """The mode that PX4 reports: 1.18 does not report a failsafe's termination."""
         hides = self.terminated and self.behaviour.shows_intended_in_termination
         return self.intended if hides else self.mode
 
     @property
     def taking_off(self) -> bool:
-        """Whether EXTENDED_SYS_STATE says "taking off"."""
+        """Whether EXTENDED_SYS_STATE reports "taking off"."""
         return not self.situation.landed and (
             self.mode is FlightMode.AUTO_TAKEOFF
             or (self.mode is FlightMode.AUTO_MISSION and self.mission.climbing)
@@ -145,13 +145,13 @@ class Autopilot:
 
     @property
     def landing(self) -> bool:
-        """Whether EXTENDED_SYS_STATE says "landing"."""
+        """Whether EXTENDED_SYS_STATE reports "landing"."""
         return not self.situation.landed and self.situation.setpoint.kind is SetpointKind.LAND
 
     def take_notices(self) -> list[Notice]:
-        """What was said since the last call."""
-        said, self.situation.notices = self.situation.notices, []
-        return said
+        """The announcements since the last call."""
+        notices, self.situation.notices = self.situation.notices, []
+        return notices
 
     # Commands
 
@@ -166,7 +166,7 @@ class Autopilot:
             return False
         self.terminated = False
         self.intended = mode
-        self._ever_asked = True
+        self._mode_requested = True
         if not mode.prevents_arming and mode is not FlightMode.AUTO_TAKEOFF:
             self._after_disarming = mode
         self.failsafe.taken_over(self.situation)
@@ -178,7 +178,7 @@ class Autopilot:
         altitude_m: float | None,
         speed_m_s: float | None = None,
     ) -> bool:
-        """Go to a point in Hold mode, which is asked for separately; see `HoldFlight.move_to`.
+        """Go to a point in Hold mode, which a mode command requests; see `HoldFlight.move_to`.
 
         Returns whether it goes there: not on the ground, nor out of its fence.
         """
@@ -189,7 +189,7 @@ class Autopilot:
         if allowed:
             self.modes.hold.move_to(point, altitude_m, speed_m_s, situation)
         else:
-            situation.say("navigator_reposition_outside_geofence")
+            situation.announce("navigator_reposition_outside_geofence")
         return allowed
 
     def move_sticks(self, sticks: Sticks) -> None:
@@ -198,9 +198,9 @@ class Autopilot:
         COM_RC_OVERRIDE lets them, or from 1.18 on MAN_OVERRIDE_SPD.
         """
         situation, pilot = self.situation, self.modes.pilot
-        pilot.hear(sticks, situation)
+        pilot.on_sticks(sticks, situation)
         if not self.armed:
-            if not self._ever_asked:
+            if not self._mode_requested:
                 self.request_mode(FlightMode.POSCTL)
             return
         if self.behaviour.overrides_by_speed:
@@ -212,7 +212,7 @@ class Autopilot:
             return
         acting = self.failsafe.acting
         if self.request_mode(FlightMode.POSCTL) and not acting:
-            situation.say("commander_rc_override")
+            situation.announce("commander_rc_override")
 
     def set_home(self, point: tuple[float, float], altitude_m: float) -> None:
         """Move home."""
@@ -229,13 +229,13 @@ class Autopilot:
             text = "Preflight Fail: No connection to the GCS"
             situation.notices.append(Notice(Severity.WARNING, text))
         if alone or not self.can_arm:
-            situation.say("commander_arm_denied_resolve_failures")
+            situation.announce("commander_arm_denied_resolve_failures")
             return False
         situation.armed, situation.took_off_s = True, None
         self._ground.armed(self.time_s)
         self.watchdog.armed()
         self._set_home_here()
-        situation.say("commander_armed_by", reason.number, reason=reason.words)
+        situation.announce("commander_armed_by", reason.number, reason=reason.text)
         return True
 
     def disarm(self, reason: ArmingReason = ArmingReason.COMMAND, *, forced: bool = False) -> bool:
@@ -244,14 +244,14 @@ class Autopilot:
         if not self.armed:
             return True
         if not situation.landed and not forced:
-            situation.say("commander_disarm_denied_not_landed")
+            situation.announce("commander_disarm_denied_not_landed")
             return False
         situation.armed = False
         self.intended = self._after_disarming
         self.mission.disarmed()
         self.failsafe.reset()
         self.modes.hold.forget()
-        situation.say("commander_disarmed_by", reason.number, reason=reason.words)
+        situation.announce("commander_disarmed_by", reason.number, reason=reason.text)
         return True
 
     def terminate(self) -> bool:
@@ -265,7 +265,7 @@ class Autopilot:
         return True
 
     def take_up_plan(self) -> None:
-        """Look whether another plan was stored; also done with every step."""
+        """Take up a plan that was stored; every step does so, too."""
         self._intake.step(self.situation)
 
     # Time
@@ -350,7 +350,7 @@ class Autopilot:
             (*situation.here, situation.altitude_m),
             situation.ground_altitude_m,
             situation.cruise_m_s,
-            situation.pace(),
+            situation.speed_limits(),
         )
         if not situation.position_valid:  # it cannot know where it drifts, and brakes by drag alone
             wanted = replace(

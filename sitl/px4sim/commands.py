@@ -1,4 +1,4 @@
-"""MAVLink commands as PX4 1.17 takes them, and what it answers."""
+"""MAVLink commands as PX4 1.17 executes them, and the results it acknowledges them with."""
 
 import logging
 import math
@@ -52,46 +52,48 @@ class Commands:
         }
 
     def execute(self, command: int, params: Params, component_id: int) -> CommandResult:
-        """Do a MAV_CMD of a component, and say what COMMAND_ACK is to say."""
+        """Execute a component's MAV_CMD; returns the result for COMMAND_ACK."""
         if command == DO_SET_MODE:
-            return self._set_mode(params, said=component_id == _GROUND_STATION_COMPONENT)
+            return self._set_mode(params, announce=component_id == _GROUND_STATION_COMPONENT)
         handler = self._handlers.get(command)
         if handler is None:
             _log.warning("command %d is not known here: answered UNSUPPORTED", command)
             return CommandResult.UNSUPPORTED
         return handler(params)
 
-    def _mode(self, mode: FlightMode, *, forced: bool = False, said: bool = True) -> CommandResult:
+    def _mode(
+        self, mode: FlightMode, *, forced: bool = False, announce: bool = True
+    ) -> CommandResult:
         if self._autopilot.request_mode(mode, forced=forced):
             return CommandResult.ACCEPTED
-        if said:
-            self._autopilot.situation.say("commander_modeswitch_not_avail", mode=mode.label)
+        if announce:
+            self._autopilot.situation.announce("commander_modeswitch_not_avail", mode=mode.label)
         return CommandResult.TEMPORARILY_REJECTED
 
-    def _set_mode(self, params: Params, *, said: bool) -> CommandResult:
+    def _set_mode(self, params: Params, *, announce: bool) -> CommandResult:
         base_mode, main, sub = (_byte(value) for value in params[:3])
         try:
             mode = requested_mode(base_mode, main, sub)
         except UnsupportedAutoModeError:
-            self._autopilot.situation.say("commander_unsupported_auto_mode")
+            self._autopilot.situation.announce("commander_unsupported_auto_mode")
             return CommandResult.TEMPORARILY_REJECTED
         if mode is None:
             if self._autopilot.behaviour.rejects_unknown_mode:
                 return CommandResult.TEMPORARILY_REJECTED
             return CommandResult.ACCEPTED
-        return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, said=said)
+        return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, announce=announce)
 
     def _return(self, _: Params) -> CommandResult:
-        return self._told(self._mode(FlightMode.AUTO_RTL), "commander_rtl")
+        return self._announced(self._mode(FlightMode.AUTO_RTL), "commander_rtl")
 
     def _land(self, _: Params) -> CommandResult:
         result = self._mode(FlightMode.AUTO_LAND, forced=True)
-        return self._told(result, "commander_landing_current_pos")
+        return self._announced(result, "commander_landing_current_pos")
 
-    def _told(self, result: CommandResult, event: str) -> CommandResult:
-        """Say it if it was accepted."""
+    def _announced(self, result: CommandResult, event: str) -> CommandResult:
+        """Announce the event if the command was accepted."""
         if result is CommandResult.ACCEPTED:
-            self._autopilot.situation.say(event)
+            self._autopilot.situation.announce(event)
         return result
 
     def _take_off(self, params: Params) -> CommandResult:
@@ -145,7 +147,7 @@ class Commands:
     def _start_mission(self, params: Params) -> CommandResult:
         autopilot = self._autopilot
         if not autopilot.mission.valid:
-            autopilot.situation.say("commander_mission_start_denied_no_mission")
+            autopilot.situation.announce("commander_mission_start_denied_no_mission")
             return CommandResult.DENIED
         first, count = params[0], len(autopilot.plan.items(MissionType.MISSION))
         if not math.isfinite(first) or not -1 <= first < count:
@@ -167,13 +169,13 @@ class Commands:
         return CommandResult.ACCEPTED if done else CommandResult.TEMPORARILY_REJECTED
 
     def _report_checks(self, _: Params) -> CommandResult:
-        self._autopilot.report_asked = True
+        self._autopilot.report_requested = True
         return CommandResult.ACCEPTED
 
     def _reboot(self, params: Params) -> CommandResult:
         if params[0] == 0:
             return CommandResult.ACCEPTED
-        _log.warning("a reboot was asked for: not simulated, answered DENIED")
+        _log.warning("a reboot was requested: not simulated, answered DENIED")
         return CommandResult.DENIED
 
 

@@ -34,7 +34,7 @@ class Positioning:
         """Let time pass; renews what the autopilot believes of place, velocity and heading."""
         situation.time_s += step_s
         errors.step(step_s, in_air=not situation.landed)
-        self._look_at_receiver(step_s, errors, situation)
+        self._check_receiver(step_s, errors, situation)
         situation.north_m = airframe.north_m + errors.north_m
         situation.east_m = airframe.east_m + errors.east_m
         # The local frame's height is that of the ground where the vehicle was started.
@@ -46,9 +46,7 @@ class Positioning:
         )
         situation.heading_rad = airframe.yaw_rad
 
-    def _look_at_receiver(
-        self, step_s: float, errors: EstimateErrors, situation: Situation
-    ) -> None:
+    def _check_receiver(self, step_s: float, errors: EstimateErrors, situation: Situation) -> None:
         now_s = situation.time_s
         if situation.parameters["SIM_GPS_USED"] < FEWEST_SATELLITES:
             self._lost_s = now_s if self._lost_s is None else self._lost_s
@@ -65,12 +63,12 @@ class Positioning:
         situation.position_valid = lost_for_s < patience_s
         if self.fused and lost_for_s > _STOPPED_S:
             self.fused = False
-            situation.say("check_estimator_gnss_fusion_stopped")
+            situation.announce("check_estimator_gnss_fusion_stopped")
 
     def _recover(self, errors: EstimateErrors, situation: Situation) -> None:
         self._lost_s = self._regained_s = None
         if not self.fused:
-            situation.say("check_estimator_gnss_fusion_started")
+            situation.announce("check_estimator_gnss_fusion_started")
         self.fused = situation.position_valid = True
         errors.recover()
 
@@ -82,15 +80,15 @@ _STAY: Final = frozenset({SetpointKind.IDLE, SetpointKind.LAND})
 
 
 class ArmingReason(Enum):
-    """Why the motors were started or stopped: number in PX4's events, words of its texts."""
+    """Why the motors were started or stopped: number in PX4's events, text in its messages."""
 
     COMMAND = (4, "external command")
     MISSION_START = (5, "mission start")
     LANDED = (6, "landing")
     NO_TAKEOFF = (7, "auto preflight disarming")
 
-    def __init__(self, number: int, words: str) -> None:
-        self.number, self.words = number, words
+    def __init__(self, number: int, text: str) -> None:
+        self.number, self.text = number, text
 
 
 class GroundContact:
@@ -102,7 +100,7 @@ class GroundContact:
     def __init__(self) -> None:
         self._armed_s = 0.0  # when it was armed last, simulated time
         self._landed_s: float | None = None  # None: it has not flown since it was armed
-        self._ramp_s: float | None = None  # start of MPC_TKO_RAMP_T; None: no take-off asked
+        self._ramp_s: float | None = None  # start of MPC_TKO_RAMP_T; None: no take-off requested
         self._touched_s: float | None = None  # on the ground since then, not found landed yet
 
     def armed(self, now_s: float) -> None:
@@ -132,7 +130,7 @@ class GroundContact:
                 return False
             situation.landed, self._landed_s = False, None
             situation.took_off_s = situation.time_s
-            situation.say("commander_takeoff_detected")
+            situation.announce("commander_takeoff_detected")
             return True
         if not airframe.on_ground:
             self._touched_s = None
@@ -141,7 +139,7 @@ class GroundContact:
         elif situation.time_s - self._touched_s > _TOUCHED_S:
             situation.landed, self._ramp_s, self._touched_s = True, None, None
             self._landed_s = situation.time_s
-            situation.say("commander_landing_detected")
+            situation.announce("commander_landing_detected")
         return False
 
     def disarm_due(self, situation: Situation, *, in_mission: bool) -> ArmingReason | None:

@@ -13,7 +13,7 @@ from sitl.px4sim.state import FlightMode, Situation
 
 GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 COMPANION: Final = 18  # MAV_TYPE_ONBOARD_CONTROLLER
-_HEARD_FOR_S: Final = 2.0  # PX4's links report a heartbeat for so long after it came
+_HEARTBEAT_VALID_S: Final = 2.0  # PX4's links report a heartbeat for so long after it came
 
 
 class Action(IntEnum):
@@ -90,7 +90,7 @@ class Failsafe:
             return
         if action is Action.WARN:
             if cause in _WARNINGS:
-                situation.say(_WARNINGS[cause])
+                situation.announce(_WARNINGS[cause])
             return
         before, was_acting = self._worst()[0], self.acting
         self._active.append((action, cause))
@@ -100,7 +100,7 @@ class Failsafe:
         if action in (Action.RTL, Action.LAND) and not was_acting and delay_s > 0:
             self._delayed_until_s = situation.time_s + delay_s
             values = intended.custom_mode, action, round(delay_s), cause
-            situation.say("commander_failsafe_enter_hold", *values)
+            situation.announce("commander_failsafe_enter_hold", *values)
         elif self._delayed_until_s is None:
             self._announce(intended, situation)
 
@@ -122,7 +122,7 @@ class Failsafe:
         """The user commanded a mode: whatever acts ends, except a termination."""
         if self.acting and self._worst()[0] is not Action.TERMINATE:
             self.reset()
-            situation.say("failsafe_rc_override")
+            situation.announce("failsafe_rc_override")
 
     def end(self, causes: Collection[Cause]) -> None:
         """Hold and Land for one of these causes are over: before 1.16 they end with their cause."""
@@ -144,11 +144,11 @@ class Failsafe:
         action, cause = self._worst()
         mode = intended.custom_mode
         if action is Action.DESCEND:
-            situation.say("commander_failsafe_enter_autopilot_disengaged", mode, action, cause)
+            situation.announce("commander_failsafe_enter_autopilot_disengaged", mode, action, cause)
         elif cause is Cause.GENERIC:
-            situation.say("commander_failsafe_enter_generic", mode, action)
+            situation.announce("commander_failsafe_enter_generic", mode, action)
         else:
-            situation.say("commander_failsafe_enter", mode, action, cause)
+            situation.announce("commander_failsafe_enter", mode, action, cause)
 
 
 _EMPTY_V, _FULL_V = 14.4, 16.2
@@ -246,7 +246,7 @@ class AltitudeLoss:
         self._lost_s: float | None = None
 
     def step(self, situation: Situation) -> Alarm | None:
-        """Look; what has to be done about it."""
+        """Check the altitude; returns the alarm that is due, if any."""
         threshold_m = situation.parameters.get("FD_ALT_LOSS", 0.0)
         target_m = situation.setpoint.held_altitude_m
         here_m, now_s = situation.altitude_m, situation.time_s
@@ -273,8 +273,8 @@ class Watchdog:
         companion_s: A companion is lost after so long, of the wall clock; None: COM_OBC_LOSS_T.
 
     Attributes:
-        battery: It drains with every look.
-        ground_station_lost: True until one was heard, and after it fell silent.
+        battery: It drains with every step.
+        ground_station_lost: True until its first heartbeat, and after its heartbeats stopped.
     """
 
     def __init__(self, time_scale: float, *, companion_s: float | None = None) -> None:
@@ -282,29 +282,29 @@ class Watchdog:
         self._companion_loss_s = None if companion_s is None else companion_s * time_scale
         self.battery = Battery()
         self.ground_station_lost = True
-        self._heard_for_s = _HEARD_FOR_S * time_scale  # in simulated seconds
+        self._heartbeat_valid_s = _HEARTBEAT_VALID_S * time_scale  # in simulated seconds
         self._ground_station_s: float | None = None  # its last heartbeat, simulated time
         self._companion_s: float | None = None  # its last heartbeat; None: never there
-        self._companion_lost = False  # only said: PX4 has no failsafe for it
-        self._sticks = False  # heard at the last look
+        self._companion_lost = False  # PX4 reports it and has no failsafe for it
+        self._sticks = False  # present at the last check
         self._sticks_since_arming = False  # then or later: only their loss is a failsafe
-        self._warning = BatteryWarning.NONE  # the battery's at the last look
+        self._warning = BatteryWarning.NONE  # the battery's at the last check
         self._warning_at_arming = BatteryWarning.NONE  # only a worse one acts
-        self._receivers_missing = False  # of satellites, at the last look
+        self._receivers_missing = False  # of satellites, at the last check
 
-    def heard(self, kind: int, situation: Situation) -> None:
+    def on_heartbeat(self, kind: int, situation: Situation) -> None:
         """A HEARTBEAT came in; `kind` is its MAV_TYPE."""
         if kind == GROUND_STATION:
             if self.ground_station_lost and self._ground_station_s is not None:
-                situation.say("commander_dl_regained")
+                situation.announce("commander_dl_regained")
             self.ground_station_lost, self._ground_station_s = False, situation.time_s
         elif kind == COMPANION:
             if self._companion_lost:
-                situation.say("commander_onboard_ctrl_regained")
+                situation.announce("commander_onboard_ctrl_regained")
             self._companion_lost, self._companion_s = False, situation.time_s
 
     def armed(self) -> None:
-        """The motors start: a battery that is low already, or a lack of sticks, is no news."""
+        """The motors start: a battery that is low by then, or missing sticks, raise no alarm."""
         self._warning_at_arming = self._warning
         self._sticks_since_arming = self._sticks
 
@@ -323,7 +323,7 @@ class Watchdog:
     def step(
         self, step_s: float, intended: FlightMode, situation: Situation, *, sticks: bool
     ) -> list[Alarm]:
-        """Look at everything; `sticks`: whether a pilot's are heard."""
+        """Check everything; `sticks`: whether a pilot's are received."""
         self.battery.step(step_s, situation)
         alarms: list[Alarm] = []
         if sticks != self._sticks:
@@ -341,15 +341,15 @@ class Watchdog:
         if self._sticks:
             self._sticks_since_arming = True
             return []
-        situation.say("commander_rc_lost")
+        situation.announce("commander_rc_lost")
         excepted = int(situation.parameters["COM_RCL_EXCEPT"]) & _STICK_EXCEPTIONS.get(intended, 0)
         if excepted or not self._sticks_since_arming:
             return []
         number = int(situation.parameters["NAV_RCL_ACT"])
         holds = number == _HOLD_WITHOUT_FAILSAFE and intended.needs_pilot and situation.armed
         if holds and situation.parameters.behaviour.holds_without_sticks:
-            situation.ask_mode(FlightMode.AUTO_LOITER)
-            situation.say("commander_rc_loss_hold_no_failsafe")
+            situation.request_mode(FlightMode.AUTO_LOITER)
+            situation.announce("commander_rc_loss_hold_no_failsafe")
         action = _LOSS_ACTIONS.get(number, Action.NONE)
         return [(action, Cause.MANUAL_CONTROL_LOST)]
 
@@ -359,18 +359,20 @@ class Watchdog:
         patience_s = self._companion_loss_s
         if patience_s is None:
             patience_s = situation.parameters.limited("COM_OBC_LOSS_T", 0.0, 3600.0)
-        if situation.time_s - self._companion_s > patience_s + self._heard_for_s:
+        if situation.time_s - self._companion_s > patience_s + self._heartbeat_valid_s:
             self._companion_lost = True
-            situation.say("commander_mission_comp_lost")
+            situation.announce("commander_mission_comp_lost")
 
     def _watch_ground_station(self, situation: Situation) -> list[Alarm]:
         if self._ground_station_s is None or self.ground_station_lost:
             return []
-        limit_s = situation.parameters.limited("COM_DL_LOSS_T", 0.0, 3600.0) + self._heard_for_s
+        limit_s = (
+            situation.parameters.limited("COM_DL_LOSS_T", 0.0, 3600.0) + self._heartbeat_valid_s
+        )
         if situation.time_s - self._ground_station_s <= limit_s:
             return []
         self.ground_station_lost = True
-        situation.say("commander_gcs_lost")
+        situation.announce("commander_gcs_lost")
         action = _LOSS_ACTIONS.get(int(situation.parameters["NAV_DLL_ACT"]), Action.NONE)
         return [(action, Cause.GCS_LOST)]
 
@@ -385,7 +387,7 @@ class Watchdog:
         if warning is BatteryWarning.NONE:
             return []
         cause = Cause[f"BATTERY_{warning.name}"]
-        situation.say(f"check_{cause.name.lower()}")
+        situation.announce(f"check_{cause.name.lower()}")
         action = Action.WARN
         if warning > self._warning_at_arming and warning is not BatteryWarning.LOW:
             choice = int(situation.parameters["COM_LOW_BAT_ACT"])

@@ -46,7 +46,7 @@ class FenceArea:
 def fence_areas(items: tuple[MissionItem, ...], projection: MapProjection) -> tuple[FenceArea, ...]:
     """The areas that a list of fence items describes.
 
-    A polygon takes as many items as its first vertex says, whatever they are, as in PX4. Behind a
+    A polygon takes as many items as its first vertex counts, whatever they are, as in PX4. Behind a
     circle PX4 1.17 goes on item by item: every vertex begins a polygon, and one that would reach
     beyond the last item contains nothing.
     """
@@ -84,7 +84,7 @@ class Fence:
     """The fence in force.
 
     Attributes:
-        violated: Whether the vehicle was on the wrong side when it was looked at last.
+        violated: Whether the vehicle was on the wrong side at the last check.
     """
 
     def __init__(self, plan: PlanStore) -> None:
@@ -92,7 +92,7 @@ class Fence:
         self._areas: tuple[FenceArea, ...] = ()  # in force
         self._identifier = 0  # checksum of the fence seen last; 0: none
         self._load_at_s: float | None = None  # simulated time; None: nothing to load
-        self._checked_s = -math.inf  # simulated time of the last look
+        self._checked_s = -math.inf  # simulated time of the last check
         self.violated = False
 
     @property
@@ -118,13 +118,13 @@ class Fence:
         return all(area.allows(north_m, east_m) for area in self._areas)
 
     def allows(self, north_m: float, east_m: float, situation: Situation) -> bool:
-        """Whether a point may be gone to: GF_MAX_HOR_DIST is kept, too."""
+        """Whether the vehicle may go to a point: GF_MAX_HOR_DIST counts, too."""
         furthest_m, home = situation.parameters["GF_MAX_HOR_DIST"], situation.home
         near = home is None or furthest_m <= 0 or math.dist(home, (north_m, east_m)) < furthest_m
         return near and self.encloses(north_m, east_m)
 
     def breach(self, situation: Situation) -> Action:
-        """What to do about a breach that has just begun; looked for five times a second."""
+        """The action on a breach that has just begun; checked five times a second."""
         action = _ACTIONS.get(int(situation.parameters["GF_ACTION"]), Action.NONE)
         if action is Action.NONE or situation.time_s - self._checked_s < _CHECK_S:
             return Action.NONE
@@ -132,7 +132,7 @@ class Fence:
         before, self.violated = self.violated, self._breached(situation)
         if before or not self.violated or not situation.armed:
             return Action.NONE
-        text = situation.parameters.behaviour.breach_words
+        text = situation.parameters.behaviour.breach_text
         situation.notices.append(Notice(Severity.CRITICAL, text))
         return action
 
@@ -143,13 +143,13 @@ class Fence:
         return too_high or not self.allows(*situation.here, situation)
 
     def _fits(self, area: FenceArea, situation: Situation) -> bool:
-        """Whether home and a flying vehicle keep to it; says for which of them it is left out."""
+        """Whether home and a flying vehicle keep to it; announces which of them does not."""
         fits = True
         if situation.home is not None and not area.allows(*situation.home):
             fits = False
-            situation.say("navigator_geofence_invalid_against_home")
+            situation.announce("navigator_geofence_invalid_against_home")
         flying = situation.parameters["GF_ACTION"] > 0 and not situation.landed
         if flying and not area.allows(*situation.here):
             fits = False
-            situation.say("navigator_geofence_invalid_against_cur_pos")
+            situation.announce("navigator_geofence_invalid_against_cur_pos")
         return fits

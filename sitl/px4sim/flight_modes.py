@@ -64,21 +64,21 @@ class StickSpeed:
         return abs(self.per_s) > per_s and abs(self._same_way) >= _SAME_WAY
 
 
-class Pilot:
-    """What is known of the pilot's sticks.
+class StickInput:
+    """The state of the pilot's sticks.
 
     Attributes:
-        sticks: As heard last.
+        sticks: As received last.
     """
 
     def __init__(self) -> None:
         self.sticks = Sticks()
-        self._heard_s = -math.inf  # simulated time of the last MANUAL_CONTROL
-        self._rest = Sticks()  # what was heard first: sticks that are moved have left it
+        self._received_s = -math.inf  # simulated time of the last MANUAL_CONTROL
+        self._rest = Sticks()  # the first received: sticks that are moved have left it
         self._speeds = tuple(StickSpeed() for _ in range(4))  # by axis
         self._nudging = False  # the yaw stick has turned the vehicle in the present automatic mode
 
-    def hear(self, sticks: Sticks, situation: Situation) -> None:
+    def on_sticks(self, sticks: Sticks, situation: Situation) -> None:
         """MANUAL_CONTROL came in."""
         if not self.present(situation):
             self._rest = sticks
@@ -86,14 +86,14 @@ class Pilot:
         axes = (sticks.pitch, sticks.roll, sticks.throttle, sticks.yaw)
         for speed, place in zip(self._speeds, axes, strict=True):
             speed.move(situation.time_s, place)
-        self.sticks, self._heard_s = sticks, situation.time_s
+        self.sticks, self._received_s = sticks, situation.time_s
 
     def present(self, situation: Situation) -> bool:
-        """Whether sticks are heard: COM_RC_IN_MODE lets joysticks in, COM_RC_LOSS_T is patience."""
+        """Whether sticks are received: COM_RC_IN_MODE admits joysticks, within COM_RC_LOSS_T."""
         if int(situation.parameters["COM_RC_IN_MODE"]) == _NO_STICKS:
             return False
         patience_s = situation.parameters.limited("COM_RC_LOSS_T", 0.0, 60.0)
-        return situation.time_s - self._heard_s <= patience_s
+        return situation.time_s - self._received_s <= patience_s
 
     def takes_over(self, situation: Situation) -> bool:
         """Whether the sticks are moved so far that a pilot means it (COM_RC_STICK_OV)."""
@@ -138,7 +138,7 @@ class StickFlight(Flight):
         holds_place: Whether it stays where it is while the sticks rest.
     """
 
-    pilot: Pilot
+    pilot: StickInput
     holds_place: bool
     _place: tuple[float, float] | None = None  # north, east, held while the sticks rest
     _altitude_m: float | None = None  # AMSL, held while the throttle rests
@@ -159,7 +159,7 @@ class StickFlight(Flight):
         return Setpoint(SetpointKind.DIRECT, direct=direct)
 
     def _horizontal(self, sticks: Sticks, situation: Situation) -> tuple[float, float]:
-        """The velocity that is asked for; renews the place that is held."""
+        """The velocity that the sticks demand; updates the position to hold."""
         most_m_s = situation.parameters.limited("MPC_VEL_MANUAL", 3.0, 20.0)
         speed_m_s = most_m_s if self.holds_place else _TILT_SPEED_M_S
         forward, right = shaped(sticks.pitch) * speed_m_s, shaped(sticks.roll) * speed_m_s
@@ -173,7 +173,7 @@ class StickFlight(Flight):
         return forward * cosine - right * sine, forward * sine + right * cosine
 
     def _vertical(self, sticks: Sticks, situation: Situation) -> float:
-        """The climb that is asked for; renews the altitude that is held."""
+        """The climb that the sticks demand; updates the altitude to hold."""
         up = shaped(sticks.throttle)
         if up == 0.0:
             if self._altitude_m is None and abs(situation.velocity_m_s[2]) < _SLOW_M_S:
@@ -217,7 +217,7 @@ class FlightModes:
         self.hold = HoldFlight()
         self.takeoff = TakeoffFlight()
         self.returning = ReturnFlight()
-        self.pilot = Pilot()
+        self.pilot = StickInput()
         self.flights: dict[FlightMode, Flight] = {
             FlightMode.AUTO_LOITER: self.hold,
             FlightMode.AUTO_TAKEOFF: self.takeoff,
@@ -239,11 +239,11 @@ class FlightModes:
         return not mode.needs_pilot or self.pilot.present(situation)
 
     def blocks_arming(self, mode: FlightMode, situation: Situation) -> bool:
-        """Whether PX4 refuses to arm in a mode, as it is now."""
+        """Whether PX4 refuses to arm in a mode now."""
         if mode.prevents_arming or _lacks_position(mode, situation):
             return True
-        asks_more = mode in (FlightMode.AUTO_MISSION, FlightMode.OFFBOARD) or mode.needs_pilot
-        return asks_more and not self.can_fly(mode, situation)
+        needs_more = mode in (FlightMode.AUTO_MISSION, FlightMode.OFFBOARD) or mode.needs_pilot
+        return needs_more and not self.can_fly(mode, situation)
 
     def fallback(self, mode: FlightMode, situation: Situation) -> Action:
         """What the vehicle does instead of a mode that it was flying and cannot fly any more."""

@@ -87,7 +87,7 @@ class MissionFlight(Flight):
         self.begin(situation)
 
     def deactivate(self) -> None:
-        """Leave Mission mode; what was published stays so, PX4 says nothing then."""
+        """Leave Mission mode; PX4 publishes nothing then."""
         self.under_way = False
         self._climb = None
 
@@ -107,11 +107,13 @@ class MissionFlight(Flight):
         """Fly the current item, also anew after the plan was replaced in flight."""
         if not self._items or not self.valid:
             grounded = situation.landed
-            situation.say("mission_not_valid_refuse" if grounded else "mission_not_valid_loiter")
+            situation.announce(
+                "mission_not_valid_refuse" if grounded else "mission_not_valid_loiter"
+            )
             self._end(situation)
             return
         if not self.under_way:
-            situation.say("mission_execute")
+            situation.announce("mission_execute")
         self.under_way = True
         self.finished, self.reached = False, -1
         self._set_item(situation, previous=None)
@@ -142,8 +144,8 @@ class MissionFlight(Flight):
         self._reached_s = None
         self._moving_to_land = False
         if item.command == Command.NAV_RETURN_TO_LAUNCH:
-            situation.say("commander_rtl")
-            situation.ask_mode(FlightMode.AUTO_RTL)
+            situation.announce("commander_rtl")
+            situation.request_mode(FlightMode.AUTO_RTL)
         elif item.command == Command.DO_CHANGE_SPEED:
             situation.speed_m_s = positive(item.params[1])
         if not item.has_position:
@@ -152,7 +154,7 @@ class MissionFlight(Flight):
             return
         if self._climb is not None:
             above_m = self._climb.altitude_m - situation.home_altitude_m
-            situation.say("mission_climb_before_start", above_m)
+            situation.announce("mission_climb_before_start", above_m)
             self._target = self._climb
             return
         self._target = self._position_target(item, situation, previous)
@@ -231,7 +233,9 @@ class MissionFlight(Flight):
 
     def _advance(self, situation: Situation) -> None:
         if self.index + 1 >= len(self._items):
-            situation.say("mission_finished" if situation.landed else "mission_finished_loiter")
+            situation.announce(
+                "mission_finished" if situation.landed else "mission_finished_loiter"
+            )
             self._end(situation)
             return
         self.index += 1
@@ -251,18 +255,18 @@ class MissionFlight(Flight):
 class PlanIntake:
     """Hands the stored plan to those who fly by it, when it has changed.
 
-    A mission is checked when it is taken up, not when it is uploaded; what is wrong is said then.
+    A mission is checked when it is taken up, not when it is uploaded; PX4 announces mistakes then.
     """
 
     plan: PlanStore
     fence: Fence
     mission: MissionFlight
     returning: ReturnFlight
-    _revision: int = 0  # of the plan store, when it was looked at last
+    _revision: int = 0  # of the plan store, at the last check
     _mission_id: int = 0  # checksum of the mission that is loaded; 0: none
 
     def step(self, situation: Situation) -> None:
-        """Look for changes."""
+        """Check for changes."""
         plan, mission = self.plan, self.mission
         fence_loaded = self.fence.load_if_due(situation)
         if plan.revision != self._revision:
@@ -299,18 +303,18 @@ class PlanIntake:
             mission.begin(situation)
 
     def _feasible(self, situation: Situation) -> bool:
-        """Check the mission and say what is wrong; a leg across a fence is not looked at."""
+        """Check the mission and announce mistakes; PX4 does not check legs against the fence."""
         items = self.plan.items(MissionType.MISSION)
         faults = [*_faults(items, situation)] if items else []
         for fault in faults:
-            situation.say(*fault)
+            situation.announce(*fault)
         return bool(items) and not faults and self._fence_kept(items, situation)
 
     def _fence_kept(self, items: tuple[MissionItem, ...], situation: Situation) -> bool:
         to_local = situation.projection.to_local
         for number, item in enumerate(items, 1):
             if item.has_position and not self.fence.encloses(*to_local(*item.degrees)):
-                situation.say("navigator_mis_geofence_violation", number)
+                situation.announce("navigator_mis_geofence_violation", number)
                 return False
         return True
 

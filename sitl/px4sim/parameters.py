@@ -48,7 +48,7 @@ class UnknownParameterError(Exception):
 
 
 class Parameters:
-    """The values on board; what is read and set over MAVLink are fields of PARAM_VALUE.
+    """The values on board; reading and setting them over MAVLink returns fields of PARAM_VALUE.
 
     Args:
         changes: Values that differ from PX4's defaults.
@@ -74,7 +74,7 @@ class Parameters:
             if name not in self._defaults:
                 raise UnknownParameterError(f"{name}: not a parameter of this simulation")
             self._values[name] = type(self._defaults[name])(value)
-        self._limited: dict[tuple[str, float, float], float] = {}  # asked for in every step
+        self._limited: dict[tuple[str, float, float], float] = {}  # read in every step
 
     def __getitem__(self, name: str) -> float:
         """The value as a number to calculate with; the default where a NaN was stored."""
@@ -87,10 +87,10 @@ class Parameters:
 
     def limited(self, name: str, least: float, most: float) -> float:
         """The value, kept within limits that the simulation can fly with."""
-        asked = (name, least, most)
-        value = self._limited.get(asked)
+        key = (name, least, most)
+        value = self._limited.get(key)
         if value is None:
-            value = self._limited[asked] = max(least, min(most, self[name]))
+            value = self._limited[key] = max(least, min(most, self[name]))
         return value
 
     def change(self, name: str, value: float) -> None:
@@ -104,7 +104,7 @@ class Parameters:
             return [self._message(self._names[index])]
         if index < 0 and name in self._values:
             return [self._message(name)]
-        _log.warning("parameter %s (%d) was asked for: unknown, not answered", name, index)
+        _log.warning("parameter %s (%d) was requested: unknown, not answered", name, index)
         return []
 
     def set(self, name: str, value: float, param_type: int) -> list[dict[str, Any]]:

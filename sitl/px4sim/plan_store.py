@@ -88,10 +88,10 @@ _CHECKED: Final = attrgetter(
 
 
 class Refusal(NamedTuple):
-    """Why an uploaded item is not taken: what MISSION_ACK says, and whether a text does, too."""
+    """Why PX4 refuses an uploaded item: MISSION_ACK's result, and whether a text comes with it."""
 
     result: UploadResult
-    said: bool = True
+    with_text: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class MissionItem:
 
 
 def stored_item(message: Any, mission_type: int) -> MissionItem | Refusal:
-    """What is kept of an uploaded MISSION_ITEM_INT."""
+    """The part of an uploaded MISSION_ITEM_INT that PX4 stores."""
     raw: tuple[float, ...] = _PARAMS(message)
     if message.frame == FRAME_MISSION:
         frame, known, params = FRAME_MISSION, message.command in _POSITIONLESS, raw
@@ -168,7 +168,7 @@ def stored_item(message: Any, mission_type: int) -> MissionItem | Refusal:
         mission_type == MissionType.MISSION and message.command >= Command.FENCE_POLYGON_INCLUSION
     )
     if (mission_type == MissionType.FENCE and few) or stray:
-        return Refusal(UploadResult.ERROR, said=False)
+        return Refusal(UploadResult.ERROR, with_text=False)
     x, y = message.x, message.y
     return MissionItem(frame, message.command, bool(message.autocontinue), params, x, y, message.z)
 
@@ -206,12 +206,12 @@ _NONE: Final[tuple[tuple[MissionItem, ...], int]] = ((), 0)
 
 
 class PlanStore:
-    """What is stored, and what changed; shared by all MAVLink links.
+    """The stored plans and their changes; all MAVLink links share them.
 
     Attributes:
         current: The mission item that was last set from outside; None after an upload in which
             no item was marked as current: PX4 then keeps the index that it has.
-        active: The item that is flown, as the autopilot tells.
+        active: The item that is flown, as the autopilot reports it.
         revision: Counts the changes of mission, current item, fence and rally points.
         transferring: Whether an upload is under way on any link.
     """
@@ -244,6 +244,6 @@ class PlanStore:
         self.revision += 1
 
     def set_current(self, sequence: int) -> None:
-        """Ask for another mission item."""
+        """Request another mission item."""
         self.current = sequence
         self.revision += 1

@@ -8,7 +8,7 @@ from enum import Enum, IntEnum
 from importlib import resources
 from typing import Final, Self
 
-from sitl.px4sim.motion import Pace, Setpoint
+from sitl.px4sim.motion import Setpoint, SpeedLimits
 from sitl.px4sim.parameters import Parameters
 
 CUSTOM_MODE_ENABLED: Final = 1  # MAV_MODE_FLAG
@@ -61,7 +61,7 @@ _BY_MAIN: Final = {
 
 
 def requested_mode(base_mode: int, main: int, sub: int) -> FlightMode | None:
-    """The mode that a DO_SET_MODE or SET_MODE asks for; None is PX4's silent "nothing to do".
+    """The mode that a DO_SET_MODE or SET_MODE requests; None is PX4's silent "nothing to do".
 
     Raises:
         UnsupportedAutoModeError: no such AUTO submode.
@@ -102,7 +102,7 @@ _AUTOPILOT_COMPONENT: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """One thing said: words as a STATUSTEXT, an EVENT, or both.
+    """One announcement: a STATUSTEXT, an EVENT, or both.
 
     PX4 writes most of its texts twice: as a STATUSTEXT, which only ground stations are sent, and
     as an EVENT with a numeric id, which every link gets. A text that has an event twin ends in a
@@ -110,7 +110,7 @@ class Notice:
 
     Attributes:
         severity: Of the text.
-        text: The STATUSTEXT's words; empty if there is only an event.
+        text: The STATUSTEXT; empty if there is only an event.
         event: PX4's name of the event, such as `commander_armed_by`; empty if there is none.
         event_severity: The event's own level, mostly that of the text; 8 is for programs only.
         arguments: The event's arguments, as on the wire.
@@ -123,12 +123,12 @@ class Notice:
     arguments: bytes = b""
 
     @classmethod
-    def of(cls, event: str, *values: float, **words: str) -> Self:
-        """One of PX4's events; `values` are its arguments, `words` what its text has besides."""
+    def of(cls, event: str, *values: float, **details: str) -> Self:
+        """One of PX4's events; `values` are its arguments, `details` fill its text."""
         severity, level, layout, text = EVENTS[event]
-        said = text.format(*values, **words)
+        filled = text.format(*values, **details)
         packed = struct.pack(f"<{layout}", *values)
-        return cls(Severity(int(severity)), said, event, int(level) if level else None, packed)
+        return cls(Severity(int(severity)), filled, event, int(level) if level else None, packed)
 
     @property
     def status_text(self) -> str:
@@ -151,7 +151,7 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class StartPosition:
     """Where the vehicle is started: WGS-84 degrees, metres AMSL."""
 
     latitude_deg: float
@@ -221,7 +221,7 @@ class Situation:
     Attributes:
         projection: Degrees to local metres and back.
         parameters: On board.
-        ask_mode: Lets a mission or a finished mode ask for another mode.
+        request_mode: Lets a mission or a finished mode request another mode.
         time_s: Since start.
         north_m: Estimated.
         east_m: Estimated.
@@ -235,14 +235,14 @@ class Situation:
         home: North, east in metres, once set.
         home_altitude_m: AMSL; wanders in flight.
         ground_altitude_m: AMSL, of the flat ground.
-        speed_m_s: Cruise speed that was asked for in this mode; None: MPC_XY_CRUISE.
-        setpoint: What is flown to.
-        notices: Said and not yet sent.
+        speed_m_s: Cruise speed that was requested in this mode; None: MPC_XY_CRUISE.
+        setpoint: The target of the flight controller.
+        notices: Announced and not yet sent.
     """
 
     projection: MapProjection
     parameters: Parameters
-    ask_mode: Callable[[FlightMode], object]
+    request_mode: Callable[[FlightMode], object]
     ground_altitude_m: float
     time_s: float = 0.0
     north_m: float = 0.0
@@ -281,10 +281,10 @@ class Situation:
         """NAV_MC_ALT_RAD."""
         return self.parameters.limited("NAV_MC_ALT_RAD", 0.05, 200.0)
 
-    def pace(self) -> Pace:
+    def speed_limits(self) -> SpeedLimits:
         """Speed limits of this moment's parameters."""
         limited = self.parameters.limited
-        return Pace(
+        return SpeedLimits(
             limited("MPC_Z_V_AUTO_UP", 0.5, 8.0),
             limited("MPC_Z_V_AUTO_DN", 0.5, 4.0),
             limited("MPC_TKO_SPEED", 0.5, 5.0),
@@ -296,6 +296,6 @@ class Situation:
             limited("MPC_Z_VEL_MAX_DN", 0.5, 4.0),
         )
 
-    def say(self, event: str, *values: float, **words: str) -> None:
-        """Tell the outside world; see `Notice.of`."""
-        self.notices.append(Notice.of(event, *values, **words))
+    def announce(self, event: str, *values: float, **details: str) -> None:
+        """Announce one of PX4's events; see `Notice.of`."""
+        self.notices.append(Notice.of(event, *values, **details))

@@ -1,6 +1,6 @@
 """Which params a command or a mission item uses, as PX4 1.18 has it: others have to be 0 or NaN.
 
-PX4 1.18 refuses what it would pass over, so that a sender learns of it. What is not in a table here
+PX4 1.18 refuses parameters that it would ignore, so that the sender notices. One in no table here
 is not checked, as in PX4.
 """
 

@@ -1,6 +1,6 @@
 """Which version of PX4 the simulated autopilot behaves as, and what that changes.
 
-What is written elsewhere in this room is the behaviour of `RECORDED`; here is where others differ,
+The other files of this room have the behaviour of `RECORDED`; this one has how others differ,
 as far as the conversations of `sitl conform` show it on a binary.
 """
 
@@ -15,14 +15,14 @@ Values = Mapping[str, int | float]
 
 @dataclass(frozen=True, slots=True)
 class Px4Behaviour:
-    """What differs among versions.
+    """The differences among versions.
 
     Attributes:
         version: Of PX4.
         patch: The number behind it, of the binary that it was compared with.
         answers_mode_twice: DO_SET_MODE is acknowledged at once, and when it is decided.
         rejects_unknown_mode: A mode that does not exist is rejected, in place of being passed over.
-        tells_mission_state: In MISSION_CURRENT: mission_state and mission_mode.
+        reports_mission_state: In MISSION_CURRENT: mission_state and mission_mode.
         requests_int: The items of an upload are requested by MISSION_REQUEST_INT from the first on.
         moves_hold_without_flag: DO_REPOSITION without its change-mode flag moves the place of Hold.
         mode_ends_termination: A mode command ends a termination by command.
@@ -43,8 +43,8 @@ class Px4Behaviour:
         companion_s: After so long without a heartbeat a companion is lost; None: COM_OBC_LOSS_T.
         shows_intended_in_termination: A failsafe's termination shows in system_status alone; else
             as the mode, too.
-        breach_words: The text of a breach of the fence.
-        words: What is said otherwise, by 1.17's event of it: the event's name there, and its text.
+        breach_text: The text of a breach of the fence.
+        texts: Events with another name or text, by 1.17's event: the name there, and its text.
         without: Parameters that it does not have.
         values: Parameters that 1.17 does not have, and those with another default.
     """
@@ -53,7 +53,7 @@ class Px4Behaviour:
     patch: int = 0
     answers_mode_twice: bool = True
     rejects_unknown_mode: bool = False
-    tells_mission_state: bool = True
+    reports_mission_state: bool = True
     requests_int: bool = True
     moves_hold_without_flag: bool = False
     mode_ends_termination: bool = False
@@ -70,8 +70,8 @@ class Px4Behaviour:
     holds_without_sticks: bool = False
     companion_s: float | None = None
     shows_intended_in_termination: bool = False
-    breach_words: str = "Geofence: approaching or outside geofence"
-    words: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    breach_text: str = "Geofence: approaching or outside geofence"
+    texts: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     without: frozenset[str] = frozenset()
     values: Values = field(default_factory=dict)
 
@@ -83,7 +83,7 @@ class Px4Behaviour:
 
 
 _LOW_BEFORE_1_16: Final = "Low battery level"  # whatever level
-_GONE_IN_1_18: Final = frozenset({"COM_RC_OVERRIDE", "COM_RC_STICK_OV", "COM_OBC_LOSS_T"})
+_REMOVED_IN_1_18: Final = frozenset({"COM_RC_OVERRIDE", "COM_RC_STICK_OV", "COM_OBC_LOSS_T"})
 _NEW_IN_1_18: Final[Values] = {
     "MAN_OVERRIDE_SPD": 1.0,
     "COM_GNSSLOSS_ACT": 0,
@@ -102,14 +102,14 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
             (1, 15),
             patch=4,
             answers_mode_twice=False,
-            tells_mission_state=False,
+            reports_mission_state=False,
             requests_int=False,
             mode_ends_termination=True,
             holds_end_with_cause=True,
             values={"COM_LOW_BAT_ACT": 2},
-            breach_words="Geofence violation: approaching or outside geofence",
+            breach_text="Geofence violation: approaching or outside geofence",
             answers_aliens=True,
-            words={
+            texts={
                 "check_battery_low": ("check_battery_low", _LOW_BEFORE_1_16),
                 "check_battery_critical": ("check_battery_low", _LOW_BEFORE_1_16),
                 "check_battery_emergency": ("check_battery_low", _LOW_BEFORE_1_16),
@@ -119,7 +119,7 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
                 ),
             },
         ),
-        Px4Behaviour((1, 16), patch=2, tells_mission_state=False, requests_int=False),
+        Px4Behaviour((1, 16), patch=2, reports_mission_state=False, requests_int=False),
         Px4Behaviour((1, 17)),
         Px4Behaviour(
             (1, 18),
@@ -137,7 +137,7 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
             mode_by_first_sticks=False,
             holds_without_sticks=True,
             companion_s=5.0,
-            words={
+            texts={
                 "mavlink_mission_op_timeout": (
                     "mavlink_mission_sync_timeout",
                     "Mission sync timeout",
@@ -147,7 +147,7 @@ BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
                     "System does not support shutdown",
                 ),
             },
-            without=_GONE_IN_1_18,
+            without=_REMOVED_IN_1_18,
             values=_NEW_IN_1_18,
         ),
     )
@@ -159,4 +159,4 @@ RECORDED: Final[Version] = (1, 17)
 recorded; the others are described by how they differ."""
 
 USUAL: Final[Version] = NEWEST
-"""What the simulated autopilot behaves as where nothing else is said: the newest."""
+"""The version of the simulated autopilot where none is chosen: the newest."""

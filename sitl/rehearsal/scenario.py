@@ -17,7 +17,7 @@ from typing import Any, Final
 from air_router.mission import Mission, sought, team_of
 from geo.frame import Point
 from sitl.mavlink import MavlinkVehicle, Sender, VehicleSettings
-from sitl.px4sim import Autopilot, Place
+from sitl.px4sim import Autopilot, StartPosition
 from sitl.px4sim.motion import WindSettings
 from sitl.rehearsal.companion import EPOCH_S, START, Companion, World
 from sitl.rehearsal.courses import Agenda
@@ -183,7 +183,7 @@ class Scenario(World, ABC):
         latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
         self.vehicle = MavlinkVehicle(
             VehicleSettings(
-                Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0),
+                StartPosition(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0),
                 seed=scene.seed,
                 start_unix_s=EPOCH_S,
                 parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0, **kind.parameters},

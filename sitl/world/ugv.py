@@ -25,7 +25,7 @@ PATH_POINTS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PatrolPose:
     """A place on a patrol: position, heading clockwise from north, and the leg it lies on."""
 
     position: Point
@@ -63,10 +63,10 @@ class Patrol:
             return ()
         return tuple(itertools.pairwise((*self.stops, self.stops[0])))
 
-    def at(self, distance_m: float) -> Place:
+    def at(self, distance_m: float) -> PatrolPose:
         """The place after so many metres from the first point."""
         if not self.length_m:
-            return Place(self.stops[0], 0.0, 0)
+            return PatrolPose(self.stops[0], 0.0, 0)
         distance_m %= self.length_m
         leg = min(bisect.bisect_right(self._starts_m, distance_m) - 1, len(self.stops) - 1)
         start, end = self.stops[leg], self.stops[(leg + 1) % len(self.stops)]
@@ -75,7 +75,7 @@ class Patrol:
         north_m = end.north_m - start.north_m
         heading_deg = math.degrees(math.atan2(east_m, north_m)) % 360
         position = Point(start.east_m + part * east_m, start.north_m + part * north_m)
-        return Place(position, heading_deg, leg)
+        return PatrolPose(position, heading_deg, leg)
 
     def ahead(self, leg: int) -> tuple[Point, ...]:
         """The next points to come while on a leg."""

@@ -9,10 +9,10 @@ from sitl.conformance.conversation import Conversation, Start, prepare
 from sitl.conformance.session import Link, LocalLine, Session
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.mavlink.vehicle import STEP_S, VehicleSettings
-from sitl.px4sim.state import Place
+from sitl.px4sim.state import StartPosition
 from sitl.px4sim.versions import USUAL
 
-HOME = Place(47.397742, 8.545594, 489.4)
+HOME = StartPosition(47.397742, 8.545594, 489.4)
 SLOWER_HZ = {name: min(rate_hz, 10.0) for name, rate_hz in ONBOARD_RATES_HZ.items()}
 
 copyreg.pickle(struct.Struct, lambda one: (struct.Struct, (one.format,)))  # also to copy it

@@ -24,7 +24,7 @@ from air_router.vehicle.px4.signing_key import SigningKey
 from air_router.vehicle.vehicle import MavlinkSpoofed
 from sitl.process.px4_install import NoPx4Error, find_px4, named
 from sitl.process.px4_process import PortsInUseError, Px4Process, Px4Settings
-from sitl.px4sim.state import Place
+from sitl.px4sim.state import StartPosition
 
 PROVISIONED_UNIX_S = 1_700_000_000  # PX4 begins with the time at which it got its key
 LIMIT_S = 60  # against hangs only
@@ -234,7 +234,7 @@ class Station:
 def first_free(install, mission, folder):
     """A PX4 with an instance number that nothing else here takes."""
     home = load_mission(mission).frame.origin
-    place = Place(home.latitude_deg, home.longitude_deg, 6.7)
+    place = StartPosition(home.latitude_deg, home.longitude_deg, 6.7)
     for instance in range(30, 40):
         with contextlib.suppress(PortsInUseError):
             return Px4Process(install, Px4Settings(place, 5.0, instance=instance, folder=folder))

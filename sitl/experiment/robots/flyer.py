@@ -18,9 +18,9 @@ from geo.frame import Point
 from sitl.experiment import RunSettings
 from sitl.px4sim.motion import (
     Multirotor,
-    Pace,
     Setpoint,
     SetpointKind,
+    SpeedLimits,
     Wind,
     WindSettings,
     braking_distance,
@@ -29,7 +29,7 @@ from sitl.px4sim.motion import (
 
 STEP_S: Final = 0.1
 _AIRFRAME_STEPS: Final = 5  # of the simulated autopilot in one of `STEP_S`
-_PACE: Final = Pace()
+_PACE: Final = SpeedLimits()
 _AT_REST_M: Final = 0.05
 _AT_REST_M_S: Final = 0.2
 

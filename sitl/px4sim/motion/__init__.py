@@ -4,9 +4,9 @@ from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
 from sitl.px4sim.motion.dynamics import GRAVITY_M_S2, MotionDemand, Multirotor
 from sitl.px4sim.motion.guidance import (
     Direct,
-    Pace,
     Setpoint,
     SetpointKind,
+    SpeedLimits,
     braking_distance,
     wanted_velocity,
 )
@@ -17,9 +17,9 @@ __all__ = [
     "EstimateErrors",
     "MotionDemand",
     "Multirotor",
-    "Pace",
     "Setpoint",
     "SetpointKind",
+    "SpeedLimits",
     "Wind",
     "WindSettings",
     "braking_distance",

@@ -3,7 +3,7 @@
 PX4's estimate in its own simulator is 0.1 to 0.2 m off horizontally, and its altitude wanders by
 some decimetres; so does, in flight, the altitude of home, which PX4 corrects as it goes.
 
-Told to fly 5 m/s, PX4's own simulator has 3.8 m/s at once, since its controller has to learn the
+On a demand of 5 m/s, PX4's own simulator has 3.8 m/s at once, since its controller has to learn the
 drag, and creeps up to 5 within 15 seconds; stopping it overshoots by what it learned. So a gust
 moves it, and a steady wind only tilts it.
 """

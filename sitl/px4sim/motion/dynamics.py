@@ -117,7 +117,8 @@ class Multirotor:
     def _felt(self, push_m_s2: tuple[float, float], wanted: MotionDemand) -> tuple[float, float]:
         """How much of a push is felt.
 
-        Where it helps, the controller asks less of the motors; across the way it holds the line.
+        A push that helps acts in part: the controller lowers the thrust. So does one from the side:
+        the controller holds the line.
         """
         north, east = push_m_s2
         missing_north = wanted.north_m_s - self.velocity_north_m_s
@@ -189,7 +190,7 @@ class Multirotor:
 def _acceleration(missing_m_s: float, most_m_s2: float, jerk_m_s3: float) -> float:
     """The acceleration with which a missing speed is made up for without overshoot.
 
-    It falls with the square root of what is missing, so that it can be gone, at half the jerk
+    It falls with the square root of the missing speed, so that it can reach zero, at half the jerk
     limit, when nothing is missing any more; and linearly near the end, so that it settles.
     """
     return min(most_m_s2, math.sqrt(jerk_m_s3 * missing_m_s), 2.5 * missing_m_s)

@@ -1,4 +1,4 @@
-"""From where the vehicle is to go, or what sticks ask for, to the velocity to have now.
+"""From the target of the vehicle, or the demand of the sticks, to the velocity to have now.
 
 The speed profile is PX4's (position smoothing of its multicopter tasks): as fast as allowed, but
 never faster than lets it stop, with its acceleration and jerk limits, at the target. Between two
@@ -31,7 +31,7 @@ _HEADING_DISTANCE_M: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Direct:
-    """What sticks ask for; None leaves an axis to the others, or at rest.
+    """The demand of the sticks; None leaves an axis to the others, or at rest.
 
     Attributes:
         position: North, east in metres.
@@ -72,9 +72,9 @@ class Setpoint:
         altitude_m: Target, AMSL; of no meaning for IDLE and LAND.
         previous: Start (north, east) of the line to follow; None flies straight from anywhere.
         following: Where it goes after the target (north, east); None stops there.
-        yaw_rad: Heading; None looks where it flies.
+        yaw_rad: Heading; None points along the flight path.
         acceptance_m: How near counts as there; corners are cut by about that much.
-        direct: What is asked for in DIRECT; it is the only thing that counts then.
+        direct: The demand in DIRECT; the other fields do not count then.
     """
 
     kind: SetpointKind = SetpointKind.IDLE
@@ -96,7 +96,7 @@ class Setpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class SpeedLimits:
     """Speed limits in m/s and m/s2: the vehicle's parameters that shape a flight.
 
     Attributes:
@@ -106,7 +106,7 @@ class Pace:
         land_m_s: MPC_LAND_SPEED.
         acceleration_m_s2: MPC_ACC_HOR.
         jerk_m_s3: MPC_JERK_AUTO.
-        most_m_s: MPC_XY_VEL_MAX; this and the next two limit what sticks ask for.
+        most_m_s: MPC_XY_VEL_MAX; this and the next two limit the sticks.
         most_up_m_s: MPC_Z_VEL_MAX_UP.
         most_down_m_s: MPC_Z_VEL_MAX_DN.
     """
@@ -122,19 +122,19 @@ class Pace:
     most_down_m_s: float = 1.5
 
 
-def approach_speed(distance_m: float, pace: Pace, final_m_s: float = 0.0) -> float:
+def approach_speed(distance_m: float, speed_limits: SpeedLimits, final_m_s: float = 0.0) -> float:
     """The greatest speed at a distance from which the wanted final speed can still be reached."""
-    acceleration = pace.acceleration_m_s2
-    ramp = 4.0 * acceleration * acceleration / pace.jerk_m_s3
+    acceleration = speed_limits.acceleration_m_s2
+    ramp = 4.0 * acceleration * acceleration / speed_limits.jerk_m_s3
     root = math.sqrt(
         ramp * ramp + 4.0 * (2.0 * acceleration * max(distance_m, 0.0) + final_m_s * final_m_s)
     )
     return max(0.5 * (root - ramp), final_m_s)
 
 
-def braking_distance(speed_m_s: float, pace: Pace) -> float:
-    """How far ahead PX4 puts the place to hold at, when told to hold at some speed."""
-    return speed_m_s * (speed_m_s / (2.0 * pace.acceleration_m_s2) + 0.6)
+def braking_distance(speed_m_s: float, speed_limits: SpeedLimits) -> float:
+    """How far ahead PX4 puts the place to hold at, on a Hold command at some speed."""
+    return speed_m_s * (speed_m_s / (2.0 * speed_limits.acceleration_m_s2) + 0.6)
 
 
 def wanted_velocity(
@@ -142,7 +142,7 @@ def wanted_velocity(
     position: tuple[float, float, float],
     ground_altitude_m: float,
     cruise_m_s: float,
-    pace: Pace,
+    speed_limits: SpeedLimits,
 ) -> MotionDemand:
     """The velocity to have now.
 
@@ -151,16 +151,16 @@ def wanted_velocity(
         position: North, east in metres and altitude AMSL, as the autopilot believes it.
         ground_altitude_m: AMSL; landing slows down above it.
         cruise_m_s: Horizontal speed, at most.
-        pace: Limits.
+        speed_limits: Limits.
     """
     north_m, east_m, altitude_m = position
     if setpoint.kind is SetpointKind.IDLE:
         return MotionDemand()
     if setpoint.direct is not None:
-        return direct_velocity(setpoint.direct, position, pace)
+        return direct_velocity(setpoint.direct, position, speed_limits)
     to_north, to_east = setpoint.north_m - north_m, setpoint.east_m - east_m
     distance_m = math.hypot(to_north, to_east)
-    speed = approach_speed(distance_m, pace, _corner_speed(setpoint, pace))
+    speed = approach_speed(distance_m, speed_limits, _corner_speed(setpoint, speed_limits))
     speed = min(speed, cruise_m_s)
     aim_north, aim_east = _line_point(setpoint, north_m, east_m, to_north, to_east)
     aim = math.hypot(aim_north, aim_east) or 1.0
@@ -170,13 +170,15 @@ def wanted_velocity(
     return MotionDemand(
         speed * aim_north / aim,
         speed * aim_east / aim,
-        _vertical(setpoint, altitude_m, ground_altitude_m, distance_m / max(speed, 0.3), pace),
+        _vertical(
+            setpoint, altitude_m, ground_altitude_m, distance_m / max(speed, 0.3), speed_limits
+        ),
         yaw_rad,
     )
 
 
 def direct_velocity(
-    direct: Direct, position: tuple[float, float, float], pace: Pace
+    direct: Direct, position: tuple[float, float, float], speed_limits: SpeedLimits
 ) -> MotionDemand:
     """The velocity for sticks, at a position north, east in metres and altitude AMSL."""
     north_m, east_m, altitude_m = position
@@ -185,12 +187,12 @@ def direct_velocity(
         north += (direct.position[0] - north_m) * _XY_GAIN
         east += (direct.position[1] - east_m) * _XY_GAIN
     speed = math.hypot(north, east)
-    if speed > pace.most_m_s:
-        north, east = (part * pace.most_m_s / speed for part in (north, east))
+    if speed > speed_limits.most_m_s:
+        north, east = (part * speed_limits.most_m_s / speed for part in (north, east))
     up = direct.up_m_s
     if direct.altitude_m is not None:
         up += (direct.altitude_m - altitude_m) * _Z_GAIN
-    up = max(-pace.most_down_m_s, min(pace.most_up_m_s, up))
+    up = max(-speed_limits.most_down_m_s, min(speed_limits.most_up_m_s, up))
     return MotionDemand(north, east, up, None, direct.yaw_rate_rad_s, _AGILE)
 
 
@@ -209,15 +211,15 @@ def _line_point(
     from_north, from_east = north_m - setpoint.previous[0], east_m - setpoint.previous[1]
     along_m = from_north * line_north + from_east * line_east
     across_m = from_east * line_north - from_north * line_east
-    look_m = math.sqrt(max(_LOOK_AHEAD_M**2 - across_m**2, 0.0))
-    reach_m = min(max(along_m + look_m, 0.0), length_m)
+    ahead_m = math.sqrt(max(_LOOK_AHEAD_M**2 - across_m**2, 0.0))
+    reach_m = min(max(along_m + ahead_m, 0.0), length_m)
     return (
         setpoint.previous[0] + reach_m * line_north - north_m,
         setpoint.previous[1] + reach_m * line_east - east_m,
     )
 
 
-def _corner_speed(setpoint: Setpoint, pace: Pace) -> float:
+def _corner_speed(setpoint: Setpoint, speed_limits: SpeedLimits) -> float:
     """How fast a waypoint may be passed: that of a circle that fits into the corner."""
     if setpoint.previous is None or setpoint.following is None:
         return 0.0
@@ -231,21 +233,25 @@ def _corner_speed(setpoint: Setpoint, pace: Pace) -> float:
     cosine = max(-1.0, min(1.0, (in_north * out_north + in_east * out_east) / lengths))
     tangent = math.tan(min(math.acos(cosine), math.pi - 1e-6) / 2.0)
     # PX4 turns with half of its acceleration, and its corner is the acceptance circle.
-    return math.sqrt(0.5 * pace.acceleration_m_s2 * setpoint.acceptance_m * tangent)
+    return math.sqrt(0.5 * speed_limits.acceleration_m_s2 * setpoint.acceptance_m * tangent)
 
 
 def _vertical(
-    setpoint: Setpoint, altitude_m: float, ground_altitude_m: float, time_left_s: float, pace: Pace
+    setpoint: Setpoint,
+    altitude_m: float,
+    ground_altitude_m: float,
+    time_left_s: float,
+    speed_limits: SpeedLimits,
 ) -> float:
     if setpoint.kind is SetpointKind.LAND:
         height_m = altitude_m - ground_altitude_m
         part = max(0.0, min(1.0, (height_m - 5.0) / 5.0))  # MPC_LAND_ALT2 .. MPC_LAND_ALT1
-        return -(pace.land_m_s + part * (pace.down_m_s - pace.land_m_s))
+        return -(speed_limits.land_m_s + part * (speed_limits.down_m_s - speed_limits.land_m_s))
     missing_m = setpoint.altitude_m - altitude_m
-    limit = pace.down_m_s if missing_m < 0 else pace.up_m_s
+    limit = speed_limits.down_m_s if missing_m < 0 else speed_limits.up_m_s
     if setpoint.kind is SetpointKind.TAKEOFF and missing_m > 0:
-        limit = pace.takeoff_m_s
-    speed = min(limit, approach_speed(abs(missing_m), pace))
+        limit = speed_limits.takeoff_m_s
+    speed = min(limit, approach_speed(abs(missing_m), speed_limits))
     if setpoint.kind is SetpointKind.POSITION and time_left_s > 1.0:
         # On the way to a waypoint the height changes evenly, along the straight line to it.
         speed = min(speed, abs(missing_m) / time_left_s)

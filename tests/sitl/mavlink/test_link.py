@@ -84,7 +84,7 @@ class TestCodec:
         batteries = {f"check_{cause.name.lower()}" for cause in Cause if "BATTERY" in cause.name}
         fields = {field for of in DEFINITIONS.values() for field in of.defaults}
         roots = tuple({event.partition("_")[0] for event in EVENTS})
-        others = {event for each in BEHAVIOURS.values() for event, _ in each.words.values()}
+        others = {event for each in BEHAVIOURS.values() for event, _ in each.texts.values()}
         named = {word for word in said if word.startswith(roots)} - fields - others
         assert named | batteries <= EVENTS.keys() <= {*said} | batteries
 

@@ -16,9 +16,9 @@ from sitl.process import pace as pace_rules
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
 from sitl.process.vehicle import End, Ports, VehicleProcess
-from sitl.px4sim.state import Place
+from sitl.px4sim.state import StartPosition
 
-HOME = Place(39.94, -75.2, 6.7)
+HOME = StartPosition(39.94, -75.2, 6.7)
 FAST = 100.0
 NOWHERE = ("127.0.0.1", 9)
 

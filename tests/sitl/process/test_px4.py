@@ -24,9 +24,9 @@ from sitl.process.px4_process import (
     Px4Settings,
     environment,
 )
-from sitl.px4sim.state import Place
+from sitl.px4sim.state import StartPosition
 
-HOME = Place(40.4406, -79.9959, 280.0)
+HOME = StartPosition(40.4406, -79.9959, 280.0)
 LISTING = "image ls --format {{.Tag}} px4io/px4-sitl"
 LIMIT_S = 60
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
 from sitl.px4sim.motion.guidance import (
     Direct,
-    Pace,
     Setpoint,
     SetpointKind,
+    SpeedLimits,
     approach_speed,
     braking_distance,
     direct_velocity,
@@ -27,7 +27,7 @@ def fly(target, seconds, *, speed_m_s=0.0, cruise_m_s=5.0, craft=None):
     states = []
     for _ in range(round(seconds / STEP_S)):
         position = (craft.north_m, craft.east_m, craft.up_m)
-        craft.step(STEP_S, wanted_velocity(target, position, 0.0, cruise_m_s, Pace()))
+        craft.step(STEP_S, wanted_velocity(target, position, 0.0, cruise_m_s, SpeedLimits()))
         states.append((craft.north_m, craft.east_m, craft.up_m, speed(craft)))
     return states
 
@@ -52,7 +52,7 @@ def test_it_slows_down_as_early_as_the_recorded_px4_did():
 
 
 def test_a_hold_at_cruise_speed_stops_where_px4_puts_the_hold_point():
-    ahead_m = braking_distance(5.0, Pace())
+    ahead_m = braking_distance(5.0, SpeedLimits())
     assert ahead_m == pytest.approx(7.17, abs=0.01)
     states = fly(Setpoint(SetpointKind.POSITION, ahead_m, 0, 20), 15, speed_m_s=5.0)
     assert max(state[0] for state in states) == pytest.approx(ahead_m, abs=0.05)
@@ -84,7 +84,7 @@ def test_a_waypoint_that_is_only_passed_is_passed_in_flight():
 
 
 def test_what_sticks_ask_for_goes_with_the_distance_up_to_the_greatest_speed():
-    pace = Pace(most_m_s=12.0, most_up_m_s=3.0, most_down_m_s=1.5)
+    pace = SpeedLimits(most_m_s=12.0, most_up_m_s=3.0, most_down_m_s=1.5)
     near = direct_velocity(Direct((2.0, 0.0), 101.0), (0.0, 0.0, 100.0), pace)
     assert (near.north_m_s, near.up_m_s) == pytest.approx((1.9, 1.0))
     far = direct_velocity(Direct((300.0, 400.0), 0.0), (0.0, 0.0, 100.0), pace)
@@ -94,8 +94,8 @@ def test_what_sticks_ask_for_goes_with_the_distance_up_to_the_greatest_speed():
 
 def test_landing_slows_down_near_the_ground():
     land = Setpoint(SetpointKind.LAND, 0, 0)
-    assert wanted_velocity(land, (0, 0, 30), 0, 5, Pace()).up_m_s == pytest.approx(-1.5)
-    assert wanted_velocity(land, (0, 0, 4), 0, 5, Pace()).up_m_s == pytest.approx(-0.7)
+    assert wanted_velocity(land, (0, 0, 30), 0, 5, SpeedLimits()).up_m_s == pytest.approx(-1.5)
+    assert wanted_velocity(land, (0, 0, 4), 0, 5, SpeedLimits()).up_m_s == pytest.approx(-0.7)
 
 
 def test_the_ground_is_hard_and_without_motors_it_falls():
@@ -120,9 +120,9 @@ def test_it_turns_the_short_way_at_a_limited_rate():
 
 
 def test_the_approach_speed_is_fast_far_away_and_zero_at_the_target():
-    assert approach_speed(0, Pace()) == 0
-    assert approach_speed(1000, Pace()) > 50
-    assert approach_speed(0, Pace(), final_m_s=2) == pytest.approx(2)
+    assert approach_speed(0, SpeedLimits()) == 0
+    assert approach_speed(1000, SpeedLimits()) > 50
+    assert approach_speed(0, SpeedLimits(), final_m_s=2) == pytest.approx(2)
 
 
 coordinates = st.floats(-500, 500)
@@ -144,7 +144,7 @@ def test_limits_hold_and_it_arrives(target, start_m_s, cruise_m_s):
     before = (craft.velocity_north_m_s, craft.velocity_east_m_s)
     for step in range(round(limit_s / STEP_S)):
         position = (craft.north_m, craft.east_m, craft.up_m)
-        craft.step(STEP_S, wanted_velocity(setpoint, position, 0, cruise_m_s, Pace()))
+        craft.step(STEP_S, wanted_velocity(setpoint, position, 0, cruise_m_s, SpeedLimits()))
         after = (craft.velocity_north_m_s, craft.velocity_east_m_s)
         if not craft.on_ground:
             assert math.dist(before, after) / STEP_S < 3.01

@@ -7,9 +7,9 @@ import pytest
 from sitl.cli.vehicle_command import _wind
 from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.px4sim.motion.disturbances import Wind, WindSettings
-from sitl.px4sim.state import FlightMode, Place
+from sitl.px4sim.state import FlightMode, StartPosition
 
-HOME = Place(47.397742, 8.545594, 489.4)
+HOME = StartPosition(47.397742, 8.545594, 489.4)
 
 
 def blow(settings, seconds=60.0, seed=1):
