@@ -1,3 +1,3 @@
-# What `sitl.cli` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.cli`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.cli.rehearse_command import fly as fly

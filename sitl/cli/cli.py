@@ -30,7 +30,7 @@ COMMANDS = {
 PROGRAM = program_of(
     "sitl",
     "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
-    "exit codes: 0 done, 1 ended abnormally, 2 wrong usage, 3 invalid file, 4 no answer,\n"
+    "exit codes: 0 done, 1 ended abnormally, 2 wrong usage, 3 invalid file, 4 no reply,\n"
     "5 refused, 7 a package is missing, 130 interrupted (Ctrl-C)",
     COMMANDS,
 )

@@ -18,14 +18,14 @@ from sitl.cli.vehicle_command import PX4_HOME
 from sitl.conformance import (
     Conversation,
     Line,
-    Link,
+    LinkKind,
     LocalLine,
     Outcome,
     SilentVehicleError,
     UdpLine,
-    asked_version,
     conversations,
     converse,
+    reported_version,
     table_of_facts,
     table_of_steps,
 )
@@ -103,8 +103,8 @@ def run(arguments: Options) -> int:
             continue
         with contextlib.closing(_line_for(conversation, version, px4)) as line:
             outcome = converse(conversation, line, version)
-        word = "held    " if outcome.held else "DEPARTED"
-        print(f"{word} {outcome.name} {outcome.departure}".rstrip(), file=sys.stderr, flush=True)
+        verdict = "held    " if outcome.held else "DEPARTED"
+        print(f"{verdict} {outcome.name} {outcome.departure}".rstrip(), file=sys.stderr, flush=True)
         outcomes.append(outcome)
     if arguments.json:
         print(json.dumps([asdict(outcome) for outcome in outcomes], indent=1))
@@ -140,7 +140,7 @@ def _line_for(conversation: Conversation, version: Version, px4: _Px4 | None) ->
     """To a vehicle that is started for it."""
     if px4 is not None:
         return _Px4Line(px4, conversation.started_with)
-    ground_link = Link.GROUND in conversation.links
+    ground_link = LinkKind.GROUND in conversation.links
     return LocalLine(
         VehicleSettings(
             PX4_HOME,
@@ -154,12 +154,14 @@ def _line_for(conversation: Conversation, version: Version, px4: _Px4 | None) ->
 
 
 def _version_of(px4: _Px4) -> Version:
-    """What a PX4 says that it is; it is started for that."""
+    """The version that a PX4 reports; it is started for that."""
     with contextlib.closing(_Px4Line(px4, {})) as line:
-        found = asked_version(line)
+        found = reported_version(line)
     if found not in FLOWN:
         known = f"{name_of(OLDEST)} to {name_of(NEWEST)}"
-        raise UsageError(f"{px4.install.words} is PX4 {name_of(found)}; what is known is {known}")
+        raise UsageError(
+            f"{px4.install.description} is PX4 {name_of(found)}; what is known is {known}"
+        )
     return found
 
 
@@ -170,15 +172,15 @@ class _Px4Line(UdpLine):
         settings = Px4Settings(PX4_HOME, px4.speed, parameters, px4.instance)
         self._process = Px4Process(px4.install, settings)
         number = self._process.instance
-        ports = {Link.API: 14540 + number, Link.GROUND: 14550}
+        ports = {LinkKind.API: 14540 + number, LinkKind.GROUND: 14550}
         super().__init__(ports, system_id=number + 1, time_scale=px4.speed)
 
-    def listen(self) -> list[tuple[Link, Frame]]:
-        """See `Line`: a PX4 that has ended says why."""
+    def listen(self) -> list[tuple[LinkKind, Frame]]:
+        """See `Line`: a PX4 that has ended has its last output in the error."""
         try:
             return super().listen()
         except SilentVehicleError as error:
-            raise SilentVehicleError(f"{error}; {self._process.last_words()}") from None
+            raise SilentVehicleError(f"{error}; {self._process.last_output()}") from None
 
     def close(self) -> None:
         """See `Line`: also ends the PX4; so does a port that is taken."""

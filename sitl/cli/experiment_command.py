@@ -32,7 +32,7 @@ from sitl.experiment.campaign import (
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
-and with more --seeds or other --rows it makes only what is missing; docs/evidence/experiments.md.
+and with more --seeds or other --rows it makes only the missing runs; docs/evidence/experiments.md.
 
 examples:
   sitl experiment table1 --seeds 30
@@ -129,7 +129,7 @@ def run(arguments: Options) -> int:
 def run_with(
     arguments: Options, work: Work, try_out: Callable[[Task], object] | None = None
 ) -> int:
-    """The command, with what makes one run, and what looks whether that can be done."""
+    """The command, with the function that makes one run, and the one that checks for it."""
     if arguments.experiment is None:
         raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
     if arguments.verify or arguments.experiment.endswith(ARCHIVE_ENDING):
@@ -166,13 +166,13 @@ def run_with(
 
 
 def _from_archive(archive: Path, arguments: Options) -> int:
-    """Table and claims of archived runs; or whether a document still says what they say."""
+    """Table and claims of archived runs; or whether a document still agrees with them."""
     if not archive.name.endswith(ARCHIVE_ENDING):
         raise UsageError(f"--verify is about an archive of runs; give a file *{ARCHIVE_ENDING}")
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
-        # Claims that are declared after a look at exploration runs say nothing against these.
+        # Claims that are declared after exploration runs were read do not count against these.
         claims_differ = experiment.claims and now.rules != experiment.rules
         if claims_differ or now.rows != experiment.rows:
             sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
@@ -220,7 +220,7 @@ def _run_campaign(
 
 @contextlib.contextmanager
 def _terminated() -> Iterator[None]:
-    """SIGTERM is Ctrl-C here: the processes end, and what is finished is kept."""
+    """SIGTERM is Ctrl-C here: the processes end, and finished runs are kept."""
 
     def stop(_number: int, _frame: object) -> None:
         raise KeyboardInterrupt
@@ -248,7 +248,7 @@ def _evaluate(
     arguments: Options,
     archive: Path | None,
 ) -> None:
-    """Write and print what runs amount to, and put it into a document where that is asked for."""
+    """Write and print the results of runs, and put them into a document on request."""
     from sitl.experiment.analysis import Report, fill  # noqa: PLC0415 - only with SciPy
 
     found = Report(experiment, records)

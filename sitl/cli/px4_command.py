@@ -25,7 +25,7 @@ from sitl.process import (
 )
 
 _EPILOG = f"""\
-Looks for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},
+Searches for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},
 `px4` on the PATH, then Docker or Podman with {IMAGE}. Prints one JSON line
 on stdout when it can arm: {{"ready": true, "mavlink": ..., "gcs": ..., "truth": ..., "px4": ...}}.
 Runs until SIGINT or SIGTERM; PX4 is stopped with it, whatever happens.
@@ -75,7 +75,7 @@ def run(arguments: Options) -> int:
                 "mavlink": f"udpin://0.0.0.0:{14540 + number if number <= 9 else 14549}",
                 "gcs": "udpin://127.0.0.1:14550",
                 "truth": f"udp://127.0.0.1:{19410 + number}",
-                "px4": install.words,
+                "px4": install.description,
                 "process_id": process.process_id,
             }
             ready_line(links, number + 1, settings.speed, settings.place)

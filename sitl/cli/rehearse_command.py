@@ -67,7 +67,7 @@ MOST_VIOLATIONS: Final = 3
 @command(
     "Fly a mission with the real flight program and the simulated PX4 in one "
     "process, faster than real time; in each something else goes wrong. A judge that knows "
-    "only the true track, the messages and the mission file says how each went. Prints a "
+    "only the true track, the messages and the mission file reports on each. Prints a "
     "table.",
     "examples:\n"
     "  sitl rehearse missions/pennovation/mission.yaml\n"
@@ -153,7 +153,7 @@ def _flown(arguments: Options) -> Iterator[tuple[Scene, Verdict]]:
 
 def fly(path: Path, scene: Scene) -> Verdict:
     """Fly one scene of a mission, and judge it."""
-    logging.disable(logging.ERROR)  # what goes wrong on purpose is not told a second time
+    logging.disable(logging.ERROR)  # faults on purpose are not reported a second time
     try:
         return judge(SimulatedFlight(scene, path).fly())
     except Exception as error:  # noqa: BLE001 - one flight must not lose the verdicts of the others

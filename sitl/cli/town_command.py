@@ -50,7 +50,7 @@ HOUSE, HOUSE_EDGE, GOAL, START = "#fdfdfb", "#b9b4a8", "#d1495b", "#30638e"
 )
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
-    """Do what was asked; returns the exit code."""
+    """Carry out the command; returns the exit code."""
     from sitl.world.towns import (  # noqa: PLC0415
         generate,
         load_town,
@@ -91,7 +91,7 @@ def run(arguments: Options) -> int:
 
 
 def _check_for_file(arguments: Options) -> None:
-    """What is only for new towns, or new places, would do nothing to a file's."""
+    """Refuse options for new towns, or new places, which would do nothing to a file's."""
     if arguments.goals is not None:
         raise UsageError("--goals is for a new town; --scatter N puts N vehicles into this one")
     if arguments.seed is not None and arguments.scatter is None:
@@ -135,7 +135,9 @@ def _draw(town: Town, path: Path) -> None:
     corners = [Point(bounds.west_m, bounds.south_m), Point(bounds.east_m, bounds.north_m)]
     sheet = MapSheet(corners, OPEN)
     drawn = {
-        terrain: shapely.union_all([shape for own, shape in layers(town.scene) if own is terrain])
+        terrain: shapely.union_all(
+            [shape for own, shape in layers(town.land_cover) if own is terrain]
+        )
         for terrain in Terrain
     }
     yards = drawn[Terrain.GRAVEL]

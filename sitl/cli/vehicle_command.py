@@ -62,7 +62,7 @@ def parameters_of(arguments: Options) -> dict[str, float]:
 
 
 def place_of(arguments: Options) -> StartPosition:
-    """Where the command line says that the vehicle starts."""
+    """The start position on the command line."""
     home: StartPosition | None = arguments.home
     if home is not None or arguments.mission is None:
         return home or PX4_HOME
@@ -72,7 +72,7 @@ def place_of(arguments: Options) -> StartPosition:
 
 
 def process_of(arguments: Options, **settings: Any) -> VehicleProcess:
-    """The vehicle that the command line asks for, on its ports.
+    """The vehicle of the command line, on its ports.
 
     Args:
         arguments: Of the command line.
@@ -272,7 +272,7 @@ def run(arguments: Options) -> int:
         process.run(stopped)
         simulated_s = round(process.vehicle.autopilot.time_s, 1)
         ended = {"simulated_s": simulated_s, "pace": process.pace()}
-    with contextlib.suppress(BrokenPipeError):  # the program that started it has gone
+    with contextlib.suppress(BrokenPipeError):  # the program that started it has ended
         print_json(ended)
     return ExitCode.DONE
 
@@ -299,14 +299,14 @@ def _ports(arguments: Options) -> Ports:
 
 
 def _listens(wanted: str | None, partner: str) -> str:
-    """Where a link to a partner receives: the answers of another machine come from outside."""
+    """Where a link to a partner receives: the replies of another machine come from outside."""
     if wanted is not None:
         return wanted
     return HERE if is_loopback(partner) else ""
 
 
 def ready_line(links: dict[str, Any], system_id: int, speed: float, place: StartPosition) -> None:
-    """Print the line that says that a vehicle runs, and where."""
+    """Print the line that announces a running vehicle and its ports."""
     home = {
         "latitude_deg": place.latitude_deg,
         "longitude_deg": place.longitude_deg,

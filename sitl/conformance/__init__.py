@@ -3,24 +3,24 @@
 from sitl.conformance.conversation import (
     Conversation,
     Outcome,
-    asked_version,
     conversations,
     converse,
+    reported_version,
 )
 from sitl.conformance.differences import table_of_facts, table_of_steps
-from sitl.conformance.session import Line, Link, LocalLine, SilentVehicleError, UdpLine
+from sitl.conformance.session import Line, LinkKind, LocalLine, SilentVehicleError, UdpLine
 
 __all__ = [
     "Conversation",
     "Line",
-    "Link",
+    "LinkKind",
     "LocalLine",
     "Outcome",
     "SilentVehicleError",
     "UdpLine",
-    "asked_version",
     "conversations",
     "converse",
+    "reported_version",
     "table_of_facts",
     "table_of_steps",
 ]

@@ -10,7 +10,7 @@ the function of `sending` or `expecting` that is called as the verb is:
 
     {mode: AUTO_LOITER, armed: true}  ->  expecting.mode(session, "AUTO_LOITER", armed=True)
 
-What is so in PX4 1.17 is written down. Where another version differs, a step says it:
+The steps are those of PX4 1.17. Where another version differs, a step has a term for it:
 
     {set mode: [99, 0], since 1.18: {result: TEMPORARILY_REJECTED, because: ...}}   other terms
     {text: Operation timeout, before 1.17: {left out: why}}                         no such step
@@ -28,7 +28,7 @@ import yaml
 
 from air_router.vehicle.px4 import NEWEST, Version, version_of
 from sitl.conformance import expecting, sending
-from sitl.conformance.session import DepartureError, Line, Link, Session, SilentVehicleError
+from sitl.conformance.session import DepartureError, Line, LinkKind, Session, SilentVehicleError
 
 _READY: Final = 0x10000000  # SYS_STATUS: pre-arm check
 _READY_S: Final = 60.0
@@ -47,11 +47,11 @@ VERBS: Final[Mapping[str, Callable[..., None]]] = {
 
 
 def run_steps(session: Session, steps: Iterable[Step]) -> None:
-    """Say and expect what the steps say.
+    """Send and expect, step by step.
 
     Raises:
         DepartureError: the vehicle did something else; the message begins with the step.
-        SilentVehicleError: it says nothing any more; likewise.
+        SilentVehicleError: it has fallen silent; the message begins with the step.
     """
     for each in steps:
         step = in_version(each, session.version)
@@ -69,7 +69,7 @@ BECAUSE: Final = "because"
 
 
 def in_version(step: Step, version: Version) -> Step | None:
-    """A step as it is in one version of PX4; None: it is left out there."""
+    """A step of one version of PX4; None: it is left out there."""
     terms: dict[str, Any] = {}
     for key, value in step.items():
         holds = _holds(key, version)
@@ -113,11 +113,11 @@ class Conversation:
     """A script.
 
     Attributes:
-        name: In words with hyphens.
+        name: Lower case, with hyphens.
         fact: What PX4 1.17 does.
         recorded: Where that was recorded: a scripted session with PX4 1.17.0 and the second in it,
             or the rule that was measured or read in its source.
-        steps: What is said and expected.
+        steps: What to send and to expect.
         start: How the vehicle is before.
         parameters: Set before it begins.
         started_with: Parameters that are on board when it starts: what counts only then.
@@ -133,7 +133,7 @@ class Conversation:
     start: Start = Start.GROUND
     parameters: Mapping[str, float] = field(default_factory=dict)
     started_with: Mapping[str, float] = field(default_factory=dict)
-    links: frozenset[Link] = frozenset({Link.API})
+    links: frozenset[LinkKind] = frozenset({LinkKind.API})
     since: Version | None = None
     before: Version | None = None
 
@@ -190,18 +190,18 @@ def prepare(conversation: Conversation, session: Session) -> None:
         run_steps(session, _TO_THE_AIR)
 
 
-def asked_version(line: Line) -> Version:
-    """Which version a vehicle says that it is, once it was asked (REQUEST_MESSAGE)."""
+def reported_version(line: Line) -> Version:
+    """The version that a vehicle reports on request (REQUEST_MESSAGE)."""
     session = Session(line, NEWEST)
     session.run(_READY_S, lambda: session.newest("HEARTBEAT") is not None)
     for _ in range(_ATTEMPTS):
-        session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=_AUTOPILOT_VERSION)
+        session.send("COMMAND_LONG", command="REQUEST_MESSAGE", param1=_AUTOPILOT_VERSION)
         if session.run(1.0, lambda: session.newest("AUTOPILOT_VERSION") is not None):
             break
-    said = session.newest("AUTOPILOT_VERSION")
-    if said is None:
+    found = session.newest("AUTOPILOT_VERSION")
+    if found is None:
         raise SilentVehicleError("the vehicle does not say which version it is")
-    number = said["flight_sw_version"]
+    number = found["flight_sw_version"]
     return number >> 24 & 0xFF, number >> 16 & 0xFF
 
 
@@ -232,10 +232,10 @@ def cases_of(text: str) -> Iterator[Conversation]:
 
 
 def _conversation(name: str, start: dict[str, Any], *steps: Any) -> Conversation:
-    (where, said), *settings = start.items()
-    fact, _, recorded = said.removesuffix(")").rpartition(" (")
+    (where, described), *settings = start.items()
+    fact, _, recorded = described.removesuffix(")").rpartition(" (")
     terms: dict[str, Any] = dict(settings)
-    terms["links"] = frozenset(map(Link, terms.get("links", [Link.API])))
+    terms["links"] = frozenset(map(LinkKind, terms.get("links", [LinkKind.API])))
     terms |= {each: version_of(str(terms[each])) for each in ("since", "before") if each in terms}
     return Conversation(name, fact, recorded, tuple(_flat(steps)), Start(where), **terms)
 

@@ -23,7 +23,7 @@ class Difference(NamedTuple):
     Attributes:
         conversation: Its name.
         versions: In which it is otherwise.
-        usual: The step in 1.17, in words.
+        usual: The step in 1.17, as text.
         other: The same in those versions.
         because: Where that is written, or why.
     """
@@ -47,7 +47,7 @@ def differences() -> Iterator[Difference]:
 
 def _of_step(one: Conversation, step: Step) -> Iterator[Difference]:
     usual = in_version(step, RECORDED)
-    for words, versions in _grouped(step, usual):
+    for text, versions in _grouped(step, usual):
         other = in_version(step, versions[0])
         whys = [
             str(value.get(BECAUSE) or value.get(LEFT_OUT))
@@ -56,7 +56,7 @@ def _of_step(one: Conversation, step: Step) -> Iterator[Difference]:
             and (BECAUSE in value or LEFT_OUT in value)
             and _decides(step, value, versions[0])
         ]
-        yield Difference(one.name, versions, _words(usual), words or _words(other), "; ".join(whys))
+        yield Difference(one.name, versions, _text(usual), text or _text(other), "; ".join(whys))
 
 
 def _grouped(step: Step, usual: Step | None) -> Iterator[tuple[str, tuple[Version, ...]]]:
@@ -65,9 +65,9 @@ def _grouped(step: Step, usual: Step | None) -> Iterator[tuple[str, tuple[Versio
     for version in FLOWN:
         other = in_version(step, version)
         if other != usual:
-            found.setdefault(_words(other), []).append(version)
-    for words, versions in found.items():
-        yield words, tuple(versions)
+            found.setdefault(_text(other), []).append(version)
+    for text, versions in found.items():
+        yield text, tuple(versions)
 
 
 def _decides(step: Step, value: Any, version: Version) -> bool:
@@ -76,12 +76,12 @@ def _decides(step: Step, value: Any, version: Version) -> bool:
     return any(in_version(step, v) != in_version(without, v) for v in (version, RECORDED))
 
 
-def _words(step: Step | None) -> str:
+def _text(step: Step | None) -> str:
     if step is None:
         return _NOTHING
     (verb, about), *terms = step.items()
-    said = ", ".join(f"{name}: {_plain(value)}" for name, value in terms)
-    return f"{verb} {_plain(about)}" + (f" ({said})" if said else "")
+    listed = ", ".join(f"{name}: {_plain(value)}" for name, value in terms)
+    return f"{verb} {_plain(about)}" + (f" ({listed})" if listed else "")
 
 
 def _plain(value: Any) -> str:

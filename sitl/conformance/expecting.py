@@ -1,4 +1,4 @@
-"""The steps that expect something to be heard, or nothing; those about how the vehicle flies."""
+"""The steps that expect a message, or silence; those about how the vehicle flies."""
 
 import itertools
 import math
@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from sitl.conformance.session import (
     DepartureError,
-    Heard,
-    Link,
+    LinkKind,
     PositionEstimate,
+    ReceivedMessage,
     Session,
 )
 from sitl.mavlink import command_number
@@ -19,7 +19,7 @@ from sitl.px4sim import FlightMode, Notice, Severity
 Fields = dict[str, Any]
 _ARMED: Final = 128
 _STATES: Final = ("mission_state", "mission_mode")
-_SAYS_STATE: Final = (1, 17)
+_REPORTS_STATE: Final = (1, 17)
 
 
 def mode_name(custom_mode: int) -> str:
@@ -41,7 +41,7 @@ _READINGS: Final[dict[str, Callable[[Fields], Any]]] = {
 }
 
 
-def expect(  # noqa: PLR0913 - what a case may say of a message
+def expect(  # noqa: PLR0913 - a case's terms of a message
     session: Session,
     name: str,
     fields: Fields | None = None,
@@ -62,22 +62,22 @@ def expect(  # noqa: PLR0913 - what a case may say of a message
         times: How often, in that time.
         since_s: Only what comes from then on counts.
     """
-    wanted = _told(session, name, fields or {})
+    wanted = _expected_fields(session, name, fields or {})
 
     def come() -> bool:
-        heard = _matching(session, name, wanted, link)
-        return sum(one.at_s >= since_s for one in heard) >= times
+        received = _matching(session, name, wanted, link)
+        return sum(one.at_s >= since_s for one in received) >= times
 
     if not session.run(within_s, come):
-        heard = [shorten(one.fields, wanted) for one in session.since(name, link=Link(link))]
+        received = [shorten(one.fields, wanted) for one in session.since(name, link=LinkKind(link))]
         raise DepartureError(
-            f"expected {name} {wanted or ''} within {within_s:g} s, heard {heard or 'none'}"
+            f"expected {name} {wanted or ''} within {within_s:g} s, received {received or 'none'}"
         )
 
 
-def _told(session: Session, name: str, fields: Fields) -> Fields:
-    """What a version says of it: before 1.17 no mission_state and no mission_mode."""
-    if name != "MISSION_CURRENT" or session.version >= _SAYS_STATE:
+def _expected_fields(session: Session, name: str, fields: Fields) -> Fields:
+    """The fields that a version sends: before 1.17 no mission_state and no mission_mode."""
+    if name != "MISSION_CURRENT" or session.version >= _REPORTS_STATE:
         return fields
     return fields | {field: 0 for field in _STATES if field in fields}
 
@@ -89,7 +89,7 @@ def nothing(
     session.run(for_s)
     came = [shorten(one.fields, fields or {}) for one in _matching(session, name, fields, link)]
     if came:
-        raise DepartureError(f"expected no {name} for {for_s:g} s, heard {came}")
+        raise DepartureError(f"expected no {name} for {for_s:g} s, received {came}")
 
 
 def count(
@@ -101,7 +101,7 @@ def count(
     which = " ".join(str(value) for value in fields.values())
     session.notes.append(f"{number} x {name} {which} in {for_s:g} s")
     if not between[0] <= number <= between[1]:
-        raise DepartureError(f"expected {between[0]} to {between[1]}, heard {session.notes[-1]}")
+        raise DepartureError(f"expected {between[0]} to {between[1]}, received {session.notes[-1]}")
 
 
 def rates(
@@ -115,7 +115,7 @@ def rates(
     session.run(for_s)
     seconds = session.now_s - begun_s
     counted = {
-        name: (session.counts[Link(link), name] - before[Link(link), name]) / seconds
+        name: (session.counts[LinkKind(link), name] - before[LinkKind(link), name]) / seconds
         for name in wanted
     }
     session.notes.append(", ".join(f"{name} {rate:.1f}" for name, rate in counted.items()))
@@ -130,10 +130,12 @@ def text(session: Session, begin: str, within_s: float = 3.0, link: str = "API")
     """A STATUSTEXT begins so, on a link with a ground station."""
 
     def come() -> bool:
-        return any(one.startswith(begin) for one in session.texts(Link(link)))
+        return any(one.startswith(begin) for one in session.texts(LinkKind(link)))
 
     if not session.run(within_s, come):
-        raise DepartureError(f"expected the text '{begin}', heard {session.texts(Link(link))}")
+        raise DepartureError(
+            f"expected the text '{begin}', received {session.texts(LinkKind(link))}"
+        )
 
 
 def event(session: Session, name: str, within_s: float = 3.0, argument: int | None = None) -> None:
@@ -218,8 +220,12 @@ def shorten(fields: Fields, wanted: Iterable[str]) -> Fields:
     return {name: _reading(fields, name) for name in wanted} or fields
 
 
-def _matching(session: Session, name: str, fields: Fields | None, link: str = "API") -> list[Heard]:
-    return [one for one in session.since(name, link=Link(link)) if same(one.fields, fields or {})]
+def _matching(
+    session: Session, name: str, fields: Fields | None, link: str = "API"
+) -> list[ReceivedMessage]:
+    return [
+        one for one in session.since(name, link=LinkKind(link)) if same(one.fields, fields or {})
+    ]
 
 
 def _reading(fields: Fields, name: str) -> Any:
@@ -259,8 +265,8 @@ class Measure:
     """Something measured while it flies for some seconds, to be compared with limits.
 
     Attributes:
-        of: What is measured, from the places before and during that time.
-        note: How it is told.
+        of: The measure, from the positions before and during that time.
+        note: Its text in the notes.
     """
 
     of: Callable[[Sequence[PositionEstimate]], float]
@@ -305,7 +311,7 @@ furthest_north: Final = Measure(
 )
 
 
-_LOOK_S: Final = 0.2  # within which the nose turns less than half a turn
+_TURN_CHECK_S: Final = 0.2  # within which the nose turns less than half a turn
 
 
 def turns(session: Session, between_deg: Sequence[float], for_s: float) -> None:
@@ -313,7 +319,7 @@ def turns(session: Session, between_deg: Sequence[float], for_s: float) -> None:
     turned_deg, heading_deg = 0.0, _heading_deg(session)
     end_s = session.now_s + for_s
     while session.now_s < end_s:
-        session.run(_LOOK_S)
+        session.run(_TURN_CHECK_S)
         before_deg, heading_deg = heading_deg, _heading_deg(session)
         turned_deg += math.remainder(heading_deg - before_deg, 360.0)
     session.notes.append(f"turned by {turned_deg:.0f} deg")
@@ -325,5 +331,5 @@ def turns(session: Session, between_deg: Sequence[float], for_s: float) -> None:
 def _heading_deg(session: Session) -> float:
     attitude = session.newest("ATTITUDE")
     if attitude is None:
-        raise DepartureError("expected ATTITUDE, heard none")
+        raise DepartureError("expected ATTITUDE, received none")
     return math.degrees(attitude["yaw"])

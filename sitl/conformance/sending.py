@@ -1,4 +1,4 @@
-"""The steps that say something to the vehicle, and what it answers: commands, parameters, plans."""
+"""The steps that send to the vehicle, and its replies: commands, parameters, plans."""
 
 import math
 import struct
@@ -6,14 +6,24 @@ from collections.abc import Sequence
 from typing import Final
 
 from sitl.conformance.expecting import Fields, same, shorten
-from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Heard, Link, Session
+from sitl.conformance.session import (
+    COMPANION,
+    GROUND_STATION,
+    DepartureError,
+    LinkKind,
+    ReceivedMessage,
+    Session,
+)
 from sitl.mavlink import command_number
 from sitl.px4sim import CommandResult, FlightMode, UploadResult
 
 _EXTRA_S: Final = 0.3
 _MOVES_S: Final = 0.05
 _TWICE: Final = ((1, 16), (1, 17))  # answer DO_SET_MODE
-_WITHOUT_INT: Final = (1, 16)  # and before: asks by MISSION_REQUEST until MISSION_ITEM_INT comes
+_WITHOUT_INT: Final = (
+    1,
+    16,
+)  # and before: requests by MISSION_REQUEST until MISSION_ITEM_INT comes
 _NO_POSITION: Final = 2**31 - 1
 _RESULTS: Final = {result.value: result.name for result in CommandResult}
 _SENDERS: Final = {"ground station": GROUND_STATION, "companion": COMPANION, "silent": None}
@@ -22,10 +32,10 @@ _SENDERS: Final = {"ground station": GROUND_STATION, "companion": COMPANION, "si
 def send(session: Session, name: str, fields: Fields | None = None) -> None:
     """Send a message; a target that is not given is the vehicle's autopilot."""
     session.mark()
-    session.say(name, **(fields or {}))
+    session.send(name, **(fields or {}))
 
 
-def command(  # noqa: PLR0913 - what a case may say of a command
+def command(  # noqa: PLR0913 - a case's terms of a command
     session: Session,
     name: str | int,
     params: Sequence[float] = (),
@@ -45,7 +55,7 @@ def command(  # noqa: PLR0913 - what a case may say of a command
         fields["target_system"] = session.vehicle_id if system is None else system
         fields["target_component"] = component
     send(session, "COMMAND_LONG", fields | {"command": name})
-    _answered(session, name, answers, within_s)
+    _expect_acks(session, name, answers, within_s)
 
 
 def set_mode(
@@ -56,8 +66,8 @@ def set_mode(
 ) -> None:
     """Send DO_SET_MODE with a `FlightMode`, or main mode and submode.
 
-    PX4 1.16 and 1.17 answer ACCEPTED first, and the result when they have decided; others answer
-    once.
+    PX4 1.16 and 1.17 acknowledge ACCEPTED first, and the result when they have decided; others
+    acknowledge once.
     """
     main, sub = FlightMode[mode].value[:2] if isinstance(mode, str) else mode
     first = ("ACCEPTED",) if session.version in _TWICE else ()
@@ -92,7 +102,7 @@ def go_to(
     usual: Fields = {"command": "DO_REPOSITION", "frame": 5, "param1": -1.0, "param2": 1.0}
     usual |= {"param4": math.nan, "x": x, "y": y, "z": z}
     send(session, "COMMAND_INT", usual | (fields or {}))
-    _answered(session, "DO_REPOSITION", (answer,), 1.0)
+    _expect_acks(session, "DO_REPOSITION", (answer,), 1.0)
 
 
 def sticks(session: Session, moved: dict[str, int], over_s: float = 0.0) -> None:
@@ -122,11 +132,11 @@ def heartbeats(session: Session, sender: str, link: str = "API") -> None:
     """Change whose heartbeats are sent on a link; a companion has the vehicle's system id."""
     identity = _SENDERS[sender]
     if identity is None:
-        session.beats.pop(Link(link), None)
+        session.beats.pop(LinkKind(link), None)
     else:
         kind, system, component = identity
         own = session.vehicle_id if sender == "companion" else system
-        session.beats[Link(link)] = (kind, own, component)
+        session.beats[LinkKind(link)] = (kind, own, component)
 
 
 def wait(session: Session, seconds: float) -> None:
@@ -135,27 +145,29 @@ def wait(session: Session, seconds: float) -> None:
 
 
 def mark(session: Session, _: None) -> None:
-    """What is expected next has to come from now on."""
+    """Only messages from now on count for the next expectation."""
     session.mark()
 
 
-def _answered(session: Session, name: str | int, answers: Sequence[str], within_s: float) -> None:
+def _expect_acks(
+    session: Session, name: str | int, answers: Sequence[str], within_s: float
+) -> None:
     number = command_number(name)
 
     def results() -> list[str]:
-        heard = (one.fields for one in session.since("COMMAND_ACK"))
-        acks = (fields["result"] for fields in heard if fields["command"] == number)
+        received = (one.fields for one in session.since("COMMAND_ACK"))
+        acks = (fields["result"] for fields in received if fields["command"] == number)
         return [_RESULTS.get(result, str(result)) for result in acks]
 
     if answers:
-        session.run_to_answer(within_s, lambda: len(results()) >= len(answers))
+        session.run_to_reply(within_s, lambda: len(results()) >= len(answers))
     else:
         session.run(within_s)
     session.run(_EXTRA_S)
     session.notes.append(f"{number}: {', '.join(results()) or 'silence'}")
-    # Of DO_SET_MODE's two answers either may be first when the machine is busy.
+    # Of DO_SET_MODE's two COMMAND_ACKs either may be first when the machine is busy.
     if sorted(results()) != sorted(answers):
-        raise DepartureError(f"expected the answers {list(answers)}, heard {results()}")
+        raise DepartureError(f"expected the results {list(answers)}, received {results()}")
 
 
 # Parameters, missions, fences and rally points.
@@ -165,7 +177,7 @@ _QUIET_S: Final = 1.0
 
 
 def set_parameter(session: Session, name: str, value: float, answers: int | None = 2) -> None:
-    """Send PARAM_SET, and count the PARAM_VALUEs that answer it with the value that was sent.
+    """Send PARAM_SET, and count the PARAM_VALUEs that reply with the value that was sent.
 
     Args:
         session: With the vehicle.
@@ -179,22 +191,22 @@ def set_parameter(session: Session, name: str, value: float, answers: int | None
     kind = _INT32 if whole else _REAL32
     send(session, "PARAM_SET", {"param_id": name, "param_value": sent, "param_type": kind})
     values = _values(session, name, 2 if answers is None else answers)
-    session.notes.append(f"{name}: {len(values)} answers {values}")
+    session.notes.append(f"{name}: {len(values)} replies {values}")
     wanted = struct.unpack("<f", struct.pack("<f", value))[0]
     if any(abs(got - wanted) > 1e-6 for got in values):
-        raise DepartureError(f"expected {value}, heard {values}")
+        raise DepartureError(f"expected {value}, received {values}")
     least = 1 if answers is None else answers
     if len(values) < least or (answers in {0, 1} and len(values) > least):
-        raise DepartureError(f"expected {least} PARAM_VALUEs of {name}, heard {values}")
+        raise DepartureError(f"expected {least} PARAM_VALUEs of {name}, received {values}")
 
 
 def parameter(session: Session, name: str, value: float | None) -> None:
-    """Ask for a parameter by name; None: silence is expected."""
+    """Request a parameter by name; None: silence is expected."""
     wanted = [] if value is None else [value]
     send(session, "PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
     values = _values(session, name, len(wanted))
     if len(values) != len(wanted) or not all(map(math.isclose, values, wanted)):
-        raise DepartureError(f"expected {value}, heard {values or 'silence'}")
+        raise DepartureError(f"expected {value}, received {values or 'silence'}")
 
 
 def all_parameters(session: Session, among: Sequence[str], fewest: int, within_s: float) -> None:
@@ -204,10 +216,10 @@ def all_parameters(session: Session, among: Sequence[str], fewest: int, within_s
     counts: set[int] = set()
 
     def complete() -> bool:
-        for heard in session.since("PARAM_VALUE"):
-            if heard.fields["param_index"] < 65535:
-                names.add(heard.fields["param_id"])
-                counts.add(heard.fields["param_count"])
+        for received in session.since("PARAM_VALUE"):
+            if received.fields["param_index"] < 65535:
+                names.add(received.fields["param_id"])
+                counts.add(received.fields["param_count"])
         return bool(counts) and len(names) >= max(counts)
 
     begun_s = session.now_s
@@ -217,17 +229,17 @@ def all_parameters(session: Session, among: Sequence[str], fewest: int, within_s
     if not done or len(names) < fewest or missing:
         raise DepartureError(
             f"expected {fewest} parameters within {within_s:g} s, "
-            f"heard {len(names)} of {counts}, without {missing}"
+            f"received {len(names)} of {counts}, without {missing}"
         )
 
 
 def _values(session: Session, name: str, wanted: int) -> list[float]:
     def values() -> list[float]:
-        heard = (one.fields for one in session.since("PARAM_VALUE"))
-        return [_value(fields) for fields in heard if fields["param_id"] == name]
+        received = (one.fields for one in session.since("PARAM_VALUE"))
+        return [_value(fields) for fields in received if fields["param_id"] == name]
 
     if wanted:
-        session.run_to_answer(_QUIET_S, lambda: len(values()) >= wanted)
+        session.run_to_reply(_QUIET_S, lambda: len(values()) >= wanted)
     else:
         session.run(_QUIET_S)
     session.run(0.2)
@@ -253,9 +265,9 @@ def upload(
     result: str = "ACCEPTED",
     refused_at: int | None = None,
 ) -> None:
-    """Send MISSION_COUNT, and the items as they are asked for: by MISSION_REQUEST_INT.
+    """Send MISSION_COUNT, and the items as they are requested: by MISSION_REQUEST_INT.
 
-    Before 1.17 PX4 asks by MISSION_REQUEST as well.
+    Before 1.17 PX4 requests by MISSION_REQUEST as well.
 
     Args:
         session: With the vehicle.
@@ -268,13 +280,13 @@ def upload(
     expected = len(items) if refused_at is None else refused_at + 1
     send(session, "MISSION_COUNT", {"mission_type": _KINDS[kind], "count": len(items)})
     sent = 0
-    asks = ["MISSION_REQUEST_INT", *(["MISSION_REQUEST"] if _before_int(session) else [])]
+    requests = ["MISSION_REQUEST_INT", *(["MISSION_REQUEST"] if _before_int(session) else [])]
     while True:
-        answer = _next_answer(session, *asks, "MISSION_ACK")
-        if answer is None:
-            raise DepartureError(f"the upload got stuck after {sent} items: no answer")
-        fields = answer.fields
-        if answer.name == "MISSION_ACK":
+        reply = _next_reply(session, *requests, "MISSION_ACK")
+        if reply is None:
+            raise DepartureError(f"the upload got stuck after {sent} items: no reply")
+        fields = reply.fields
+        if reply.name == "MISSION_ACK":
             break
         of_kind = {"seq": fields["seq"], "mission_type": _KINDS[kind]}
         send(session, "MISSION_ITEM_INT", _message(session, items[fields["seq"]]) | of_kind)
@@ -283,12 +295,12 @@ def upload(
     session.notes.append(f"upload of {len(items)}: {got} after {sent}")
     if (got, sent) != (result, expected):
         raise DepartureError(
-            f"expected MISSION_ACK {result} after {expected} items, heard {got} after {sent}"
+            f"expected MISSION_ACK {result} after {expected} items, received {got} after {sent}"
         )
 
 
 def _before_int(session: Session) -> bool:
-    """Whether this PX4 asks for items by MISSION_REQUEST until a MISSION_ITEM_INT came."""
+    """Whether this PX4 requests items by MISSION_REQUEST until a MISSION_ITEM_INT came."""
     return session.version <= _WITHOUT_INT
 
 
@@ -299,7 +311,7 @@ def download(
     *,
     finished: bool = True,
 ) -> None:
-    """Send MISSION_REQUEST_LIST and ask for every item.
+    """Send MISSION_REQUEST_LIST and request every item.
 
     Args:
         session: With the vehicle.
@@ -309,28 +321,28 @@ def download(
     """
     of_kind = {"mission_type": _KINDS[kind]}
     send(session, "MISSION_REQUEST_LIST", of_kind)
-    total = _next_answer(session, "MISSION_COUNT")
+    total = _next_reply(session, "MISSION_COUNT")
     count = None if total is None else total.fields["count"]
     if count != len(items):
-        raise DepartureError(f"expected MISSION_COUNT {len(items)}, heard {count}")
+        raise DepartureError(f"expected MISSION_COUNT {len(items)}, received {count}")
     reply = "MISSION_ITEM_INT"
     for sequence, wanted in enumerate(items):
         send(session, "MISSION_REQUEST_INT", of_kind | {"seq": sequence})
-        item = _next_answer(session, reply, "MISSION_ACK")
+        item = _next_reply(session, reply, "MISSION_ACK")
         if item is None or item.name != reply or not same(item.fields, wanted):
             got = None if item is None else shorten(item.fields, wanted)
-            raise DepartureError(f"expected item {sequence} {wanted}, heard {got}")
+            raise DepartureError(f"expected item {sequence} {wanted}, received {got}")
     if finished:
-        session.say("MISSION_ACK", mission_type=_KINDS[kind], type=0)
+        session.send("MISSION_ACK", mission_type=_KINDS[kind], type=0)
 
 
 def clear(session: Session, kind: str) -> None:
     """Send MISSION_CLEAR_ALL; MISSION_ACK has to come."""
     send(session, "MISSION_CLEAR_ALL", {"mission_type": _KINDS[kind]})
-    answer = _next_answer(session, "MISSION_ACK")
-    result = None if answer is None else answer.fields["type"]
+    reply = _next_reply(session, "MISSION_ACK")
+    result = None if reply is None else reply.fields["type"]
     if result != UploadResult.ACCEPTED:
-        raise DepartureError(f"expected MISSION_ACK ACCEPTED, heard {result}")
+        raise DepartureError(f"expected MISSION_ACK ACCEPTED, received {result}")
 
 
 def _items(plan: Sequence[Fields]) -> list[Fields]:
@@ -369,6 +381,6 @@ def _message(session: Session, item: Fields) -> Fields:
     return usual | fields
 
 
-def _next_answer(session: Session, *names: str) -> Heard | None:
-    session.run_to_answer(_PATIENCE_S, lambda: bool(session.since(*names)))
+def _next_reply(session: Session, *names: str) -> ReceivedMessage | None:
+    session.run_to_reply(_PATIENCE_S, lambda: bool(session.since(*names)))
     return next(iter(session.since(*names)), None)

@@ -1,4 +1,4 @@
-"""One conversation under way: lines to a vehicle, what was said and heard, on its own clock."""
+"""One conversation under way: lines to a vehicle, messages sent and received, on its own clock."""
 
 import contextlib
 import math
@@ -30,7 +30,7 @@ _COUNTED_ONLY: Final = frozenset(
 )
 
 
-class Link(Enum):
+class LinkKind(Enum):
     """Which of PX4's links."""
 
     API = "API"
@@ -38,18 +38,18 @@ class Link(Enum):
 
 
 class SilentVehicleError(Exception):
-    """Nothing was heard of the vehicle for too long; the message says where."""
+    """The vehicle was silent for too long; the message has the port."""
 
 
 class DepartureError(Exception):
-    """The vehicle did something else than the conversation says; the message tells both."""
+    """The vehicle departed from the conversation; the message has both."""
 
 
-class Heard(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """One message that came in, when by the vehicle's time, and on which link."""
 
     at_s: float
-    link: Link
+    link: LinkKind
     name: str
     fields: dict[str, Any]
 
@@ -82,15 +82,15 @@ class LocalLine:
     Attributes:
         vehicle: It.
         links: The links that there are.
-        time_scale: Simulated seconds in which an answer comes that takes a second: it takes none.
+        time_scale: Simulated seconds in which a reply comes that takes a second: it takes none.
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
         self.time_scale = 1.0
         self.vehicle = MavlinkVehicle(settings)
-        self._ends = {Link.API: self.vehicle.onboard}  # those that are open
+        self._ends = {LinkKind.API: self.vehicle.onboard}  # those that are open
         if settings.ground_link:
-            self._ends[Link.GROUND] = self.vehicle.ground
+            self._ends[LinkKind.GROUND] = self.vehicle.ground
         self.links = frozenset(self._ends)
 
     @property
@@ -98,12 +98,12 @@ class LocalLine:
         """The vehicle's simulated time."""
         return self.vehicle.autopilot.time_s
 
-    def send(self, link: Link, frame: bytes) -> None:
+    def send(self, link: LinkKind, frame: bytes) -> None:
         """Say something."""
         self.vehicle.receive(self._ends[link], frame)
 
-    def listen(self) -> list[tuple[Link, Frame]]:
-        """Let one step of the simulation pass; what was heard in it."""
+    def listen(self) -> list[tuple[LinkKind, Frame]]:
+        """Let one step of the simulation pass; returns the frames received in it."""
         self.vehicle.step()
         self.vehicle.truth.take_frames()
         return [
@@ -121,7 +121,7 @@ class LocalLine:
 _LARGEST: Final = 65535
 _BUFFER: Final = 4 << 20  # 900 parameters come at once
 _MOST_AT_ONCE: Final = 50
-_SILENCE_S: Final = 8.0  # a PX4 that is started says its first word after about a second
+_SILENCE_S: Final = 8.0  # a PX4 sends its first message about a second after its start
 _CLOCKS: Final = frozenset({"ATTITUDE", "LOCAL_POSITION_NED"})  # time_boot_ms comes first in both
 
 
@@ -132,26 +132,26 @@ class UdpLine:
         ports: Where the vehicle sends each link to.
         system_id: The vehicle's. Others may send to the same port: all PX4s of a machine do to that
             of the ground station. None: whatever comes is taken for it.
-        time_scale: Simulated seconds of a second of the wall's clock, by which answers come.
+        time_scale: Simulated seconds of a second of the wall's clock, by which replies come.
 
     Attributes:
         links: The links that there are.
         time_scale: The same.
-        now_s: The vehicle's simulated time, as its API link says; 0: not heard yet.
+        now_s: The vehicle's simulated time on its API link; 0: not received yet.
 
     Raises:
         PortInUseError: a port is taken.
     """
 
     def __init__(
-        self, ports: Mapping[Link, int], system_id: int | None = None, time_scale: float = 1.0
+        self, ports: Mapping[LinkKind, int], system_id: int | None = None, time_scale: float = 1.0
     ) -> None:
         self._system_id, self.time_scale = system_id, time_scale
         self.links = frozenset(ports)
         self.now_s = 0.0
-        self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
-        self._partners: dict[Link, tuple[str, int]] = {}  # whence it sent last
-        self._heard_s = time.monotonic()  # wall clock
+        self._sockets: dict[LinkKind, socket.socket] = {}  # empty once it is closed
+        self._partners: dict[LinkKind, tuple[str, int]] = {}  # whence it sent last
+        self._received_s = time.monotonic()  # wall clock
         try:
             for link, port in ports.items():
                 end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -166,43 +166,43 @@ class UdpLine:
                 f"{error.strerror}; end the ground station or the other `sitl conform` that has it"
             ) from None
 
-    def send(self, link: Link, frame: bytes) -> None:
-        """Say something; lost while the vehicle has not said anything on that link."""
+    def send(self, link: LinkKind, frame: bytes) -> None:
+        """Send a frame; lost while the vehicle has not sent anything on that link."""
         partner = self._partners.get(link)
         if partner is not None:
             self._sockets[link].sendto(frame, partner)
 
-    def listen(self) -> list[tuple[Link, Frame]]:
-        """Wait for a datagram, not longer than 20 ms; what was heard.
+    def listen(self) -> list[tuple[LinkKind, Frame]]:
+        """Wait for a datagram, not longer than 20 ms; returns the frames received.
 
         Raises:
-            SilentVehicleError: the vehicle says nothing any more.
+            SilentVehicleError: the vehicle has fallen silent.
         """
-        heard: list[tuple[Link, Frame]] = []
+        received: list[tuple[LinkKind, Frame]] = []
         ready = select.select(list(self._sockets.values()), [], [], 0.02)[0]
         for link, end in self._sockets.items():
             if end in ready:
-                heard += [(link, frame) for frame in self._receive(link, end)]
-        if time.monotonic() - self._heard_s > _SILENCE_S:
+                received += [(link, frame) for frame in self._receive(link, end)]
+        if time.monotonic() - self._received_s > _SILENCE_S:
             ports = ", ".join(str(end.getsockname()[1]) for end in self._sockets.values())
             raise SilentVehicleError(f"no vehicle sends to UDP port {ports} of this machine")
-        return heard
+        return received
 
-    def _receive(self, link: Link, end: socket.socket) -> list[Frame]:
-        heard: list[Frame] = []
+    def _receive(self, link: LinkKind, end: socket.socket) -> list[Frame]:
+        received: list[Frame] = []
         with contextlib.suppress(BlockingIOError):
             for _ in range(_MOST_AT_ONCE):
                 datagram, sender = end.recvfrom(_LARGEST)
-                said = [frame for frame in frames(datagram) if frame.name]
-                if any(self._is_anothers(frame) for frame in said):
+                incoming = [frame for frame in frames(datagram) if frame.name]
+                if any(self._is_anothers(frame) for frame in incoming):
                     continue
                 self._partners[link] = sender
-                self._heard_s = time.monotonic()
-                heard += said
-        for frame in heard:
-            if frame.name in _CLOCKS and link is Link.API:
+                self._received_s = time.monotonic()
+                received += incoming
+        for frame in received:
+            if frame.name in _CLOCKS and link is LinkKind.API:
                 self.now_s = int.from_bytes(frame.payload[:4], "little") / 1e3
-        return heard
+        return received
 
     def _is_anothers(self, frame: Frame) -> bool:
         """Whether it is of the autopilot of another vehicle."""
@@ -231,22 +231,22 @@ class Session:
         version: The same.
         beats: Whose heartbeats are sent on which link: MAV_TYPE, system id, component id.
         sticks: Fields of MANUAL_CONTROL, sent all the time besides; None: there are no sticks.
-        notes: What was seen, for the report.
-        track: Every position heard.
+        notes: Observations, for the report.
+        track: Every position received.
         counts: How many messages came in, by link and name.
-        vehicle_id: The vehicle's system id, as it was heard.
+        vehicle_id: The vehicle's system id, as received.
     """
 
     def __init__(self, line: Line, version: Version) -> None:
         self.line, self.version = line, version
-        self.beats = dict.fromkeys(Link, GROUND_STATION)
+        self.beats = dict.fromkeys(LinkKind, GROUND_STATION)
         self.sticks: dict[str, Any] | None = None
         self.notes: list[str] = []
         self.track: list[PositionEstimate] = []
-        self.counts: Counter[tuple[Link, str]] = Counter()
+        self.counts: Counter[tuple[LinkKind, str]] = Counter()
         self.vehicle_id = 1
-        self._heard: list[Heard] = []  # since the present exchange began
-        self._newest: dict[tuple[Link, str], Frame] = {}  # through all exchanges
+        self._received: list[ReceivedMessage] = []  # since the present exchange began
+        self._newest: dict[tuple[LinkKind, str], Frame] = {}  # through all exchanges
         self._speakers: dict[tuple[int, int], Sender] = {}  # by sender: sequences go on
         self._beat_s = self._sticks_s = -math.inf  # vehicle's time of the last we sent, and are due
 
@@ -255,23 +255,23 @@ class Session:
         """The vehicle's time."""
         return self.line.now_s
 
-    # Saying
+    # Sending
 
     def mark(self) -> None:
-        """A new exchange begins: `since` looks no further back than here."""
-        self._heard.clear()
+        """A new exchange begins: `since` returns no earlier messages."""
+        self._received.clear()
 
-    def say(self, name: str, link: Link = Link.API, **fields: Any) -> None:
+    def send(self, name: str, link: LinkKind = LinkKind.API, **fields: Any) -> None:
         """Send one message; where it has a target that is not given, the vehicle is it."""
         _, *sender = self.beats.get(link, GROUND_STATION)
         speaker = self._speakers.setdefault((sender[0], sender[1]), Sender(*sender))
         self.line.send(link, speaker.pack_values(name, addressed(name, self.vehicle_id, fields)))
 
-    # Hearing
+    # Receiving
 
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
         """Let the vehicle's time pass; whether `until` became true."""
-        while not self.now_s:  # the vehicle's clock was not heard yet
+        while not self.now_s:  # the vehicle's clock was not received yet
             self._listen()
         end_s = self.now_s + seconds
         while True:
@@ -282,35 +282,39 @@ class Session:
             self._speak_on()
             self._listen()
 
-    def run_to_answer(self, seconds: float, until: Callable[[], bool]) -> bool:
-        """The same for an answer, which takes its time by the wall's clock.
+    def run_to_reply(self, seconds: float, until: Callable[[], bool]) -> bool:
+        """The same for a reply, which takes its time by the wall's clock.
 
-        A PX4 that is simulated faster than that answers no sooner.
+        A PX4 that is simulated faster than that replies no sooner.
         """
         return self.run(seconds * self.line.time_scale, until)
 
-    def since(self, *names: str, link: Link = Link.API) -> list[Heard]:
+    def since(self, *names: str, link: LinkKind = LinkKind.API) -> list[ReceivedMessage]:
         """The messages of these names since the present exchange began."""
-        return [heard for heard in self._heard if heard.link is link and heard.name in names]
+        return [
+            received
+            for received in self._received
+            if received.link is link and received.name in names
+        ]
 
-    def newest(self, name: str, link: Link = Link.API) -> dict[str, Any] | None:
+    def newest(self, name: str, link: LinkKind = LinkKind.API) -> dict[str, Any] | None:
         """The fields of the newest message of a name; None if there was none."""
         frame = self._newest.get((link, name))
         return None if frame is None else frame.fields()
 
-    def texts(self, link: Link = Link.API) -> list[str]:
+    def texts(self, link: LinkKind = LinkKind.API) -> list[str]:
         """The STATUSTEXTs since the exchange began, put together from their pieces."""
         texts: dict[int, str] = {}
-        for heard in self.since("STATUSTEXT", link=link):
-            number, text = heard.fields["id"], heard.fields["text"]
+        for received in self.since("STATUSTEXT", link=link):
+            number, text = received.fields["id"], received.fields["text"]
             texts[number] = texts.get(number, "") + text
         return [text.rstrip("\t") for text in texts.values()]
 
     @property
     def position(self) -> PositionEstimate:
-        """Where the vehicle says it is."""
+        """The position that the vehicle reports."""
         if not self.run(5.0, lambda: bool(self.track)):
-            raise DepartureError("expected LOCAL_POSITION_NED, heard none")
+            raise DepartureError("expected LOCAL_POSITION_NED, received none")
         return self.track[-1]
 
     def degrees(self, north_m: float, east_m: float) -> tuple[float, float]:
@@ -321,14 +325,14 @@ class Session:
 
     @property
     def ground_amsl_m(self) -> float:
-        """The altitude of home, as it is known now."""
+        """The altitude of home, as known now."""
         return float(self._home()["altitude"]) / 1e3
 
     def _home(self) -> dict[str, Any]:
         self.run(5.0, lambda: self.newest("HOME_POSITION") is not None)
         home = self.newest("HOME_POSITION")
         if home is None:
-            raise DepartureError("expected HOME_POSITION, heard none in 5 s")
+            raise DepartureError("expected HOME_POSITION, received none in 5 s")
         return home
 
     def _listen(self) -> None:
@@ -341,21 +345,21 @@ class Session:
             self._beat_s = now_s
             for link, (kind, *_) in self.beats.items():
                 if link in self.line.links:
-                    self.say("HEARTBEAT", link, type=kind, autopilot=8, mavlink_version=3)
+                    self.send("HEARTBEAT", link, type=kind, autopilot=8, mavlink_version=3)
         if self.sticks is not None and now_s >= self._sticks_s:
             late = now_s - self._sticks_s > _STICKS_S
             self._sticks_s = (now_s if late else self._sticks_s) + _STICKS_S
-            self.say("MANUAL_CONTROL", **self.sticks)
+            self.send("MANUAL_CONTROL", **self.sticks)
 
-    def _hear(self, link: Link, frame: Frame) -> None:
+    def _hear(self, link: LinkKind, frame: Frame) -> None:
         if frame.component_id != _AUTOPILOT and frame.name != "STATUSTEXT":
             return  # passed on from the other link
         if frame.name == "HEARTBEAT":
             self.vehicle_id = frame.system_id
         self.counts[link, frame.name] += 1
         self._newest[link, frame.name] = frame
-        if frame.name == "LOCAL_POSITION_NED" and link is Link.API:
+        if frame.name == "LOCAL_POSITION_NED" and link is LinkKind.API:
             fields = frame.fields()
             self.track.append(PositionEstimate(self.now_s, fields["x"], fields["y"], -fields["z"]))
         if frame.name not in _COUNTED_ONLY:
-            self._heard.append(Heard(self.now_s, link, frame.name, frame.fields()))
+            self._received.append(ReceivedMessage(self.now_s, link, frame.name, frame.fields()))

@@ -1,4 +1,4 @@
-# What `sitl.process` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.process`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.process.end_with_parent import ending_with_us as ending_with_us
 from sitl.process.end_with_parent import stop_signal as stop_signal

@@ -3,7 +3,7 @@
     python -m sitl.process.end_with_parent PARENT_PID PROGRAM [ARGUMENT ...]
 
 runs a program that ends when its parent ends, also if that was killed. Linux only; elsewhere the
-program is run as it is.
+program is run directly.
 """
 
 import contextlib
@@ -44,7 +44,7 @@ def ending_with_us(*program: str) -> list[str]:
 
 
 def main(arguments: list[str]) -> None:
-    """Become the program; returns only if the parent is gone already."""
+    """Become the program; returns only if the parent has ended already."""
     parent_id, program = int(arguments[0]), arguments[1:]
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)

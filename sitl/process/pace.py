@@ -1,7 +1,7 @@
 """Who keeps up with the world's clock, and how far it may go: decisions only, no sockets or clocks.
 
 The simulated vehicle's clock is the world's. Every other process that works with it (team,
-companion, other vehicles) says up to which moment it has worked; the world waits for the slowest.
+companion, other vehicles) reports how far it has worked; the world waits for the slowest.
 """
 
 import math
@@ -41,7 +41,7 @@ class Limit:
 
 @dataclass(slots=True)
 class _Record:
-    """Of a process, as `Pace.told` says it."""
+    """The figures of a process in `Pace.as_json`."""
 
     behind_s: float = 0.0
     waited_s: float = 0.0
@@ -53,9 +53,9 @@ class _Participant:
     """A process that takes part.
 
     Attributes:
-        reached_s: Simulated time up to which it has worked; None: it has not said anything yet.
+        reached_s: Simulated time up to which it has worked; None: it has not reported yet.
         holds_since_s: Wall time from when on the world has stood still for it.
-        record: What the result says of it.
+        record: Its figures in the result.
     """
 
     reached_s: float | None = None
@@ -93,7 +93,7 @@ class Pace(Closeable):
         return False
 
     def close(self) -> None:
-        """Free what is open; from now on no process is waited for."""
+        """Close all sockets; from now on no process is waited for."""
 
     def joined(self, key: object) -> None:
         """A process has connected; `key` stands for its connection."""
@@ -118,19 +118,19 @@ class Pace(Closeable):
         if participant.reached_s is None:
             self._missing -= 1
 
-    def limit(self, time_s: float, wall_s: float, heard_s: float = math.inf) -> Limit:
+    def limit(self, time_s: float, wall_s: float, received_s: float = math.inf) -> Limit:
         """How far the world may go.
 
         Args:
             time_s: Where it is now.
             wall_s: When.
-            heard_s: The newest moment that reached the processes. A link loses what came later: one
+            received_s: The newest moment that reached the processes. A link loses later ones: one
                 that has worked up to this moment does not know of it, and is not waited for.
         """
         most_speed = STARTING_SPEED if self._missing > 0 else math.inf
         until_s = math.inf
         for participant in self._present.values():
-            if participant.reached_s is None or participant.reached_s > heard_s - PACE_STEP_S:
+            if participant.reached_s is None or participant.reached_s > received_s - PACE_STEP_S:
                 continue
             its_limit_s = participant.reached_s + PACE_ALLOWANCE_S
             if time_s > its_limit_s - _SOON_S:
@@ -146,8 +146,8 @@ class Pace(Closeable):
             self._began = self._now
         return Limit(until_s, most_speed)
 
-    def told(self, speed: float) -> dict[str, Any]:
-        """What a result says of it: the rate asked for and kept since all took part, and the lags.
+    def as_json(self, speed: float) -> dict[str, Any]:
+        """For a result: the rate requested and kept since all took part, and the lags.
 
         `behind_s` is in simulated seconds, `waited_s` in wall-clock seconds that the world stood;
         `lost_s` is the simulated time when it first went on without the process, None if never.

@@ -22,7 +22,7 @@ _AGAIN_S: Final = 0.1  # between two attempts to connect
 class PaceServer(Pace):
     """Where the processes of a world connect; see `air_router.vehicle.pace` for what they say.
 
-    A vehicle that follows says `follows` as well, and is told the limit.
+    A vehicle that follows sends `follows` as well, and is sent the limit.
 
     Args:
         bind: Host and port to listen on; port 0 takes a free one.
@@ -35,8 +35,8 @@ class PaceServer(Pace):
     def __init__(self, bind: Address, expected: int) -> None:
         super().__init__(expected)
         self._unread: dict[socket.socket, bytes] = {}  # by connection: the begun line
-        self._followers: set[socket.socket] = set()  # vehicles that want the limit told
-        self._last: Limit | None = None  # that the followers were told
+        self._followers: set[socket.socket] = set()  # vehicles that want the limit
+        self._last: Limit | None = None  # that was sent to the followers
         try:
             self._listener = socket.create_server(bind)
         except OSError as error:
@@ -65,11 +65,11 @@ class PaceServer(Pace):
             self._read(client)
         return bool(come)
 
-    def limit(self, time_s: float, wall_s: float, heard_s: float = math.inf) -> Limit:
-        """See `Pace.limit`; tells it to those who follow."""
-        limit = super().limit(time_s, wall_s, heard_s)
+    def limit(self, time_s: float, wall_s: float, received_s: float = math.inf) -> Limit:
+        """See `Pace.limit`; sends it to the followers."""
+        limit = super().limit(time_s, wall_s, received_s)
         if self._followers:
-            self._tell(Limit(min(time_s + PACE_ALLOWANCE_S, limit.until_s), limit.most_speed))
+            self._send(Limit(min(time_s + PACE_ALLOWANCE_S, limit.until_s), limit.most_speed))
         return limit
 
     def close(self) -> None:
@@ -82,7 +82,7 @@ class PaceServer(Pace):
         try:
             client, _ = self._listener.accept()
         except OSError:
-            return  # it has gone again
+            return  # it has left again
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._unread[client] = b""
@@ -97,7 +97,7 @@ class PaceServer(Pace):
             chunk = b""
         *whole, rest = (self._unread[client] + chunk).split(b"\n")
         try:
-            for text in whole[-1:]:  # the newest says it all
+            for text in whole[-1:]:  # the newest is complete
                 self._take(client, json.loads(text))
         except (ValueError, KeyError, TypeError):
             _log.warning("what came in on the port of the pace is none of it: hung up")
@@ -121,14 +121,14 @@ class PaceServer(Pace):
         self.left(client)
         client.close()
 
-    def _tell(self, limit: Limit) -> None:
+    def _send(self, limit: Limit) -> None:
         if limit == self._last:
             return
         self._last = limit
-        told = line({"until_s": round(limit.until_s, 3), "most_speed": limit.most_speed})
+        sent = line({"until_s": round(limit.until_s, 3), "most_speed": limit.most_speed})
         for client in tuple(self._followers):
             try:
-                client.send(told)
+                client.send(sent)
             except BlockingIOError:
                 continue  # it has not read the last thousand yet
             except OSError:
@@ -151,9 +151,9 @@ class FollowedPace(Pace):
         self._again_s = 0.0  # wall time of the next attempt to connect
         self._unread = b""  # the begun line
         self._limit = Limit(most_speed=STARTING_SPEED)
-        self._told_s = -math.inf  # time of our clock that was told last
-        self._news_s = 0.0  # wall time of the last limit that came
-        self._ended = False  # the other one has gone: free for good
+        self._sent_s = -math.inf  # time of our clock that was sent last
+        self._limit_received_s = 0.0  # wall time of the last limit that came
+        self._ended = False  # the other one has left: free for good
 
     @property
     def sockets(self) -> Collection[socket.socket]:
@@ -177,16 +177,16 @@ class FollowedPace(Pace):
         for text in whole[-1:]:
             fields = json.loads(text)
             self._limit = Limit(float(fields["until_s"]), float(fields["most_speed"]))
-            self._news_s = time.monotonic()
+            self._limit_received_s = time.monotonic()
         return bool(whole)
 
-    def limit(self, time_s: float, wall_s: float, heard_s: float = math.inf) -> Limit:
-        """See `Pace.limit`; tells the other one how far we are."""
-        free = super().limit(time_s, wall_s, heard_s)
+    def limit(self, time_s: float, wall_s: float, received_s: float = math.inf) -> Limit:
+        """See `Pace.limit`; reports to the other one how far we are."""
+        free = super().limit(time_s, wall_s, received_s)
         if self._ended:
             return free
-        self._tell(time_s, wall_s)
-        if time_s >= self._limit.until_s and wall_s - self._news_s > PATIENCE_S:
+        self._send(time_s, wall_s)
+        if time_s >= self._limit.until_s and wall_s - self._limit_received_s > PATIENCE_S:
             return Limit(most_speed=STALLED_SPEED)
         return self._limit
 
@@ -198,15 +198,15 @@ class FollowedPace(Pace):
             self._socket.close()
             self._socket = None
 
-    def _tell(self, time_s: float, wall_s: float) -> None:
+    def _send(self, time_s: float, wall_s: float) -> None:
         try:
             if self._socket is None:
                 if wall_s < self._again_s:
                     return
                 self._again_s = wall_s + _AGAIN_S
                 self._socket = self._source.connect()
-            if time_s != self._told_s:
-                self._told_s = time_s
+            if time_s != self._sent_s:
+                self._sent_s = time_s
                 fields = {"name": self._name, "reached_s": round(time_s, 3), "follows": True}
                 self._socket.send(line(fields))
         except (BlockingIOError, ConnectionRefusedError):

@@ -32,7 +32,7 @@ docs/simulation.md has each step by step."""
 
 
 class NoPx4Error(NoVehicleError):
-    """There is no PX4 SITL on this machine; the message says what to install.
+    """There is no PX4 SITL on this machine; the message has what to install.
 
     Attributes:
         reason: Why none was found.
@@ -60,8 +60,8 @@ class Px4Install:
     tag: str = ""
 
     @property
-    def words(self) -> str:
-        """What and where it is."""
+    def description(self) -> str:
+        """Its kind and its place."""
         return f"{self.program.name} image {self.image}" if self.container else str(self.program)
 
     @property
@@ -104,12 +104,14 @@ class Px4Install:
         )
 
 
-def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = None) -> Px4Install:
+def find_px4(
+    requested: str | None = None, environment: Mapping[str, str] | None = None
+) -> Px4Install:
     """Find a PX4 SITL.
 
     Args:
-        asked: A build folder, a source tree, an executable, or `docker` or `podman`, with a tag of
-            the image behind a colon if there are several; None looks at the environment variable
+        requested: A build folder, a source tree, an executable, or `docker` or `podman`, with a tag
+            of the image behind a colon if there are several; None reads the environment variable
             PX4_SITL, then on the PATH, then for a container runtime.
         environment: The process's, if None.
 
@@ -118,11 +120,11 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
     """
     environment = os.environ if environment is None else environment
     path = environment.get("PATH")
-    asked = asked or next(iter(named(environment)), None)
-    if asked and asked.partition(":")[0] in _RUNTIMES:
-        return _contained(asked, path)
-    if asked:
-        return _built(Path(asked))
+    requested = requested or next(iter(named(environment)), None)
+    if requested and requested.partition(":")[0] in _RUNTIMES:
+        return _contained(requested, path)
+    if requested:
+        return _built(Path(requested))
     program = shutil.which("px4", path=path)
     if program is not None:
         return _built(Path(program))
@@ -152,7 +154,7 @@ def _built(path: Path) -> Px4Install:
         raise NoPx4Error(f"{path}: no bin/px4 in there, nor in its build folder.")
     if not path.is_file() or not os.access(path, os.X_OK):
         raise NoPx4Error(f"{path}: no such folder or executable.")
-    etc = _etc(path)  # PX4 looks for its tools beside the path that it was started by: no link
+    etc = _etc(path)  # PX4 searches for its tools beside the path that it was started by: no link
     return Px4Install(path.absolute() if etc is None else path.resolve(), etc)
 
 
@@ -162,9 +164,9 @@ def _etc(program: Path) -> Path | None:
     return root / "etc" if (root / _RC).is_file() else None
 
 
-def _contained(asked: str, path: str | None) -> Px4Install:
-    """A runtime that has the image; nothing is downloaded without being asked for."""
-    name, _, tag = asked.partition(":")
+def _contained(requested: str, path: str | None) -> Px4Install:
+    """A runtime that has the image; nothing is downloaded without a request."""
+    name, _, tag = requested.partition(":")
     runtime = shutil.which(name, path=path)
     if runtime is None:
         raise NoPx4Error(f"no {name} on the PATH")
@@ -177,10 +179,10 @@ def _contained(asked: str, path: str | None) -> Px4Install:
             timeout=_ANSWER_S,
         )
     except (OSError, subprocess.TimeoutExpired):
-        raise NoPx4Error(f"{name} does not answer") from None
+        raise NoPx4Error(f"{name} does not respond") from None
     if done.returncode != 0:
-        said = (done.stderr.strip().splitlines() or ["no words"])[-1]
-        raise NoPx4Error(f"{name} lists no images ({said})")
+        detail = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise NoPx4Error(f"{name} lists no images ({detail})")
     tags = [each for each in done.stdout.split() if each != "<none>"]  # the newest first
     if not tags or (tag and tag not in tags):
         there = f"; it has {', '.join(tags)}" if tags else ""

@@ -32,10 +32,10 @@ _READY_S: Final = 60.0
 _LARGEST: Final = 65535
 _MOST_INSTANCES: Final = 10
 _PORTS: Final = (14580, 14540, 18570, 19450, 19410, 13030, 13280, 14280)  # of instance 0
-_LAST_WORDS: Final = 12
+_LAST_LINES: Final = 12
 _SET: Final = "PX4_PARAM_"  # sets a parameter of the name that follows
 _OWN_PARAMETERS: Final = "px4-rc.params"
-"""A script with parameters of one's own, which PX4's start script looks for on the PATH."""
+"""A script with parameters of one's own, which PX4's start script searches for on the PATH."""
 
 AIRFRAMES: Final = ("quadx", "hex")
 """The multicopters of PX4's built-in simulator; it has a hexarotor from 1.17 on."""
@@ -44,7 +44,7 @@ _PARAMETER: Final = re.compile(r"[A-Z][A-Z0-9_]{1,15}\Z")
 
 
 class Px4Error(NoVehicleError):
-    """PX4 did not start, or stopped; the message says what it said last."""
+    """PX4 did not start, or stopped; the message has its last output."""
 
 
 class PortsInUseError(NoVehicleError):
@@ -83,7 +83,7 @@ class Px4Process(Closeable):
 
     Attributes:
         instance: PX4's instance number.
-        log: What it says.
+        log: Its output.
 
     Raises:
         PortsInUseError: no instance is free, or the wanted one is not.
@@ -129,7 +129,7 @@ class Px4Process(Closeable):
     ) -> bool:
         """Wait until PX4's health and arming checks pass.
 
-        It listens on the gimbal's port and says nothing, so that the API link's first partner is
+        It listens on the gimbal's port and sends nothing, so that the API link's first partner is
         the autopilot flies.
 
         Args:
@@ -137,7 +137,7 @@ class Px4Process(Closeable):
             timeout_s: Of real time.
 
         Returns:
-            False if `stopped` said so.
+            False if `stopped` was true.
 
         Raises:
             Px4Error: it ended, or cannot arm in time.
@@ -149,10 +149,10 @@ class Px4Process(Closeable):
             while not stopped():
                 if not self.running:
                     raise Px4Error(
-                        f"PX4 ended with code {self._process.returncode}; {self.last_words()}"
+                        f"PX4 ended with code {self._process.returncode}; {self.last_output()}"
                     )
                 if time.monotonic() > deadline_s:
-                    raise Px4Error(f"PX4 cannot arm after {timeout_s:.0f} s; {self.last_words()}")
+                    raise Px4Error(f"PX4 cannot arm after {timeout_s:.0f} s; {self.last_output()}")
                 with contextlib.suppress(TimeoutError):
                     if _can_arm(ear.recv(_LARGEST)):
                         return True
@@ -172,10 +172,10 @@ class Px4Process(Closeable):
                 self._process.wait(patience_s)
         self._temporary.cleanup()
 
-    def last_words(self) -> str:
-        """What it said last, for an error message."""
-        lines = self.log.read_text(errors="replace").splitlines()[-_LAST_WORDS:]
-        return "it said last:\n  " + "\n  ".join(lines) if lines else "it said nothing"
+    def last_output(self) -> str:
+        """Its last output, for an error message."""
+        lines = self.log.read_text(errors="replace").splitlines()[-_LAST_LINES:]
+        return "its last output:\n  " + "\n  ".join(lines) if lines else "it printed nothing"
 
 
 def environment(settings: Px4Settings) -> dict[str, str]:
@@ -227,15 +227,15 @@ def _inherited() -> dict[str, str]:
 
 
 def _free_instance(wanted: int | None) -> int:
-    """An instance whose ports are free; PX4's own lock files are looked at, too."""
+    """An instance whose ports are free; PX4's own lock files are checked, too."""
     instances = range(_MOST_INSTANCES) if wanted is None else (wanted,)
     for instance in instances:
         ends = ((socket.SOCK_DGRAM, "127.0.0.1", first + instance) for first in _PORTS)
         if not _is_locked(instance) and all(is_free(*end) for end in ends):
             return instance
-    words = "PX4's instances 0 to 9 run" if wanted is None else f"instance {wanted} runs"
+    what = "PX4's instances 0 to 9 run" if wanted is None else f"instance {wanted} runs"
     raise PortsInUseError(
-        f"{words} already, or something else has their UDP ports (14580 + N ...); end one of them"
+        f"{what} already, or something else has their UDP ports (14580 + N ...); end one of them"
         + ("" if wanted is None else ", or take another --instance")
     )
 

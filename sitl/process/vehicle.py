@@ -35,7 +35,7 @@ class UdpLink:
     """Sends to a partner, receives from any sender.
 
     PX4 sends to a fixed port of its own machine until a partner sends to it; from then on, and for
-    as long as it runs, it sends to that first one. Others are heard, but never answered.
+    as long as it runs, it sends to that first one. It receives from others, but never replies.
 
     Args:
         bind: Host and port to receive on; port 0 takes a free one.
@@ -184,11 +184,11 @@ class VehicleProcess(Closeable):
         return self._links[link].port
 
     def pace(self) -> dict[str, Any]:
-        """What became of the speed that was asked for; see `Pace.told`."""
-        return self._pace.told(self.settings.speed)
+        """The speed that was requested and the one that was kept; see `Pace.as_json`."""
+        return self._pace.as_json(self.settings.speed)
 
     def run(self, stopped: Callable[[], bool]) -> None:
-        """Run until `stopped` says so; it is asked at least fifty times a second."""
+        """Run until `stopped` is true; it is called at least fifty times a second."""
         level = logging.WARNING
         next_s = time.monotonic()
         held = False
@@ -231,7 +231,7 @@ class VehicleProcess(Closeable):
             self._links[link] = UdpLink(*end, what, fixed=fixed)
 
     def _receive(self, timeout_s: float, *, held: bool) -> None:
-        """Answer what comes in until it is time for the next step, or the clock is held no more."""
+        """Handle datagrams until it is time for the next step, or the clock is held no more."""
         left_s, end_s = timeout_s, time.monotonic() + timeout_s
         while left_s >= 0.0:  # once at least
             ends: list[UdpLink | socket.socket] = [*self._links.values(), *self._pace.sockets]

@@ -1,4 +1,4 @@
-# What `sitl.team` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.team`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.team.derived_team import derive_team as derive_team
 from sitl.team.roles import TeamError as TeamError

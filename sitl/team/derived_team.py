@@ -14,7 +14,7 @@ _ATTEMPTS = 50
 
 
 class NoFreePortsError(AirRouterError):
-    """No free block of ports was found; the message says what to do."""
+    """No free block of ports was found; the message has a remedy."""
 
 
 def derive_team(team: Team, directory: Path) -> Team:

@@ -1,4 +1,4 @@
-"""The gossip nodes of the simulated ground robots: what they say, hear and hold.
+"""The gossip nodes of the simulated ground robots: what they publish, receive and hold.
 
 Some robots may be played by the user's own programs, which their nodes are served to; the others
 say their poses and paths in the types that the team file has for them.
@@ -69,7 +69,7 @@ class RadioReadings(Closeable):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # sends only
         self._socket.setblocking(False)
 
-    def tell(self, readings: Iterable[Reading]) -> None:
+    def send_readings(self, readings: Iterable[Reading]) -> None:
         """Send readings; one that has no listener is lost, as on any radio."""
         for reading in readings:
             endpoint = self._endpoints.get(reading.robot)
@@ -145,9 +145,9 @@ class GroundNodes(Closeable):
             raise
 
     def publish(self, publications: Iterable[Publication]) -> None:
-        """Let robots say something."""
-        for said in publications:
-            self.nodes[said.robot].publish(said.topic, said.data)
+        """Let robots publish."""
+        for publication in publications:
+            self.nodes[publication.robot].publish(publication.topic, publication.data)
 
     def arrived(self) -> Iterator[tuple[str, Message]]:
         """What has reached each robot since the last call; maps of those that fly are noted."""
@@ -179,7 +179,7 @@ class GroundNodes(Closeable):
                 list(pool.map(lambda node: node.close(), self.nodes.values()))
 
     def _note(self, name: str, event: LinkEvent) -> None:
-        """On the node's thread, so quick: messages are looked at later."""
+        """On the node's thread, so quick: messages are read later."""
         match event:
             case SyncStarted(peer=peer, direction=direction):
                 self._exchanges[name, peer, direction] = time.monotonic()
@@ -193,10 +193,10 @@ class GroundNodes(Closeable):
 
 
 class Rovers(Closeable):
-    """The nodes of such robots, served to programs; a robot is where its program says.
+    """The nodes of such robots, served to programs; a robot is where its program reports it.
 
     Args:
-        team: Who says what.
+        team: Its robots and their topics.
         frame: The mission's.
         nodes: Those of the robots, by name; they run.
         endpoints: Where each of them is served, by its name.
@@ -222,7 +222,7 @@ class Rovers(Closeable):
             self._stack = stack.pop_all()
 
     def places(self, unix_s: float) -> Iterator[tuple[str, Point]]:
-        """Where robots say that they are, by name, as far as they have said so."""
+        """The reported positions of robots, by name, of those that have reported one."""
         for name, node in self._nodes.items():
             topic = self._topics[name]
             message = None if topic is None else node.latest(name, topic.name)
@@ -230,12 +230,12 @@ class Rovers(Closeable):
                 continue
             data = message.parts[-1] if message.parts else message.data
             try:
-                said = self._decoder.event_of(name, message.topic, data, peer=name, unix_s=unix_s)
+                event = self._decoder.event_of(name, message.topic, data, peer=name, unix_s=unix_s)
             except (MessageError, FrameError) as error:
                 _log.debug("%s stays where it was: %s", name, error)
                 continue
-            if isinstance(said, RobotPose):
-                yield name, said.position
+            if isinstance(event, RobotPose):
+                yield name, event.position
 
     def close(self) -> None:
         """Serve no more."""
@@ -243,52 +243,52 @@ class Rovers(Closeable):
 
 
 class RosMessages:
-    """Turns what simulated robots say into the types that the team file has for it."""
+    """Turns messages of simulated robots into the ROS types that the team file has for them."""
 
     def __init__(self, team: Team) -> None:
         self._team = team
-        # None: no robot says anything in ROS types.
+        # None: no robot publishes ROS types.
         self._types = Types(team.definitions) if any(map(self._ros_topics, team.robots)) else None
 
     def topics(self, name: str) -> set[str]:
-        """What a robot may say, as the world calls it."""
+        """The topics on which a robot may publish, as the world names them."""
         return {topic.name for topic in self._team.topics_of(name)} | set(self._ros_topics(name))
 
-    def of(self, said: Publication) -> Publication:
-        """A pose or path as its robot's team file has it; anything else as it is."""
-        topic = self._ros_topics(said.robot).get(said.topic)
+    def of(self, publication: Publication) -> Publication:
+        """A pose or path in the type of its robot's team file; anything else unchanged."""
+        topic = self._ros_topics(publication.robot).get(publication.topic)
         if topic is None or self._types is None:
-            return said
-        robot = self._team.robot(said.robot)
-        as_ros = _pose_of if said.topic == POSE_TOPIC else _path_of
-        value = as_ros(said.data, topic, robot)
+            return publication
+        robot = self._team.robot(publication.robot)
+        as_ros = _pose_of if publication.topic == POSE_TOPIC else _path_of
+        value = as_ros(publication.data, topic, robot)
         data = self._types.encode(topic.type, value, robot.ros)
-        return Publication(said.robot, topic.name, data)
+        return Publication(publication.robot, topic.name, data)
 
     def _ros_topics(self, name: str) -> dict[str, Topic]:
         """The topics of ROS types that stand for a robot's pose and path."""
         found = {POSE_TOPIC: pose_topic(self._team, name), PATH_TOPIC: path_topic(self._team, name)}
         return {
-            said: topic
-            for said, topic in found.items()
+            own: topic
+            for own, topic in found.items()
             if topic is not None and not topic.type.startswith(JSON_PACKAGE)
         }
 
 
 def _pose_of(data: bytes, topic: Topic, robot: Robot) -> dict[str, Any]:
-    said = PoseMessage.decode(data)
-    header = _header(said.stamp_s)
+    message = PoseMessage.decode(data)
+    header = _header(message.stamp_s)
     if topic.type == FIX:
-        place = {"latitude": said.latitude_deg, "longitude": said.longitude_deg}
+        place = {"latitude": message.latitude_deg, "longitude": message.longitude_deg}
         return {"header": header, **place}
-    pose = _position(robot, said.latitude_deg, said.longitude_deg)
+    pose = _position(robot, message.latitude_deg, message.longitude_deg)
     return {"header": header, "pose": pose if topic.type == POSE else {"pose": pose}}
 
 
 def _path_of(data: bytes, _topic: Topic, robot: Robot) -> dict[str, Any]:
-    said = PathMessage.decode(data)
-    poses = [{"pose": _position(robot, *point)} for point in said.points]
-    return {"header": _header(said.stamp_s), "poses": poses}
+    message = PathMessage.decode(data)
+    poses = [{"pose": _position(robot, *point)} for point in message.points]
+    return {"header": _header(message.stamp_s), "poses": poses}
 
 
 def _header(stamp_s: float) -> dict[str, Any]:

@@ -28,7 +28,7 @@ CLOSE_AFTER_S = 2.0
 
 CHUNK_BYTES = 64 * 1024
 
-_RATE_TICK_S = 0.01  # how often a limited link looks for new credit
+_RATE_TICK_S = 0.01  # how often a limited link checks for new credit
 _RATE_BURST_S = 0.05  # a limited link may send this much of its rate at once
 _RESET = struct.pack("ii", 1, 0)  # SO_LINGER that closes with a reset: the peer learns of it
 
@@ -36,7 +36,7 @@ Endpoint = tuple[str, int]
 
 
 class RelayError(AirRouterError):
-    """A relay cannot listen; the message says where and what to do."""
+    """A relay cannot listen; the message has the address and a remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class _RadioLink:
         self._earned_until_s = self._now_s()
 
     async def pump(self, source: socket.socket, sink: socket.socket) -> None:
-        """Carry bytes from one side to the other until the source has said all."""
+        """Carry bytes from one side to the other until the source has sent all."""
         loop = asyncio.get_running_loop()
         while data := await loop.sock_recv(source, await self._allowance()):
             self._credit_bytes -= len(data)
@@ -124,7 +124,7 @@ class _RadioLink:
 
 
 class Relay(Closeable):
-    """All relays of a team; links are down until `set_link` says otherwise.
+    """All relays of a team; links are down until `set_link` raises them.
 
     Args:
         pairs: Who dials whom where.
@@ -232,7 +232,7 @@ class Relay(Closeable):
                 async with asyncio.TaskGroup() as pumps:
                     pumps.create_task(link.pump(accepted, dialling))
                     pumps.create_task(link.pump(dialling, accepted))
-                for end in (accepted, dialling):  # all was said: no reset
+                for end in (accepted, dialling):  # all was sent: no reset
                     end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 

@@ -11,7 +11,7 @@ from mocha_link.team import Document, Team
 
 
 class TeamError(AirRouterError):
-    """The team does not fit the mission; the message says how."""
+    """The team does not fit the mission; the message has the reason."""
 
     exit_code = ExitCode.INVALID_FILE
 

@@ -1,7 +1,7 @@
 """The simulated world beside an autopilot, as a process: robots, radios, links and the camera.
 
 Follows the truth stream of a vehicle (`sitl vehicle`, or a PX4 with its SIH simulator): its time is
-the world's time, and its position decides who hears it and what its camera sees.
+the world's time, and its position decides who receives it and what its camera sees.
 """
 
 import logging
@@ -30,15 +30,15 @@ from sitl.world import Step, Truth, WorldPlan
 
 _log = logging.getLogger(__name__)
 
-_STOP_LOOK_S = 0.1  # how often the loop looks whether it should stop, while no truth comes
-_EXCHANGE_LOOK_S = 0.002  # how often while it waits for robots in an exchange
+_STOP_CHECK_S = 0.1  # how often the loop checks for a stop while no truth comes
+_EXCHANGE_CHECK_S = 0.002  # how often while it waits for robots in an exchange
 _SILENCE_NOTE_S = 5.0
 _FAR_FROM_HOME_M = 2000.0
 _CAMERA_QUEUE = 100  # pictures kept for a companion that is slow to take them
 
 
 class CameraError(AirRouterError):
-    """The camera's pictures cannot be offered where they should; the message says what to do."""
+    """The camera's pictures cannot be offered at their address; the message has a remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class _Vehicle(Closeable):
 
     Attributes:
         truth: Where its position comes from.
-        state: The newest of it; None: not heard yet.
+        state: Its newest state; None: not received yet.
     """
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], places: Places) -> None:
@@ -86,7 +86,7 @@ class _Vehicle(Closeable):
 
 
 class TeamSimulation(Closeable):
-    """Carries out what a `World` says, with real sockets. A context manager.
+    """Carries out the steps of a `World` with real sockets. A context manager.
 
     Args:
         mission: What the vehicle flies.
@@ -127,7 +127,7 @@ class TeamSimulation(Closeable):
         # Without a limit of rate they take the wall's time only: it waits until they are over.
         self._awaits_exchanges = plan.radio.rate_bytes_s is None
         self._ground_amsl_m = mission.home_altitude_amsl_m  # None: where the vehicle is first
-        self._greeted = False  # the vehicle was heard, and how far from home it is was looked at
+        self._greeted = False  # its truth was received, and its distance from home checked
         with ExitStack() as stack:
             context: zmq.Context[zmq.Socket[bytes]] = stack.enter_context(zmq.Context())
             self._vehicles = {
@@ -165,29 +165,29 @@ class TeamSimulation(Closeable):
         stopped: Callable[[], bool],
         reached: Callable[[float], None] = lambda _time_s: None,
     ) -> None:
-        """Follow the vehicle until `stopped` says so.
+        """Follow the vehicle until `stopped` is true.
 
-        `reached` is told up to which second of the vehicle's clock the world has been moved on, and
-        the robots' exchanges have come to their end: without a limit of rate these take the
-        wall's time only.
+        `reached` is called with the second of the vehicle's clock up to which the world has moved
+        on and the robots' exchanges have ended: without a limit of rate these take the wall's
+        time only.
         """
-        heard_s = time.monotonic()
+        received_s = time.monotonic()
         silent = False
-        worked_s: float | None = None  # of the vehicle's clock; None: all of it has been told
+        worked_s: float | None = None  # of the vehicle's clock; None: all of it is reported
         while not stopped():
             if worked_s is not None and not (self._awaits_exchanges and self._nodes.exchanging):
                 reached(worked_s)
                 worked_s = None
-            heard = self._first.listen(_STOP_LOOK_S if worked_s is None else _EXCHANGE_LOOK_S)
+            received = self._first.listen(_STOP_CHECK_S if worked_s is None else _EXCHANGE_CHECK_S)
             state = self._first.state
-            if heard and state is not None:
-                heard_s, silent = time.monotonic(), False
+            if received and state is not None:
+                received_s, silent = time.monotonic(), False
                 for vehicle in self._vehicles.values():
                     if vehicle is not self._first:
                         vehicle.listen(0.0)
                 self.follow(state)
                 worked_s = state.time_s
-            elif not silent and time.monotonic() - heard_s > _SILENCE_NOTE_S:
+            elif not silent and time.monotonic() - received_s > _SILENCE_NOTE_S:
                 silent = True
                 _log.warning(
                     "no truth packets on %s: waiting for the vehicle; start it, or give --truth",
@@ -237,8 +237,8 @@ class TeamSimulation(Closeable):
     def report(self) -> Mapping[str, Any]:
         """What became of all robots so far."""
         self._hear()
-        told = report(self.world, self._nodes, self.clock)
-        return {**told, "pace": self._pace.told()}
+        found = report(self.world, self._nodes, self.clock)
+        return {**found, "pace": self._pace.as_json()}
 
     def close(self) -> None:
         """Stop nodes, relays and sockets."""
@@ -248,17 +248,17 @@ class TeamSimulation(Closeable):
         for change in step.links:
             self._relay.set_link(change.a, change.b, up=change.up)
             _log.info("%s and %s %s", change.a, change.b, "in contact" if change.up else "lost")
-        self._radio.tell(step.readings)
+        self._radio.send_readings(step.readings)
         self._nodes.publish(map(self._speech.of, step.publications))
         self._hear()
         for name, patch in step.patches.items():
             self._vehicles[name].show(patch)
 
     def _hear(self) -> None:
-        """Let robots hear what has reached their nodes."""
+        """Deliver to robots the messages that have reached their nodes."""
         for name, message in self._nodes.arrived():
             try:
-                self.world.hear(name, message.robot, message.topic, message.data)
+                self.world.receive(name, message.robot, message.topic, message.data)
             except (MessageError, GridError, FrameError) as error:
                 _log.warning("%s of %s: %s", message.topic, message.robot, error)
 
@@ -270,7 +270,7 @@ class TeamSimulation(Closeable):
         )
         if away_m > _FAR_FROM_HOME_M:
             _log.warning(
-                "the vehicle is %.0f km from the mission's home: no robot will hear it; start it "
+                "the vehicle is %.0f km from the mission's home: no robot is in range; start it "
                 "at the mission's home",
                 away_m / 1000,
             )

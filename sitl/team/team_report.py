@@ -71,7 +71,7 @@ def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
 
 
 def _carried(world: World, messages: Mapping[str, Sequence[Message]]) -> list[list[str]]:
-    """Pairs [a, b] of ground robots that never heard each other while a holds data of b."""
+    """Pairs [a, b] of ground robots that never had contact while a holds data of b."""
     return [
         [holder, maker]
         for holder in world.robots
@@ -130,7 +130,7 @@ class TeamPace:
         self._longest_step_s = max(self._longest_step_s, time_s - self._now[0])
         self._now = (time_s, wall_s)
 
-    def told(self) -> dict[str, float | None]:
+    def as_json(self) -> dict[str, float | None]:
         """Simulated seconds per wall-clock second, and the longest step in simulated seconds."""
         simulated_s, wall_s = (
             now - then for now, then in zip(self._now, self._began or self._now, strict=True)

@@ -24,7 +24,7 @@ def make_world(
     """
     corners = [corner for fence in mission.fences for corner in fence.corners]
     corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
-    raster = Raster.draw(plan.scene, corners, RESOLUTION_M, plan.margin_m)
+    raster = Raster.draw(plan.land_cover, corners, RESOLUTION_M, plan.margin_m)
     speech = RosMessages(team)
     topics = {name: () if name in played else speech.topics(name) for name in roles.ground}
     world = World(plan, mission.frame, roles.vehicles, raster, topics)

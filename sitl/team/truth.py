@@ -24,7 +24,7 @@ _RESTART_S: Final = 1.0  # a step back of more than this is a vehicle that was s
 
 
 class TruthError(AirRouterError):
-    """The truth stream cannot be received; the message says why and what to do."""
+    """The truth stream cannot be received; the message has the cause and a remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class TruthParser:
     """Finds the newest vehicle state in MAVLink datagrams, and leaves the rest alone."""
 
     def __init__(self) -> None:
-        self._time_s = 0.0  # simulated, as heard last
+        self._time_s = 0.0  # simulated, as received last
 
     def parse(self, datagram: bytes) -> VehicleState | None:
         """The last valid state in a datagram, or None."""

@@ -1,4 +1,4 @@
-# What `sitl.world` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.world`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.world.air_to_ground import HIGHEST_M as HIGHEST_M
 from sitl.world.air_to_ground import AirToGround as AirToGround

@@ -1,7 +1,7 @@
 """The link between a vehicle above the roofs and a robot on the ground, as 3GPP has it.
 
-3GPP TR 36.777 (Release 15), annex B, says of a base station and an aerial vehicle at 22.5 to 300 m
-how probable a line of sight is (table B-1), what is lost with and without one (B-2), and how much
+3GPP TR 36.777 (Release 15), annex B, gives for a base station and a vehicle at 22.5 to 300 m the
+probability of a line of sight (table B-1), the loss with and without one (B-2), and how much
 shadowing deviates (B-3), in a town of low base stations (UMi-AV) or of high ones (UMa-AV). The base
 station is the robot here. Its antenna is lower than the report's, 10 m or 25 m: that is a reading.
 
@@ -32,7 +32,7 @@ HIGHEST_M: Final = 300.0
 """Up to this height of a vehicle the tables are for."""
 
 ROOF_M: Final = 25.0
-"""Antennas higher than this look over the buildings; the tables begin at 22.5 m."""
+"""Antennas higher than this clear the buildings; the tables begin at 22.5 m."""
 
 SIGHT_M: Final = 50.0
 """Over this distance a line of sight is kept or lost."""
@@ -65,12 +65,12 @@ def path_loss_db(
     log_h, log_d = np.log10(height_m), np.log10(away_m)
     carrier_db = 20 * math.log10(carrier_ghz)
     if scenario == "umi_av":
-        seen_db = np.maximum(_FREE_DB + 20 * log_d, 30.9 + (22.25 - 0.5 * log_h) * log_d)
+        sight_db = np.maximum(_FREE_DB + 20 * log_d, 30.9 + (22.25 - 0.5 * log_h) * log_d)
         blocked_db = 32.4 + (43.2 - 7.6 * log_h) * log_d
     else:
-        seen_db = 28.0 + 22 * log_d
+        sight_db = 28.0 + 22 * log_d
         blocked_db = _FREE_DB - 17.5 + (46 - 7 * log_h) * log_d
-    loss_db: Numbers = np.where(sight, seen_db, np.maximum(seen_db, blocked_db))
+    loss_db: Numbers = np.where(sight, sight_db, np.maximum(sight_db, blocked_db))
     return loss_db + carrier_db
 
 
@@ -86,7 +86,7 @@ class PlaceField:
 
     A sum of waves in the space of both places (S. Jaeckel and others, "Efficient Sum-of-Sinusoids
     based Spatial Consistency for the 3GPP New-Radio Channel Model", IEEE Globecom Workshops 2018).
-    Wave vectors with a Cauchy distribution make what is in common exp(-(way of one end + way of the
+    Wave vectors with a Cauchy distribution make the correlation exp(-(way of one end + way of the
     other) / scale).
 
     Args:
@@ -125,7 +125,7 @@ class AirToGround:
         self.carrier_ghz = carrier_ghz
         self._sight = PlaceField(SIGHT_M, f"{seed} sight")
         near_m, far_m = SHADOWING_M[scenario]
-        self._seen = PlaceField(near_m, f"{seed} seen")  # shadowing with a line of sight
+        self._clear = PlaceField(near_m, f"{seed} seen")  # shadowing with a line of sight
         self._blocked = PlaceField(far_m, f"{seed} blocked")  # and without
 
     def sighted(self, air: Numbers, ground: Numbers) -> npt.NDArray[np.bool_]:
@@ -138,7 +138,7 @@ class AirToGround:
         """Loss of all pairs of places, by air and ground; shadowing is cut at 3 deviations."""
         sight, height_m = self.sighted(air, ground), air[:, 2:]
         away_m = np.sqrt(((air[:, None] - ground) ** 2).sum(axis=2))
-        fading = np.where(sight, self._seen.at(air, ground), self._blocked.at(air, ground))
+        fading = np.where(sight, self._clear.at(air, ground), self._blocked.at(air, ground))
         fading = np.clip(fading, -SHADOWING_LIMIT, SHADOWING_LIMIT)
         median_db = path_loss_db(self._scenario, height_m, away_m, self.carrier_ghz, sight)
         return median_db + fading * deviation_db(self._scenario, height_m, sight)

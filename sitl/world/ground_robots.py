@@ -1,4 +1,4 @@
-"""The ground robots of a world, on patrol or exploring a town: when they drive, say and hear."""
+"""The ground robots of a world, on patrol or exploring: when they drive, publish and receive."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class Publication:
 
 
 class Every:
-    """Says when something that happens at fixed intervals is due; late ones are not made up."""
+    """A timer of fixed intervals; late events are not made up for."""
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s
-        self._next_s = -math.inf  # of the caller's clock; the first look is due
+        self._next_s = -math.inf  # of the caller's clock; the first event is due
 
     def due(self, now_s: float) -> bool:
         """Whether it is time; a yes takes the turn."""
@@ -63,19 +63,19 @@ class PatrolUgv:
     pose: Every = field(default_factory=lambda: Every(POSE_INTERVAL_S))
     path: Every = field(default_factory=lambda: Every(PATH_INTERVAL_S))
     sightings: Every = field(default_factory=lambda: Every(SIGHTINGS_INTERVAL_S))
-    told_path: tuple[Point, ...] | None = None
+    sent_path: tuple[Point, ...] | None = None
 
     def drive(self, dt_s: float, unix_s: float) -> None:  # noqa: ARG002 - as an explorer
         """Drive for some simulated seconds."""
         self.robot.step(dt_s)
 
-    def hear(self, robot: str, topic: str, data: bytes) -> None:
+    def receive(self, robot: str, topic: str, data: bytes) -> None:
         """Nothing follows from it."""
 
-    def speak(self, time_s: float, unix_s: float) -> list[Publication]:
-        """What it says at a simulated time, which messages have as Unix time."""
+    def publish(self, time_s: float, unix_s: float) -> list[Publication]:
+        """The messages it publishes at a simulated time; they are stamped with Unix time."""
         robot, frame = self.robot, self.frame
-        said: list[Publication] = []
+        publications: list[Publication] = []
         if self.pose.due(time_s) and POSE_TOPIC in self.topics:
             here = frame.to_geodetic(robot.position)
             pose = PoseMessage(
@@ -84,18 +84,18 @@ class PatrolUgv:
                 longitude_deg=here.longitude_deg,
                 heading_deg=robot.heading_deg,
             )
-            said.append(Publication(robot.name, POSE_TOPIC, pose.encode()))
+            publications.append(Publication(robot.name, POSE_TOPIC, pose.encode()))
         path_due = self.path.due(time_s)
-        if (path_due or robot.path != self.told_path) and PATH_TOPIC in self.topics:
-            self.told_path = robot.path
+        if (path_due or robot.path != self.sent_path) and PATH_TOPIC in self.topics:
+            self.sent_path = robot.path
             path = PathMessage(stamp_s=unix_s, points=tuple(map(frame.to_geodetic, robot.path)))
-            said.append(Publication(robot.name, PATH_TOPIC, path.encode()))
+            publications.append(Publication(robot.name, PATH_TOPIC, path.encode()))
         if self.sightings.due(time_s) and SIGHTINGS_TOPIC in self.topics:
             seen = map(frame.to_geodetic, robot.sightings)
             objects = tuple(SeenObject(kind="vehicle", **place._asdict()) for place in seen)
             sightings = SightingsMessage(stamp_s=unix_s, objects=objects)
-            said.append(Publication(robot.name, SIGHTINGS_TOPIC, sightings.encode()))
-        return said
+            publications.append(Publication(robot.name, SIGHTINGS_TOPIC, sightings.encode()))
+        return publications
 
 
 @dataclass(slots=True)
@@ -113,15 +113,17 @@ class ExplorerUgv:
             self.now_s = unix_s
             self.robot.step(unix_s)
 
-    def hear(self, robot: str, topic: str, data: bytes) -> None:
+    def receive(self, robot: str, topic: str, data: bytes) -> None:
         """A message of another robot has arrived. Raises MessageError, GridError, FrameError."""
         self.robot.take(robot, topic, data, self.now_s)
 
-    def speak(self, time_s: float, unix_s: float) -> list[Publication]:  # noqa: ARG002 - as on patrol
+    def publish(self, time_s: float, unix_s: float) -> list[Publication]:  # noqa: ARG002 - as on patrol
         """What it has to say; nothing before it has set off."""
-        said = self.robot.outbox()
-        return [Publication(self.robot.name, *each) for each in said if each[0] in self.topics]
+        publications = self.robot.outbox()
+        return [
+            Publication(self.robot.name, *each) for each in publications if each[0] in self.topics
+        ]
 
 
 Ugv = PatrolUgv | ExplorerUgv
-"""A ground robot, and when it drives, says and hears."""
+"""A ground robot, and when it drives, publishes and receives."""

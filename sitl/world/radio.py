@@ -1,4 +1,4 @@
-"""Who hears whom: log-distance path loss with optional correlated shadowing, and buildings.
+"""Which radios receive which: log-distance path loss, optional correlated shadowing, buildings.
 
 The received power falls with the logarithm of the distance (Rappaport, Wireless Communications,
 ch. 4: "log-distance path loss" and "log-normal shadowing"):
@@ -87,7 +87,7 @@ class RadioModel(BaseModel):
 
     @property
     def longest_range_m(self) -> float:
-        """No two radios farther apart than this ever hear each other, whatever the shadowing."""
+        """No two radios farther apart than this ever receive each other, whatever the shadowing."""
         return self.range_m(self.sensitivity_dbm - SHADOWING_LIMIT * self.shadowing_db)
 
 
@@ -104,7 +104,7 @@ class PairPowers:
         self._model = model
         self._names = names
         self._seed = seed
-        self._values: dict[int, Numbers] = {}  # of fading by knot, [a, b]; nan: not asked for yet
+        self._values: dict[int, Numbers] = {}  # of fading by knot, [a, b]; nan: not drawn yet
 
     def rssi_dbm(
         self, a: Indices, b: Indices, away_m: Numbers, low: npt.NDArray[np.bool_], time_s: float
@@ -154,7 +154,7 @@ class TownRadio:
     """Received power: distance, fading, and what buildings take from lines between low antennas.
 
     Args:
-        radio: What is lost by distance, and how it fades.
+        radio: The loss by distance, and the fading.
         raster: Buildings.
         names: Of the robots, in the order of their numbers.
         seed: Chooses the fading.
@@ -183,7 +183,7 @@ class TownRadio:
         self._count = len(names)
         self._powers = PairPowers(radio, names, seed)  # that fade by time
         self._ground = PlaceField(_GROUND_FADING_M, f"{seed} ground")  # by place
-        self._farthest_m = radio.longest_range_m  # farther pairs are not looked at
+        self._farthest_m = radio.longest_range_m  # farther pairs are not computed
 
     def rssi_dbm(self, now_s: float, places: Numbers) -> Numbers:
         """By the numbers of both robots; -inf where it is too weak to count.
@@ -203,8 +203,8 @@ class TownRadio:
             rssi_dbm = self._powers.rssi_dbm(a, b, away_m[a, b], low, now_s)
         else:
             rssi_dbm = self._by_place_dbm(self._air, places, away_m)[a, b]
-        heard = rssi_dbm >= self._radio.sensitivity_dbm
-        a, b, low, rssi_dbm = a[heard], b[heard], low[heard], rssi_dbm[heard]
+        received = rssi_dbm >= self._radio.sensitivity_dbm
+        a, b, low, rssi_dbm = a[received], b[received], low[received], rssi_dbm[received]
         rssi_dbm[low] -= self.building_db(places[a[low], :2], places[b[low], :2])
         received_dbm = np.full((self._count, self._count), -np.inf)
         received_dbm[a, b] = received_dbm[b, a] = np.round(rssi_dbm, 6)

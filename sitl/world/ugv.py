@@ -98,7 +98,7 @@ class PatrolRobot:
     Args:
         name: Its name in the team.
         plan: How it drives.
-        vehicles: Every vehicle in the world; the robot looks for them as it drives.
+        vehicles: Every vehicle in the world; the robot searches for them as it drives.
 
     Attributes:
         name: Its name in the team.
@@ -109,9 +109,9 @@ class PatrolRobot:
         self.name = name
         self.driven_m = 0.0
         self._plan, self._vehicles = plan, vehicles
-        self._seen: list[int] = []  # of the vehicles
+        self._detected: list[int] = []  # of the vehicles
         self._place = plan.patrol.at(plan.start_m)
-        self._look()
+        self._detect()
 
     def step(self, dt_s: float) -> None:
         """Drive for `dt_s` seconds of simulated time."""
@@ -120,13 +120,13 @@ class PatrolRobot:
             return
         self.driven_m += plan.speed_m_s * dt_s
         self._place = plan.patrol.at(plan.start_m + self.driven_m)
-        self._look()
+        self._detect()
 
     def stand(self, place: Point) -> None:
         """Be there from now on: its own program drives it."""
         self._plan = PatrolPlan(Patrol([place]))
         self._place = self._plan.patrol.at(0.0)
-        self._look()
+        self._detect()
 
     @property
     def position(self) -> Point:
@@ -146,13 +146,13 @@ class PatrolRobot:
     @property
     def sightings(self) -> tuple[Point, ...]:
         """Vehicles seen so far, in the order in which they were first seen."""
-        return tuple(self._vehicles[index] for index in self._seen)
+        return tuple(self._vehicles[index] for index in self._detected)
 
-    def _look(self) -> None:
+    def _detect(self) -> None:
         here = self._place.position
         for index, vehicle in enumerate(self._vehicles):
-            if index not in self._seen and math.dist(here, vehicle) <= SIGHT_M:
-                self._seen.append(index)
+            if index not in self._detected and math.dist(here, vehicle) <= SIGHT_M:
+                self._detected.append(index)
 
 
 _LARGEST_RADIUS_M = 15.0

@@ -1,6 +1,6 @@
-"""The world beside the autopilot as a pure object: the vehicle moves, and it says what follows.
+"""The world around the autopilot as a pure object: the vehicle moves, the world reacts.
 
-`World.step` takes the time and where the vehicle truly is, and answers with what a shell has to
+`World.step` takes the time and where the vehicle truly is, and returns what a shell has to
 carry out: links to cut or restore, radio readings to deliver, messages that robots publish, what
 the camera sees. It knows no sockets, threads or clocks.
 """
@@ -61,7 +61,7 @@ class LinkChange:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What the radio of `robot` says about a peer; None: not heard."""
+    """The reading of `robot`'s radio about a peer; None: no signal received."""
 
     robot: str
     peer: str
@@ -87,14 +87,14 @@ class Step:
 
 @dataclass(slots=True)
 class Contact:
-    """How often and how long two robots have heard each other.
+    """How often and how long two robots were in radio contact.
 
     Attributes:
         count: Contacts so far, the present one included.
         seconds: Simulated seconds in contact.
-        last_s: Unix seconds when they last heard each other; None: never.
+        last_s: Unix seconds of their last contact; None: never.
         closest_m: The smallest distance between them.
-        up: They hear each other now.
+        up: They are in contact now.
     """
 
     count: int = 0
@@ -154,7 +154,7 @@ class World:
         robots = {} if plan.exploration is None else plan.exploration.robots()
         self._ugvs: dict[str, Ugv] = {n: ExplorerUgv(own, topics[n]) for n, own in robots.items()}
         for name, own in plan.patrols.items():
-            patrol = PatrolRobot(name, own, plan.scene.vehicles)
+            patrol = PatrolRobot(name, own, plan.land_cover.vehicles)
             self._ugvs[name] = PatrolUgv(patrol, frame, topics[name])
         names = (*vehicles, *self.robots)
         self._pairs = {pair: Contact() for pair in itertools.combinations(names, 2)}
@@ -176,7 +176,7 @@ class World:
 
     @property
     def goals_total(self) -> int:
-        """How many vehicles exploring robots look for."""
+        """How many vehicles exploring robots search for."""
         return len(self._plan.exploration.town.goals) if self._plan.exploration else 0
 
     @property
@@ -185,24 +185,24 @@ class World:
         return first_visits(r for r in self.robots.values() if isinstance(r, GroundRobot))
 
     def stand(self, name: str, place: Point) -> None:
-        """A robot is here from now on: its own program drives it, and says what it has to say."""
+        """A robot is here from now on: its own program drives it and publishes its messages."""
         ugv = self._ugvs[name]
         if not isinstance(ugv, PatrolUgv):
             here = PatrolPlan(Patrol([place]))
-            ugv = PatrolUgv(PatrolRobot(name, here, self._plan.scene.vehicles), self.frame, ())
+            ugv = PatrolUgv(PatrolRobot(name, here, self._plan.land_cover.vehicles), self.frame, ())
             self._ugvs[name] = ugv
         ugv.robot.stand(place)
 
-    def hear(self, name: str, robot: str, topic: str, data: bytes) -> None:
+    def receive(self, name: str, robot: str, topic: str, data: bytes) -> None:
         """A message of a robot has reached the ground robot `name`.
 
         Raises:
-            MessageError, GridError, FrameError: it is not what its topic promises.
+            MessageError, GridError, FrameError: the message is not of its topic's type.
         """
-        self._ugvs[name].hear(robot, topic, data)
+        self._ugvs[name].receive(robot, topic, data)
 
     def contact(self, a: str, b: str) -> Contact:
-        """What two robots have heard of each other so far."""
+        """The contact of two robots so far."""
         return self._pairs[(a, b) if (a, b) in self._pairs else (b, a)]
 
     def due(self, time_s: float) -> bool:
@@ -213,8 +213,8 @@ class World:
         """Move on to a later time, with the vehicles where they are then.
 
         Args:
-            vehicles: What is known of them; of the others than the first one may be missing, and
-                is not heard.
+            vehicles: Their true states; others than the first may be missing, and have no contact
+                then.
         """
         truth = vehicles[self.vehicles[0]]
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
@@ -224,21 +224,21 @@ class World:
                 ugv.drive(dt_s, truth.unix_s)
         elif any(there.height_m >= LANDED_BELOW_M for there in vehicles.values()):
             self._took_off_s = truth.time_s
-        links, readings = self._hear(vehicles, truth, dt_s)
+        links, readings = self._radio_step(vehicles, truth, dt_s)
         self._measure(vehicles, truth.time_s)
-        patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
+        patches = self._pictures(vehicles) if self._picture.due(truth.time_s) else {}
         times = truth.time_s, truth.unix_s
-        said = [message for ugv in self._ugvs.values() for message in ugv.speak(*times)]
-        return Step(links, readings, tuple(said), patches)
+        publications = [message for ugv in self._ugvs.values() for message in ugv.publish(*times)]
+        return Step(links, readings, tuple(publications), patches)
 
-    def _look(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
-        looks = {
-            name: self._plan.camera.look(
+    def _pictures(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
+        pictures = {
+            name: self._plan.camera.picture(
                 self.raster, truth.position, truth.height_m, truth.heading_deg
             )
             for name, truth in vehicles.items()
         }
-        return {name: patch for name, patch in looks.items() if patch is not None}
+        return {name: patch for name, patch in pictures.items() if patch is not None}
 
     def _measure(self, vehicles: Mapping[str, Truth], time_s: float) -> None:
         for (a, b), approach in self.approaches.items():
@@ -253,13 +253,13 @@ class World:
                 approach.closest_m, approach.across_m, approach.up_m = apart_m, across_m, up_m
                 approach.at_s = time_s
 
-    def _hear(
+    def _radio_step(
         self, vehicles: Mapping[str, Truth], truth: Truth, dt_s: float
     ) -> tuple[tuple[LinkChange, ...], tuple[Reading, ...]]:
         changes: list[LinkChange] = []
         readings: list[Reading] = []
         flown_s = 0.0 if self._took_off_s is None else truth.time_s - self._took_off_s
-        tell = self._reading.due(truth.time_s)
+        reading_due = self._reading.due(truth.time_s)
         places, (one, other) = self._antennas(vehicles), self._ends
         apart_m = np.sqrt(((places[one] - places[other]) ** 2).sum(axis=1))
         powers_dbm = self._powers_dbm(places, apart_m, flown_s).tolist()
@@ -267,23 +267,23 @@ class World:
             if math.isnan(away_m):
                 continue
             contact = self._pairs[a, b]
-            heard = rssi_dbm >= self._plan.radio.sensitivity_dbm
+            received = rssi_dbm >= self._plan.radio.sensitivity_dbm
             contact.closest_m = min(contact.closest_m, away_m)
             if contact.up:
                 contact.seconds += dt_s
-            if heard:
+            if received:
                 contact.last_s = truth.unix_s
-            if heard != contact.up:
-                contact.up = heard
-                contact.count += heard
-                changes.append(LinkChange(a, b, heard))
-            if tell:
-                value = round(rssi_dbm, 1) if heard else None
+            if received != contact.up:
+                contact.up = received
+                contact.count += received
+                changes.append(LinkChange(a, b, received))
+            if reading_due:
+                value = round(rssi_dbm, 1) if received else None
                 readings += (Reading(a, b, value), Reading(b, a, value))
         return tuple(changes), tuple(readings)
 
     def _antennas(self, vehicles: Mapping[str, Truth]) -> Numbers:
-        """East, north and up of all antennas in metres; nan for vehicles that are not heard."""
+        """East, north and up of all antennas in metres; nan for vehicles whose state is missing."""
         high = {
             name: (*there.position, max(there.height_m, GROUND_ANTENNA_M))
             for name, there in vehicles.items()

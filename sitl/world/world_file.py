@@ -22,7 +22,7 @@ from geo.frame import FrameError, Point
 from mocha_link.team import Document, DocumentError, Problem
 from sitl.world.explorers import Exploration, ExplorerSettings, PlacedBy
 from sitl.world.radio import RadioModel
-from sitl.world.towns import Camera, Road, Scene, load_town, scatter
+from sitl.world.towns import Camera, LandCover, Road, load_town, scatter
 from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan, default_patrols
 
 Keys = tuple[str | int, ...]
@@ -75,19 +75,19 @@ class WorldPlan:
     """A world, ready to be simulated; positions in metres of the mission's local frame.
 
     Attributes:
-        radio: Who hears whom.
+        radio: Which robots receive which.
         camera: What the vehicle sees.
-        scene: What stands where.
+        land_cover: What stands where.
         patrols: Where each ground robot drives, by name.
         margin_m: How far the terrain reaches beyond the fence.
         seed: Chooses the fading.
-        exploration: The robots that look for the vehicles of a town; None: all are on patrol. Of
+        exploration: The robots that search for the vehicles of a town; None: all are on patrol. Of
             its robots those that have a patrol keep to it.
     """
 
     radio: RadioModel
     camera: Camera
-    scene: Scene
+    land_cover: LandCover
     patrols: Mapping[str, PatrolPlan]
     margin_m: float = MARGIN_M
     seed: int = 0
@@ -119,7 +119,7 @@ def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed:
 
 @dataclass(slots=True)
 class _Reader:
-    """Takes a parsed file into the local frame and collects what is wrong with it."""
+    """Takes a parsed file into the local frame and collects its mistakes."""
 
     document: Document
     model: _World
@@ -129,18 +129,18 @@ class _Reader:
     def plan(self, robots: Sequence[str], seed: int) -> WorldPlan:
         model = self.model
         exploration = self._exploration(robots, seed)
-        scene = self._scene(exploration)
+        land_cover = self._scene(exploration)
         patrols = {
             name: plan
             for name, robot in model.robots.items()
-            if (plan := self._patrol(name, robot, robots, scene)) is not None
+            if (plan := self._patrol(name, robot, robots, land_cover)) is not None
         }
         if self.problems:
             raise DocumentError(self.problems)
         if exploration is None:
             missing = [name for name in robots if name not in patrols]
             patrols |= default_patrols(self.mission, missing, seed, patrols.values())
-        world = (model.radio, model.camera, scene, patrols, model.terrain.margin_m)
+        world = (model.radio, model.camera, land_cover, patrols, model.terrain.margin_m)
         return WorldPlan(*world, seed, exploration)
 
     def _exploration(self, robots: Sequence[str], seed: int) -> Exploration | None:
@@ -166,15 +166,15 @@ class _Reader:
             *(town, tuple(robots), seed, settings), drawn_starts=explore.starts == "seed"
         )
 
-    def _scene(self, exploration: Exploration | None) -> Scene:
+    def _scene(self, exploration: Exploration | None) -> LandCover:
         if exploration is not None:
-            return exploration.town.scene
+            return exploration.town.land_cover
         terrain = self.model.terrain
         shapes = (zone.shape for zone in self._standing())
         buildings = tuple(s.corners if isinstance(s, Circle) else s.ring for s in shapes)
         if terrain.buildings is not None:
             buildings = self._rings(terrain.buildings, ("terrain", "buildings"))
-        return Scene(
+        return LandCover(
             vegetation=self._rings(terrain.vegetation, ("terrain", "vegetation")),
             roads=tuple(
                 Road(self._points(road.points, ("terrain", "roads", index, "points")), road.width_m)
@@ -185,7 +185,7 @@ class _Reader:
         )
 
     def _patrol(
-        self, name: str, robot: _Robot, robots: Sequence[str], scene: Scene
+        self, name: str, robot: _Robot, robots: Sequence[str], land_cover: LandCover
     ) -> PatrolPlan | None:
         keys: Keys = ("robots", name)
         if name not in robots:
@@ -197,7 +197,7 @@ class _Reader:
         if len(points) < len(robot.patrol):
             return None
         patrol = Patrol(points, closed=robot.closed)
-        for index, building in enumerate(scene.buildings):
+        for index, building in enumerate(land_cover.buildings):
             polygon = shapely.Polygon(building)
             if any(polygon.intersects(shapely.LineString(leg)) for leg in patrol.legs()):
                 what = self._building_name(index)

@@ -6,7 +6,7 @@ import struct
 from functools import cache
 
 from sitl.conformance.conversation import Conversation, Start, prepare
-from sitl.conformance.session import Link, LocalLine, Session
+from sitl.conformance.session import LinkKind, LocalLine, Session
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.mavlink.vehicle import STEP_S, VehicleSettings
 from sitl.px4sim.state import StartPosition
@@ -19,11 +19,11 @@ copyreg.pickle(struct.Struct, lambda one: (struct.Struct, (one.format,)))  # als
 
 
 def local_line(
-    links=frozenset({Link.API}), *, px4s_own=False, speed=1.0, version=USUAL, started_with=()
+    links=frozenset({LinkKind.API}), *, px4s_own=False, speed=1.0, version=USUAL, started_with=()
 ):
     """To a vehicle in half as many steps and with fewer messages, unless it matters."""
     quick = {} if px4s_own else {"step_s": 2 * STEP_S, "onboard_rates_hz": SLOWER_HZ}
-    own = {"ground_link": Link.GROUND in links, "version": version}
+    own = {"ground_link": LinkKind.GROUND in links, "version": version}
     on_board = {"parameters": dict(started_with)}
     return LocalLine(VehicleSettings(*(HOME, 1, 1, speed, 1.7e9), **own, **on_board, **quick))
 
@@ -40,7 +40,7 @@ def _ready(start, links, px4s_own, version, on_board):
 
 
 def ready_for(
-    start=Start.GROUND, parameters=None, links=frozenset({Link.API}), *, steps=(), version=USUAL
+    start=Start.GROUND, parameters=None, links=frozenset({LinkKind.API}), *, steps=(), version=USUAL
 ):
     """A session of its own with a vehicle that waits for the first step."""
     return ready_to_hold(

@@ -71,7 +71,7 @@ class Campaign:
             )
         labels = {row.label for row in rows}
         self.wanted = [task for task in experiment.tasks(numbers) if task.row.label in labels]
-        self.failed: list[Outcome] = []
+        self.failed: list[RunOutcome] = []
         self._rows, self._numbers = rows, numbers
         self._finished: dict[tuple[str, int], Record] = {}  # by row's label and seed's number
         known = {row.label: row for row in experiment.rows}
@@ -126,7 +126,9 @@ class Campaign:
                 status.end()
         status.say(f"{counted(done, 'runs')} in {in_words(time.monotonic() - began_s)}")
 
-    def _take(self, outcome: Outcome, keep: Callable[[Record], None], status: StatusLine) -> None:
+    def _take(
+        self, outcome: RunOutcome, keep: Callable[[Record], None], status: StatusLine
+    ) -> None:
         if outcome.record is not None:
             keep(outcome.record)
             self._finished[outcome.task.key] = outcome.record
@@ -164,7 +166,7 @@ Work = Callable[[Task], Record]
 """Makes one run. Travels to other processes, so it is a module's own function."""
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """What became of a run.
 
     Attributes:
@@ -180,7 +182,7 @@ class Outcome(NamedTuple):
     again: bool = False
 
 
-Outcomes = Generator[Outcome | None, None, None]
+Outcomes = Generator[RunOutcome | None, None, None]
 """None: nothing has come for a second."""
 
 
@@ -199,7 +201,7 @@ def make_runs(work: Work, tasks: Iterable[Task], workers: int) -> Outcomes:
 
 def _made(
     work: Work, waiting: deque[Task], workers: int, *, again: bool
-) -> Generator[Outcome | None, None, list[Task]]:
+) -> Generator[RunOutcome | None, None, list[Task]]:
     """Make runs until none is left or a worker dies; those that were under way then."""
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
@@ -218,13 +220,13 @@ def _made(
                 error = future.exception()
                 if error:
                     lost.append(task)
-                    yield Outcome(task, None, str(error), again)
+                    yield RunOutcome(task, None, str(error), again)
                 elif isinstance(made := future.result(), str):
-                    yield Outcome(task, None, made)
+                    yield RunOutcome(task, None, made)
                 else:
-                    yield Outcome(task, made)
+                    yield RunOutcome(task, made)
         for task in under_way.values():
-            yield Outcome(task, None, "a worker beside it ended", again)
+            yield RunOutcome(task, None, "a worker beside it ended", again)
         return [*lost, *under_way.values()]
     finally:
         for process in set(multiprocessing.active_children()) - before:

@@ -158,7 +158,7 @@ class WorldRun:
         """Something has happened on a ground robot's links."""
         if isinstance(event, MessageStored) and event.robot != name:
             data = self.nodes[name].data_of(event)
-            self._world.hear(name, event.robot, event.topic, data)
+            self._world.receive(name, event.robot, event.topic, data)
 
     def _tick(self) -> None:
         uav, now = self.uav, self.uav.node.now

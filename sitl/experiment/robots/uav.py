@@ -68,10 +68,10 @@ class MapPainter:
         """How much of it is known, 0..1."""
         return self.known_cells / self.grid.cells.size
 
-    def look(self, position: Point, height_m: float, heading_deg: float) -> None:
+    def paint(self, position: Point, height_m: float, heading_deg: float) -> None:
         """Take a picture from above; its upper edge points along the heading."""
         seen_from = position, height_m, heading_deg
-        patch = None if seen_from == self._last else self.camera.look(self._raster, *seen_from)
+        patch = None if seen_from == self._last else self.camera.picture(self._raster, *seen_from)
         if patch is not None:
             self._last = seen_from
             self.known_cells += self.grid.paint(patch)
@@ -144,7 +144,7 @@ class Uav:
         self.flyer.fly(now_s)
         if now_s - self._picture_at_s >= self.painter.camera.interval_s:
             self._picture_at_s = now_s
-            self.painter.look(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
+            self.painter.paint(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
         self._tell(self.flyer.telemetry())
 
     def hear(self, event: LinkEvent) -> None:

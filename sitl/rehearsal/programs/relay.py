@@ -110,8 +110,8 @@ class LossyRelay:
             end.close()
 
     def pace(self) -> dict[str, Any]:
-        """How the pace was kept; see `Pace.told`."""
-        return self._pace.told(self._speed)
+        """How the pace was kept; see `Pace.as_json`."""
+        return self._pace.as_json(self._speed)
 
     def inject(self, data: bytes) -> None:
         """Send something to the vehicle in another's name."""

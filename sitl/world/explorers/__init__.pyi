@@ -1,4 +1,4 @@
-# What `sitl.world.explorers` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.world.explorers`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.world.explorers.exploration import Exploration as Exploration
 from sitl.world.explorers.exploration import first_visits as first_visits

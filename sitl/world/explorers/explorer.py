@@ -1,8 +1,8 @@
-"""A ground robot that looks for vehicles: where it drives, what it knows, what it tells.
+"""A ground robot that searches for vehicles: where it drives, what it knows, what it publishes.
 
 A pure object: time and messages come in, positions and messages come out. It goes to the nearest
 goal that it knows, that no other robot has claimed and that a way over known ground leads to;
-without one it returns to where it started and waits for news, as the authors' robots do.
+without one it returns to where it started and waits for messages, as the authors' robots do.
 """
 
 from __future__ import annotations
@@ -97,10 +97,10 @@ class GroundRobot:
         self._deadline_s = math.inf  # simulated time at which the goal is given up
         self._now_s = -math.inf  # of the last step
         self._next_thought_s = self._chance.uniform(0, settings.thinking_s)
-        self._thought_of: tuple[int, int] | None = None  # versions of book and knowledge
+        self._decided_on: tuple[int, int] | None = None  # versions of book and knowledge
 
     def step(self, now_s: float) -> None:
-        """Drive, look and decide up to this time; the first call only looks around.
+        """Drive, observe and decide up to this time; the first call only observes.
 
         Times never run back.
         """
@@ -126,7 +126,7 @@ class GroundRobot:
         """A gossiped message of another robot has arrived; topics that it does not use are left.
 
         Raises:
-            MessageError, GridError, FrameError: it is not what its topic promises.
+            MessageError, GridError, FrameError: the message is not of its topic's type.
         """
         if topic in {MAP_TOPIC, REACHABILITY_TOPIC}:
             reading = read_map(data, self.town.lattice)
@@ -136,7 +136,9 @@ class GroundRobot:
                 for place in reading.vehicles
                 if all(math.dist(place, other) > NO_VEHICLE_M for other in self.unmapped)
             )
-        elif topic == CLAIMS_TOPIC and self.book.hear(robot, *read_claims(data, self.town.frame)):
+        elif topic == CLAIMS_TOPIC and self.book.on_claims(
+            robot, *read_claims(data, self.town.frame)
+        ):
             self._leave(now_s, failed=False)
         elif topic == OBJECTS_TOPIC:
             self.book.learn(read_sightings(data, self.town.frame))
@@ -164,7 +166,7 @@ class GroundRobot:
                 time_s = 0.0
 
     def _enter(self, cell: Cell) -> None:
-        """Look around in a new cell; a way that turns out to be none is planned again."""
+        """Observe from a new cell; a way that turns out to be blocked is planned again."""
         self._cell = cell
         contradicted = self.knowledge.see(cell)
         seen = [
@@ -198,11 +200,11 @@ class GroundRobot:
         """Choose where to go, unless there is a goal, or nothing is new since the last time."""
         if self.book.current is not None:
             return
-        news = self.book.version, self.knowledge.version
+        versions = self.book.version, self.knowledge.version
         waits = self._at_start and not self.book.failed
-        if news == self._thought_of and (self._way or waits):
+        if versions == self._decided_on and (self._way or waits):
             return
-        self._thought_of = news
+        self._decided_on = versions
         ways = Ways(self.town.lattice, self.knowledge.cells, self._cell)
         for goal in self.book.free(self.position):
             way = self._way_to(goal, ways)

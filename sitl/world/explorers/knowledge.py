@@ -1,8 +1,8 @@
 """What a ground robot knows: of the ground, by its eyes and by maps, and of goals.
 
-A place within `SAME_GOAL_M` of another is the same goal. Of two robots that claim one goal without
-having heard each other, the first by name keeps it as soon as they hear; a goal that any robot has
-visited is no longer claimed.
+A place within `SAME_GOAL_M` of another is the same goal. When two robots without contact claim the
+same goal, the first by name keeps it as soon as they are in contact. No robot claims a goal that
+any robot has visited.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class GoalBook:
 
     Attributes:
         name: Whose book it is.
-        goals: Places of goals, as first heard of; no two are the same goal.
+        goals: Places of goals, as first received; no two are the same goal.
         claims: The robot's own claims, visited ones first; the one in progress is the last.
         failed: Goals that it has given up for now.
-        version: Grows whenever the answer of `free` may be another.
+        version: Grows whenever the result of `free` may change.
     """
 
     name: str
@@ -94,10 +94,10 @@ class GoalBook:
             self.failed.clear()
             self.version += 1
 
-    def hear(self, robot: str, stamp_s: float, claims: Sequence[Claim]) -> bool:
+    def on_claims(self, robot: str, stamp_s: float, claims: Sequence[Claim]) -> bool:
         """Another robot's claims; whether the current goal is therefore not ours any more.
 
-        News that are not newer than what the robot has said before change nothing.
+        Claims that are not newer than the robot's last ones change nothing.
         """
         known_s, _ = self._others.get(robot, (-math.inf, ()))
         if stamp_s <= known_s:
@@ -178,7 +178,7 @@ _UNKNOWN = np.uint8(Terrain.UNKNOWN)
 class Knowledge:
     """The coarse cells as a robot believes them to be; at first it knows nothing.
 
-    Its own eyes are right: what they see overrides what a map has said.
+    Its own eyes are right: what they see overrides a map.
 
     Args:
         lattice: Which cell is where.
@@ -189,14 +189,14 @@ class Knowledge:
         lattice: Which cell is where.
         cells: The belief, flat.
         version: Grows with every change.
-        first_seen: How many cells its eyes saw that no map had shown.
+        newly_seen: How many cells its eyes saw that no map had shown.
     """
 
     def __init__(self, lattice: Lattice, truth: Cells, sight_m: float) -> None:
         self.lattice = lattice
         self.cells = np.zeros(lattice.rows * lattice.columns, dtype=np.uint8)
         self.version = 0
-        self.first_seen = 0
+        self.newly_seen = 0
         self._truth = truth
         self._seen = np.zeros(lattice.rows * lattice.columns, dtype=np.bool_)
         reach = math.floor(sight_m / GRAIN_M)
@@ -204,7 +204,7 @@ class Knowledge:
         self._in_sight = steps[:, np.hypot(*steps) * GRAIN_M <= sight_m]  # rows, columns from it
 
     def see(self, cell: Cell) -> bool:
-        """Look around in a cell; whether that contradicts what was believed before."""
+        """Observe the cells around one; whether that contradicts what was believed before."""
         around = self._around(cell)
         fresh = around[~self._seen[around]]
         if not fresh.size:
@@ -215,7 +215,7 @@ class Knowledge:
         if changed.any():
             self.cells[fresh] = now
             self.version += 1
-            self.first_seen += int(np.count_nonzero(unknown))
+            self.newly_seen += int(np.count_nonzero(unknown))
         return bool((changed & ~unknown).any())
 
     def learn(self, cells: Cells) -> None:
@@ -225,7 +225,7 @@ class Knowledge:
             self.cells[fresh] = cells[fresh]
             self.version += 1
 
-    def seen_map(self, origin: Geodetic) -> SemanticGrid:
+    def observed_map(self, origin: Geodetic) -> SemanticGrid:
         """What its own eyes have seen, as a map that just covers it."""
         shape = (self.lattice.rows, self.lattice.columns)
         cells = np.where(self._seen, self.cells, _UNKNOWN).reshape(shape)

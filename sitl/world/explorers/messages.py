@@ -1,4 +1,4 @@
-"""What exploring ground robots tell each other, when, and how they read it.
+"""The messages that exploring ground robots send each other, when, and how they read them.
 
 Poses, paths and sightings are those of `air_router.messages`; topics are the paper's.
 """
@@ -46,7 +46,7 @@ class ClaimedGoal(BaseModel):
 
 
 class ClaimedGoalsMessage(GossipMessage):
-    """All claims of a robot: the newest message says it all; what is missing was given up."""
+    """All claims of a robot: the newest message has all of them, dropped ones are missing."""
 
     stamp_s: Stamp
     goals: tuple[ClaimedGoal, ...]
@@ -62,21 +62,21 @@ def degrees(frame: LocalFrame, place: Point) -> dict[str, float]:
 
 
 FRESH_CELLS = 10
-"""Reachability is told when the robot's eyes have found so many cells that no map had shown."""
+"""Reachability is sent when the robot itself has found so many cells that no map had shown."""
 
 _POSE_S, _REACHABILITY_S = 1.0, 30.0  # between two messages at least
 
 _TICK_S = 1e-3
-"""Stamps of one topic grow by so much at least: a node tells news apart by milliseconds."""
+"""Stamps of one topic grow by so much at least: a node orders messages by milliseconds."""
 
 
 @dataclass(slots=True)
 class ExplorerPost:
-    """What a robot says: notes what there is to tell, and makes messages of it.
+    """A robot's outbox: notes changes, and makes messages of them.
 
     Attributes:
         frame: The frame of the robot's positions; messages are in degrees.
-        claims, way, objects: News since the last call of `collect`; None: none.
+        claims, way, objects: Changes since the last call of `collect`; None: none.
     """
 
     frame: LocalFrame
@@ -84,39 +84,41 @@ class ExplorerPost:
     way: list[Point] | None = None
     objects: list[Point] | None = None
     _stamps: dict[str, float] = field(default_factory=dict)
-    _told_cells: int = 0
+    _sent_cells: int = 0
 
     def collect(
         self, now_s: float, position: Point, heading_deg: float, knowledge: Knowledge
     ) -> list[tuple[str, bytes]]:
         """The messages that are due: (topic, data), the most urgent first."""
-        said: list[tuple[str, bytes]] = []
+        messages: list[tuple[str, bytes]] = []
 
-        def say(topic: str, kind: Callable[..., GossipMessage], **content: Any) -> None:
+        def add(topic: str, kind: Callable[..., GossipMessage], **content: Any) -> None:
             message = kind(stamp_s=self._stamp(topic, now_s), **content)
-            said.append((topic, message.encode()))
+            messages.append((topic, message.encode()))
 
         def there(place: Point) -> dict[str, float]:
             return degrees(self.frame, place)
 
         if self._due(POSE_TOPIC, now_s, _POSE_S):
-            say(POSE_TOPIC, PoseMessage, **there(position), heading_deg=round(heading_deg, 1))
+            add(POSE_TOPIC, PoseMessage, **there(position), heading_deg=round(heading_deg, 1))
         if self.claims is not None:
             goals = [ClaimedGoal(**there(c.place), status=c.status) for c in self.claims]
-            say(CLAIMS_TOPIC, ClaimedGoalsMessage, goals=tuple(goals))
+            add(CLAIMS_TOPIC, ClaimedGoalsMessage, goals=tuple(goals))
         if self.way is not None:
-            say(PATH_TOPIC, PathMessage, points=tuple(tuple(there(p).values()) for p in self.way))
-        if knowledge.first_seen - self._told_cells >= FRESH_CELLS and self._due(
+            add(PATH_TOPIC, PathMessage, points=tuple(tuple(there(p).values()) for p in self.way))
+        if knowledge.newly_seen - self._sent_cells >= FRESH_CELLS and self._due(
             REACHABILITY_TOPIC, now_s, _REACHABILITY_S
         ):
-            self._told_cells = knowledge.first_seen
+            self._sent_cells = knowledge.newly_seen
             self._stamp(REACHABILITY_TOPIC, now_s)
-            said.append((REACHABILITY_TOPIC, knowledge.seen_map(self.frame.origin).encode()))
+            messages.append(
+                (REACHABILITY_TOPIC, knowledge.observed_map(self.frame.origin).encode())
+            )
         if self.objects is not None:
             objects = [SeenObject(kind="vehicle", **there(place)) for place in self.objects]
-            say(OBJECTS_TOPIC, SightingsMessage, objects=tuple(objects))
+            add(OBJECTS_TOPIC, SightingsMessage, objects=tuple(objects))
         self.claims = self.way = self.objects = None
-        return said
+        return messages
 
     def _due(self, topic: str, now_s: float, interval_s: float) -> bool:
         return now_s >= self._stamps.get(topic, -math.inf) + interval_s
@@ -138,7 +140,7 @@ def read_claims(data: bytes, frame: LocalFrame) -> tuple[float, Sequence[Claim]]
 
 
 def read_sightings(data: bytes, frame: LocalFrame) -> list[Point]:
-    """Where a message says that vehicles are. Raises MessageError, FrameError."""
+    """The positions of vehicles in a message. Raises MessageError, FrameError."""
     return [
         frame.to_local(seen.latitude_deg, seen.longitude_deg)
         for seen in SightingsMessage.decode(data).objects

@@ -19,8 +19,8 @@ class ExplorerSettings(BaseModel):
 
     Attributes:
         speed_m_s: The most that it drives.
-        progress: What it makes of that on a road on average, stops to look and to plan included;
-            elsewhere it is slower. How fast the paper's simulated robots were is not told; their
+        progress: What it makes of that on a road on average, stops to observe and to plan included;
+            elsewhere it is slower. The paper does not give the speed of its simulated robots; their
             code gives a goal up after 3 s per metre, in the simulation after 10 s.
         sight_m: It knows the ground within this distance of where it was.
         recognition_m: It recognises a vehicle within this distance, if no building is between.
@@ -30,7 +30,7 @@ class ExplorerSettings(BaseModel):
             else the team takes it for visited all the same.
         stuck: Chance that a way to a goal is found to a place on it only, and the robot stands
             there until its patience is over.
-        thinking_s: Without a goal it looks for one so often.
+        thinking_s: Without a goal it searches for one so often.
         idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
     """
 

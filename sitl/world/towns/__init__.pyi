@@ -1,9 +1,9 @@
-# What `sitl.world.towns` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.world.towns`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.world.towns.terrain import Camera as Camera
+from sitl.world.towns.terrain import LandCover as LandCover
 from sitl.world.towns.terrain import Raster as Raster
 from sitl.world.towns.terrain import Road as Road
-from sitl.world.towns.terrain import Scene as Scene
 from sitl.world.towns.terrain import layers as layers
 from sitl.world.towns.town import GRAIN_M as GRAIN_M
 from sitl.world.towns.town import REACHED_M as REACHED_M

@@ -25,7 +25,7 @@ MAX_CELLS = 4_000_000
 
 
 class TerrainError(ValueError):
-    """The world cannot be drawn as a raster; the message says why and what to do."""
+    """The world cannot be drawn as a raster; the message has the cause and a remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Road:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class LandCover:
     """The things in a world, in metres of the local frame; what they leave over is grass.
 
     Where they overlap, the later is seen: vegetation, roads, buildings, yards of gravel, vehicles.
@@ -68,7 +68,7 @@ class Raster:
 
     @classmethod
     def draw(
-        cls, scene: Scene, around: Sequence[Point], resolution_m: float, margin_m: float
+        cls, land_cover: LandCover, around: Sequence[Point], resolution_m: float, margin_m: float
     ) -> Raster:
         """Draw the scene over the rectangle around some points, widened by a margin.
 
@@ -87,7 +87,7 @@ class Raster:
             )
         cells = np.full((rows, columns), Terrain.GRASS, dtype=np.uint8)
         raster = cls(west * resolution_m, south * resolution_m, resolution_m, cells)
-        raster.fill(layers(scene))
+        raster.fill(layers(land_cover))
         return raster
 
     def fill(self, layers: Iterable[tuple[Terrain, BaseGeometry]]) -> None:
@@ -120,18 +120,18 @@ class Raster:
         return np.where(inside, found, np.uint8(Terrain.UNKNOWN))
 
 
-def layers(scene: Scene) -> Iterator[tuple[Terrain, BaseGeometry]]:
+def layers(land_cover: LandCover) -> Iterator[tuple[Terrain, BaseGeometry]]:
     """The shapes of what a scene has; where they overlap, the later is seen."""
-    for ring in scene.vegetation:
+    for ring in land_cover.vegetation:
         yield Terrain.VEGETATION, shapely.Polygon(ring)
-    for road in scene.roads:
+    for road in land_cover.roads:
         if len(road.points) > 1:
             yield Terrain.ROAD, shapely.LineString(road.points).buffer(road.width_m / 2)
-    for ring in scene.buildings:
+    for ring in land_cover.buildings:
         yield Terrain.BUILDING, shapely.Polygon(ring)
-    for ring in scene.yards:
+    for ring in land_cover.yards:
         yield Terrain.GRAVEL, shapely.Polygon(ring)
-    for place in scene.vehicles:
+    for place in land_cover.vehicles:
         yield Terrain.VEHICLE, shapely.Point(place).buffer(VEHICLE_RADIUS_M)
 
 
@@ -154,7 +154,7 @@ class Camera(BaseModel):
     min_height_m: Annotated[float, Field(ge=0, le=1e4)] = 5.0
     interval_s: Annotated[float, Field(gt=0, le=1e6)] = 1.0
 
-    def look(
+    def picture(
         self, raster: Raster, position: Point, height_m: float, heading_deg: float
     ) -> GridPatch | None:
         """What the camera sees of the ground; cells beside the footprint stay unknown.

@@ -1,8 +1,8 @@
 """A town: what stands where on the ground, which vehicles are to be found, where robots start.
 
 Positions are metres east and north of the frame's origin. A town comes from a file
-(`missions/urban/town.yaml`, read by `town_file`) or from a seed (`town_generator`). It says nothing
-of how anything moves. Ground robots think in coarse cells, which are as bad as the worst in them:
+(`missions/urban/town.yaml`, read by `town_file`) or from a seed (`town_generator`). It has
+nothing of how anything moves. Ground robots think in coarse cells, each as bad as the worst in it:
 one that a building reaches into is a building.
 """
 
@@ -18,7 +18,7 @@ import shapely
 
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells, Terrain
-from sitl.world.towns.terrain import Raster, Road, Scene, layers
+from sitl.world.towns.terrain import LandCover, Raster, Road, layers
 
 Ring = tuple[Point, ...]
 
@@ -107,7 +107,7 @@ class Lattice:
 def coarse(cells: Cells, factor: int) -> Cells:
     """Cells `factor` times as long; each has the worst class of those in it.
 
-    Unknown is worse than anything but a building. What is left over in the north and east is cut.
+    Unknown is worse than anything but a building. Remaining cells in the north and east are cut.
     """
     if factor == 1:
         return cells
@@ -163,7 +163,7 @@ class Town:
 
     @cached_property
     def raster(self) -> Raster:
-        """What is seen from above, in cells of `RESOLUTION_M`; drawn once, not to be changed."""
+        """The view from above, in cells of `RESOLUTION_M`; drawn once, not to be changed."""
         west_m, south_m, east_m, north_m = self.bounds
         rows, columns = (
             round((north_m - south_m) / RESOLUTION_M),
@@ -171,15 +171,15 @@ class Town:
         )
         cells = np.full((rows, columns), Terrain.GRAVEL, dtype=np.uint8)
         raster = Raster(west_m, south_m, RESOLUTION_M, cells)
-        raster.fill([(Terrain.GRASS, shapely.Polygon(self.outline)), *layers(self.scene)])
+        raster.fill([(Terrain.GRASS, shapely.Polygon(self.outline)), *layers(self.land_cover)])
         cells.setflags(write=False)
         return raster
 
     @property
-    def scene(self) -> Scene:
+    def land_cover(self) -> LandCover:
         """What stands in it."""
         vehicles = tuple(goal.position for goal in self.goals)
-        return Scene(self.vegetation, self.roads, self.buildings, self.yards, vehicles)
+        return LandCover(self.vegetation, self.roads, self.buildings, self.yards, vehicles)
 
     @cached_property
     def lattice(self) -> Lattice:

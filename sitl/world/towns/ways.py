@@ -37,7 +37,7 @@ PASSABLE: Final = np.isfinite(_COSTS)
 
 _STEPS: Final = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 _FARTHEST: Final = 1e9
-_NOWHERE: Final = -9999  # what the library says of cells that no way leads to
+_NOWHERE: Final = -9999  # the library's value for cells that no way leads to
 
 
 class Ways:
@@ -50,7 +50,7 @@ class Ways:
 
         Args:
             lattice: Which cell is where.
-            ground: What is known of each cell, flat.
+            ground: The known terrain of each cell, flat.
             start: Where the ways begin; no way leads out of a cell that no robot drives into.
         """
         self.lattice = lattice
@@ -82,7 +82,7 @@ class Ways:
         way = []
         while cell != self.start:
             if cell == _NOWHERE:
-                raise ValueError("no way leads to this cell; ask `costs` or `nearest` before")
+                raise ValueError("no way leads to this cell; call `costs` or `nearest` before")
             way.append(cell)
             cell = int(self._before[cell])
         way.reverse()

@@ -11,14 +11,14 @@ from sitl.cli import cli
 from sitl.conformance.conversation import (
     VERBS,
     Conversation,
-    asked_version,
     cases_of,
     conversations,
     converse,
     in_version,
+    reported_version,
     run_steps,
 )
-from sitl.conformance.session import DepartureError, Link, LocalLine, Session, UdpLine
+from sitl.conformance.session import DepartureError, LinkKind, LocalLine, Session, UdpLine
 from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
@@ -111,13 +111,13 @@ class TestVersions:
         assert [one.is_held_with((1, minor)) for minor in (17, 18)] == [False, True]
 
     def test_a_vehicle_says_which_it_is(self):
-        assert asked_version(local_line()) == USUAL
+        assert reported_version(local_line()) == USUAL
 
     def test_a_vehicle_of_another_version_departs(self):
         step = {"set mode": "AUTO_LOITER"}
         session = ready_for(version=RECORDED)
         session.version = (1, 18)
-        with pytest.raises(DepartureError, match=r"heard \['ACCEPTED', 'ACCEPTED'\]"):
+        with pytest.raises(DepartureError, match=r"received \['ACCEPTED', 'ACCEPTED'\]"):
             run_steps(session, [step])
 
 
@@ -147,7 +147,7 @@ def test_a_target_without_a_system_is_the_vehicle_whatever_its_number():
     step = {"command": "REQUEST_MESSAGE", "params": (148,), "target": (None, 0)}
     run_steps(Session(LocalLine(settings), USUAL), [{"wait": 3.0}, step])
     others = step | {"target": (1, 0)}
-    with pytest.raises(DepartureError, match=r"heard \[\]"):
+    with pytest.raises(DepartureError, match=r"received \[\]"):
         run_steps(Session(LocalLine(settings), USUAL), [{"wait": 3.0}, others])
 
 
@@ -164,7 +164,7 @@ def test_an_answer_takes_its_time_by_the_walls_clock(late_s, step):
     """At five times real time a PX4 on a busy machine answers after more than a second of its."""
     steps = [{"wait": 3.0}, step]
     run_steps(Session(LateLine(late_s, time_scale=5.0), USUAL), steps)
-    with pytest.raises(DepartureError, match=r"heard|no answer"):
+    with pytest.raises(DepartureError, match=r"received|no reply"):
         run_steps(Session(LateLine(late_s, time_scale=1.0), USUAL), steps)
 
 
@@ -217,7 +217,7 @@ class TestDepartures:
 
     def test_no_answer(self, monkeypatch):
         monkeypatch.setattr("sitl.conformance.session._SILENCE_S", 0.05)
-        silent = UdpLine({Link.API: 0})
+        silent = UdpLine({LinkKind.API: 0})
         try:
             outcome = converse(Conversation("test", "a fact", "here", ()), silent, USUAL)
         finally:
@@ -227,8 +227,8 @@ class TestDepartures:
 
 def test_a_conversation_is_held_over_udp():
     """With a vehicle as a process would run it."""
-    line = UdpLine({Link.API: 0})
-    here = line._sockets[Link.API].getsockname()
+    line = UdpLine({LinkKind.API: 0})
+    here = line._sockets[LinkKind.API].getsockname()
     ports = Ports(End(("", 0), here), None, End(("", 0), ("127.0.0.1", 9)))
     settings = VehicleSettings(HOME, speed=20.0, system_id=7, ground_link=False)
     stop = threading.Event()
@@ -247,8 +247,8 @@ def test_a_conversation_is_held_over_udp():
 
 def test_another_vehicle_that_sends_to_the_same_port_is_not_taken_for_it():
     """All PX4s of a machine send to the ground station's port: commands went to another then."""
-    line = UdpLine({Link.API: 0}, system_id=7)
-    port = line._sockets[Link.API].getsockname()
+    line = UdpLine({LinkKind.API: 0}, system_id=7)
+    port = line._sockets[LinkKind.API].getsockname()
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
             heard = []

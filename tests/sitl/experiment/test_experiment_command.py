@@ -18,7 +18,7 @@ from sitl.cli.cli import main
 from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.report import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
-from sitl.experiment.campaign.campaign import MixedRunsError, Outcome, in_words, progress
+from sitl.experiment.campaign.campaign import MixedRunsError, RunOutcome, in_words, progress
 from sitl.experiment.campaign.running import UnfitSettingsError
 from sitl.experiment.campaign.runs import InUseError, RunLogError, program, run_log
 from sitl.experiment.plan_file import load_experiment
@@ -48,9 +48,9 @@ class Here:
                 raise KeyboardInterrupt
             self.made.append((task.row.label, task.number))
             try:
-                yield Outcome(task, work(task))
+                yield RunOutcome(task, work(task))
             except ZeroDivisionError as error:
-                yield Outcome(task, None, str(error))
+                yield RunOutcome(task, None, str(error))
 
 
 @pytest.fixture
@@ -293,8 +293,8 @@ class Unlucky(Here):
 
     def run(self, work, tasks, workers):
         first, second, *others = tasks
-        yield Outcome(first, None, "ended by SIGKILL", again=True)
-        yield Outcome(second, None, "ended with code 1")
+        yield RunOutcome(first, None, "ended by SIGKILL", again=True)
+        yield RunOutcome(second, None, "ended with code 1")
         yield from super().run(work, [first, *others], workers)
 
 

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.conformance.conversation import Start, run_steps
 from sitl.conformance.expecting import event_id
-from sitl.conformance.session import Link, Session
+from sitl.conformance.session import LinkKind, Session
 from sitl.mavlink import telemetry
 from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
 from sitl.px4sim.failsafe import Cause
@@ -110,7 +110,7 @@ def heartbeat():
 
 def test_a_message_comes_before_its_acknowledgement():
     session = ready_for()
-    session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
+    session.send("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
     names = [message.name for message in session.line.vehicle.onboard.take_queue()]
     assert names == ["AUTOPILOT_VERSION", "COMMAND_ACK"]
 
@@ -135,17 +135,17 @@ def test_the_health_report_is_the_recorded_one():
 
 
 def test_a_command_to_the_vehicle_is_not_passed_on():
-    session = ready_for(links=frozenset(Link))
-    session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
+    session = ready_for(links=frozenset(LinkKind))
+    session.send("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
     assert session.line.vehicle.ground.take_frames() == []
 
 
 def test_two_links_cannot_upload_at_once():
-    session = ready_for(links=frozenset(Link))
-    session.say("MISSION_COUNT", count=2)
-    session.say("MISSION_COUNT", Link.GROUND, count=2)
-    assert session.run(1.0, lambda: bool(session.since("MISSION_ACK", link=Link.GROUND)))
-    assert session.newest("MISSION_ACK", Link.GROUND)["type"] == 1  # MAV_MISSION_ERROR
+    session = ready_for(links=frozenset(LinkKind))
+    session.send("MISSION_COUNT", count=2)
+    session.send("MISSION_COUNT", LinkKind.GROUND, count=2)
+    assert session.run(1.0, lambda: bool(session.since("MISSION_ACK", link=LinkKind.GROUND)))
+    assert session.newest("MISSION_ACK", LinkKind.GROUND)["type"] == 1  # MAV_MISSION_ERROR
 
 
 def test_time_outs_are_on_the_wall_clock_when_the_simulation_is_fast():
@@ -159,7 +159,7 @@ def test_time_outs_are_on_the_wall_clock_when_the_simulation_is_fast():
 class TestParameters:
     def values(self, session, name, **fields):
         session.mark()
-        session.say(name, **fields)
+        session.send(name, **fields)
         session.run(0.1)
         return [value.fields for value in session.since("PARAM_VALUE")]
 
@@ -223,7 +223,7 @@ def random_frames(draw):
     start=st.sampled_from((Start.GROUND, Start.AIR)),
 )
 def test_nothing_that_comes_in_ever_raises(datagrams, start):
-    session = ready_for(start, links=frozenset(Link))
+    session = ready_for(start, links=frozenset(LinkKind))
     vehicle = session.line.vehicle
     for datagram in datagrams:
         for link in (vehicle.onboard, vehicle.ground):

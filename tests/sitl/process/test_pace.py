@@ -87,14 +87,14 @@ def test_what_a_link_loses_holds_nothing(loss):
             heard_s = stamp_s
             pace.reached("titan", "titan", stamp_s, wall_s)
     assert wall_s == pytest.approx(60.0 / 5.0, rel=0.02)
-    assert pace.told(5.0)["processes"]["titan"]["lost_s"] is None
+    assert pace.as_json(5.0)["processes"]["titan"]["lost_s"] is None
 
 
 def test_one_that_has_more_to_work_through_is_waited_for_whatever_was_lost():
     pace = make_pace(titan=5.0)
-    assert pace.limit(5.3, 0.0, heard_s=5.1) == Limit(5.0 + PACE_ALLOWANCE_S)
+    assert pace.limit(5.3, 0.0, received_s=5.1) == Limit(5.0 + PACE_ALLOWANCE_S)
     pace.reached("titan", "titan", 5.1, 0.1)
-    assert pace.limit(5.3, 0.1, heard_s=5.1) == Limit()
+    assert pace.limit(5.3, 0.1, received_s=5.1) == Limit()
 
 
 def test_one_that_says_the_same_again_and_again_holds_no_longer_and_is_told():
@@ -103,7 +103,7 @@ def test_one_that_says_the_same_again_and_again_holds_no_longer_and_is_told():
         assert pace.limit(5.2, tenth / 10) == Limit(5.0 + PACE_ALLOWANCE_S)
         pace.reached("titan", "titan", 5.0, tenth / 10)
     assert pace.limit(5.2, 2.1) == Limit(most_speed=STALLED_SPEED)
-    assert pace.told(5.0)["processes"]["titan"]["lost_s"] == 5.2
+    assert pace.as_json(5.0)["processes"]["titan"]["lost_s"] == 5.2
 
 
 def test_the_rate_that_was_kept_and_who_was_behind_are_told():
@@ -113,13 +113,13 @@ def test_the_rate_that_was_kept_and_who_was_behind_are_told():
     pace.limit(5.2, 100.02)
     pace.reached("titan", "titan", 5.1, 101.02)
     pace.limit(25.0, 105.0)
-    told = pace.told(10.0)
+    told = pace.as_json(10.0)
     assert (told["asked"], told["kept"]) == (10.0, 4.0)
     assert told["processes"] == {
         "team": {"behind_s": 0.0, "waited_s": 0.0, "lost_s": None},
         "titan": {"behind_s": pytest.approx(0.1), "waited_s": 1.0, "lost_s": None},
     }
-    assert Pace().told(3.0) == {"asked": 3.0, "kept": None, "processes": {}}
+    assert Pace().as_json(3.0) == {"asked": 3.0, "kept": None, "processes": {}}
 
 
 @pytest.fixture

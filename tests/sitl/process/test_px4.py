@@ -113,10 +113,10 @@ class TestFinding:
 
     def test_the_environment_and_the_path(self, build, tmp_path):
         program = build() / "build" / "px4_sitl_default" / "bin" / "px4"
-        assert find_px4(None, {"PX4_SITL": str(program)}).words == str(program)
-        assert find_px4(None, {"PATH": str(program.parent)}).words == str(program)
+        assert find_px4(None, {"PX4_SITL": str(program)}).description == str(program)
+        assert find_px4(None, {"PATH": str(program.parent)}).description == str(program)
         several = os.pathsep.join((str(program), "/another/px4"))
-        assert find_px4(None, {"PX4_SITL": several}).words == str(program)
+        assert find_px4(None, {"PX4_SITL": several}).description == str(program)
         alone = tmp_path / "alone" / "px4"
         alone.parent.mkdir()
         alone.symlink_to("/bin/true")
@@ -143,7 +143,7 @@ class TestFinding:
     def test_a_container(self, tmp_path):
         environment = self.runtime(tmp_path, "podman", "v1.18.0", "v1.17.0", "<none>")
         install = find_px4(None, environment)
-        assert install.words == "podman image px4io/px4-sitl:v1.18.0"
+        assert install.description == "podman image px4io/px4-sitl:v1.18.0"
         command = install.command(2, tmp_path, {"PX4_HOME_LAT": "1.5"})
         assert command[:2] == [str(tmp_path / "podman"), "run"]
         assert "PX4_HOME_LAT=1.5" in command

@@ -24,7 +24,7 @@ def test_sticks_are_shaped_with_a_dead_zone_and_out_of_range_in_the_middle():
     assert shaped(-1.0) == pytest.approx(-1.0)
     assert 0 < shaped(0.5) < 0.5
     session = ready_for()
-    session.say("MANUAL_CONTROL", x=2000, y=-500, z=1000, r=500)
+    session.send("MANUAL_CONTROL", x=2000, y=-500, z=1000, r=500)
     assert session.line.vehicle.autopilot.modes.pilot.sticks == Sticks(0.0, -0.5, 1.0, 0.5)
 
 

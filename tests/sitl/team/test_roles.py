@@ -54,7 +54,7 @@ def test_readings_go_to_the_robots_radio(team):
         url = f"udp://127.0.0.1:{radio.getsockname()[1]}"
         changed = team.with_robots({"io": {"radio": url}, "europa": {"radio": None}})
         with RadioReadings(changed) as readings:
-            readings.tell([Reading("europa", "io", -70.0), Reading("io", "titan", -61.5)])
-            readings.tell([Reading("io", "europa", None)])
+            readings.send_readings([Reading("europa", "io", -70.0), Reading("io", "titan", -61.5)])
+            readings.send_readings([Reading("io", "europa", None)])
         assert radio.recv(1000) == b'{"peer": "titan", "rssi_dbm": -61.5}'
         assert radio.recv(1000) == b'{"peer": "europa", "rssi_dbm": null}'

@@ -172,7 +172,7 @@ def test_exploring_robots_hear_over_their_nodes_what_others_say(tmp_path):
         def knows_what_another_has_seen() -> bool:
             simulation.follow(VehicleState(next(seconds), *home, 610.0, 0.0))  # 60 m up
             minds = [robot.knowledge for robot in simulation.world.robots.values()]
-            return any(np.count_nonzero(mind.cells) > mind.first_seen for mind in minds)
+            return any(np.count_nonzero(mind.cells) > mind.newly_seen for mind in minds)
 
         wait_until(knows_what_another_has_seen)
         content = simulation.report()

@@ -12,7 +12,7 @@ from sitl.world.explorers.explorer import Visit
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.ground_robots import Every
 from sitl.world.radio import RadioModel
-from sitl.world.towns.terrain import Camera, Raster, Scene
+from sitl.world.towns.terrain import Camera, LandCover, Raster
 from sitl.world.towns.town_file import load_town
 from sitl.world.ugv import Patrol, PatrolPlan
 from sitl.world.world import STEP_S, Truth, World
@@ -25,13 +25,13 @@ WEST, EAST = Point(-200, 0), Point(200, 0)
 
 
 def make_world(air=None, vehicles=("titan",), **topics) -> World:
-    scene = Scene(vehicles=(Point(-195, 9),))
+    land_cover = LandCover(vehicles=(Point(-195, 9),))
     patrols = {
         "io": PatrolPlan(Patrol([WEST, Point(-200, 60)])),
         "europa": PatrolPlan(Patrol([EAST])),
     }
-    plan = WorldPlan(RadioModel(air=air), Camera(), scene, patrols)
-    raster = Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0)
+    plan = WorldPlan(RadioModel(air=air), Camera(), land_cover, patrols)
+    raster = Raster.draw(LandCover(), (WEST, EAST), 1.0, 50.0)
     speech = {name: topics.get(name, ALL_TOPICS) for name in patrols}
     return World(plan, FRAME, vehicles, raster, speech)
 
@@ -235,7 +235,7 @@ def exploring_world() -> World:
     quick = ExplorerSettings(progress=1.0)
     exploration = Exploration(URBAN, ("europa", "io", "oi"), 1, quick, drawn_starts=False)
     patrols = {"oi": PatrolPlan(Patrol([WEST]))}
-    plan = WorldPlan(RadioModel(), Camera(), URBAN.scene, patrols, exploration=exploration)
+    plan = WorldPlan(RadioModel(), Camera(), URBAN.land_cover, patrols, exploration=exploration)
     topics = dict.fromkeys(("europa", "io", "oi"), EXPLORER_TOPICS)
     return World(plan, URBAN.frame, ("titan",), URBAN.raster, topics)
 
@@ -258,10 +258,10 @@ def test_exploring_robots_go_to_goals_that_they_hear_of_and_what_they_find_count
     whole = SemanticGrid(
         URBAN.frame.origin, 0.5, URBAN.bounds.west_m, URBAN.bounds.south_m, URBAN.raster.cells
     )
-    world.hear("io", "titan", "/map", whole.encode())
+    world.receive("io", "titan", "/map", whole.encode())
     with pytest.raises(GridError):
-        world.hear("io", "titan", "/map", b"junk")
-    world.hear("oi", "titan", "/map", b"junk")  # on patrol it makes nothing of it
+        world.receive("io", "titan", "/map", b"junk")
+    world.receive("oi", "titan", "/map", b"junk")  # on patrol it makes nothing of it
     steps = drive(world, 120, EAST, start_s=1.1)
     assert any(p.topic == "/claimed_goals" for step in steps for p in step.publications)
     (first, *_) = found = world.goals

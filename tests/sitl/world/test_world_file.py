@@ -83,7 +83,7 @@ def test_the_shipped_worlds_fit_the_vehicles_map(name, request):
         Terrain(value) for value in set(world.raster.cells.flat)
     }
     mapper = Mapper(mission)
-    patch = plan.camera.look(world.raster, mission.home, mission.altitude_above_home_m, 20.0)
+    patch = plan.camera.picture(world.raster, mission.home, mission.altitude_above_home_m, 20.0)
     assert isinstance(patch, GridPatch)
     assert mapper.paint(patch.encode())
     assert mapper.known_cells > 2000
@@ -98,7 +98,7 @@ def test_without_a_file_robots_patrol_legal_places_far_apart(pennovation):
         assert 0 < robot.speed_m_s <= 1.5
     first = [robot.patrol.stops[0] for robot in plan.patrols.values()]
     assert min(math.dist(a, b) for a, b in itertools.combinations(first, 2)) > 100
-    assert len(plan.scene.buildings) == len(pennovation.zones)
+    assert len(plan.land_cover.buildings) == len(pennovation.zones)
 
 
 def test_zones_of_the_air_are_no_buildings(pennovation):
@@ -110,7 +110,7 @@ def test_zones_of_the_air_are_no_buildings(pennovation):
         Zone("mast", mast, band=Band(-20, 30)),
     )
     plan = load_world(None, dataclasses.replace(pennovation, zones=zones), ROBOTS, seed=7)
-    assert plan.scene.buildings == (shape.ring, mast.corners)
+    assert plan.land_cover.buildings == (shape.ring, mast.corners)
 
 
 def test_the_seed_chooses_the_default_world(pennovation):
@@ -133,7 +133,7 @@ def test_robots_that_the_file_does_not_mention_stay_away_from_those_it_does(tmp_
 def test_an_empty_file_is_a_default_world(tmp_path, pennovation):
     plan = load(tmp_path, pennovation, "# nothing\n")
     assert plan.radio.shadowing_db == 0
-    assert plan.scene.roads == ()
+    assert plan.land_cover.roads == ()
     assert set(plan.patrols) == set(ROBOTS)
 
 
@@ -164,9 +164,9 @@ robots:
     assert (plan.radio.air, plan.radio.carrier_ghz) == ("uma_av", 5.2)
     assert (plan.camera.fov_along_deg, plan.camera.interval_s) == (70, 2)
     assert plan.margin_m == 20
-    assert plan.scene.roads[0].width_m == 5
-    assert plan.scene.vehicles == (Point(1, 2),)
-    assert len(plan.scene.buildings) == 1
+    assert plan.land_cover.roads[0].width_m == 5
+    assert plan.land_cover.vehicles == (Point(1, 2),)
+    assert len(plan.land_cover.buildings) == 1
     assert plan.patrols["io"].patrol.at(60).position == pytest.approx((0, 40))
     assert plan.patrols["io"].start_m == 10
 
@@ -183,7 +183,7 @@ def test_a_seed_means_the_same_robots_and_goals_as_in_an_experiment():
     )
     run = Run(settings, 7)
     assert world.exploration.town.goals == run.town.goals
-    assert world.scene.vehicles == tuple(goal.position for goal in run.town.goals)
+    assert world.land_cover.vehicles == tuple(goal.position for goal in run.town.goals)
     robots = world.exploration.robots()
     assert robots.keys() == run.robots.keys()
     for name, robot in run.robots.items():
@@ -202,8 +202,8 @@ def test_robots_without_a_patrol_explore_the_town_that_the_file_names(tmp_path, 
     assert plan.patrols.keys() == {"io"}
     assert isinstance(world.robots["io"], PatrolRobot)
     assert {world.robots[name].settings.progress for name in ("callisto", "europa")} == {0.5}
-    assert plan.scene.buildings == plan.exploration.town.buildings
-    assert load(tmp_path, urban, text, seed=2).scene.vehicles != plan.scene.vehicles
+    assert plan.land_cover.buildings == plan.exploration.town.buildings
+    assert load(tmp_path, urban, text, seed=2).land_cover.vehicles != plan.land_cover.vehicles
 
 
 def test_a_town_elsewhere_or_drawn_twice_is_told(tmp_path, urban, pennovation):

@@ -59,8 +59,8 @@ def sightings(*places):
     return SightingsMessage(stamp_s=0.0, objects=tuple(objects)).encode()
 
 
-def drive(robots, until_s, since_s=0.0, *, hear=True, check=None):
-    """All robots side by side; with `hear` each gets every message of every other at once."""
+def drive(robots, until_s, since_s=0.0, *, deliver=True, check=None):
+    """All robots side by side; with `deliver` each gets every message of every other at once."""
     now_s = since_s
     said = []
     while now_s <= until_s:
@@ -69,7 +69,7 @@ def drive(robots, until_s, since_s=0.0, *, hear=True, check=None):
         for robot in robots:
             for topic, data in robot.outbox():
                 said.append((now_s, robot.name, topic, data))
-                if hear:
+                if deliver:
                     for other in robots:
                         if other is not robot:
                             other.take(robot.name, topic, data, now_s)
@@ -337,8 +337,8 @@ def test_claims_converge_however_news_travel(known, deeds):
         stamp_s, _ = told.get(book.name, (0.0, []))
         told[book.name] = stamp_s + 1.0, list(book.claims)
 
-    def hear(book, name):
-        if book.hear(name, *told[name]):
+    def deliver(book, name):
+        if book.on_claims(name, *told[name]):
             book.give_up(failed=False)
             tell(book)
 
@@ -347,14 +347,14 @@ def test_claims_converge_however_news_travel(known, deeds):
         tell(book)
     for name, deed in deeds:
         if deed in NAMES:
-            hear(books[name], deed)
+            deliver(books[name], deed)
         else:
             do(books[name], deed)
         tell(books[name])
     for _ in range(2):
         for book in books.values():
             for name in NAMES:
-                hear(book, name)
+                deliver(book, name)
     claimed = [book.current for book in books.values() if book.current is not None]
     claims = [claim for book in books.values() for claim in book.claims]
     visited = {claim.place for claim in claims if claim.status == "visited"}

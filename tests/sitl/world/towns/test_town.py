@@ -72,7 +72,7 @@ def test_the_papers_town_is_as_large_as_traced(urban):
 def test_its_vehicles_are_those_of_the_rehearsed_world(urban):
     mission = load_mission(URBAN / "mission.yaml")
     world = load_world(URBAN / "world.yaml", mission, ["callisto", "europa", "io"], 0)
-    assert tuple(goal.position for goal in urban.goals) == world.scene.vehicles
+    assert tuple(goal.position for goal in urban.goals) == world.land_cover.vehicles
     assert urban.frame == mission.frame
     assert urban.home == mission.home
 
@@ -193,7 +193,7 @@ def test_a_mission_flies_over_every_town():
     seen = MapPainter(town.frame.origin, town.raster, CAMERA)
     for waypoint in mission.waypoints:
         for heading_deg in (0.0, 90.0):
-            seen.look(waypoint.position, 60.0, heading_deg)
+            seen.paint(waypoint.position, 60.0, heading_deg)
     outline = shapely.Polygon(town.outline).area
     assert seen.known_cells * 0.25 > 0.97 * outline
     data = seen.publish()
