@@ -33,8 +33,8 @@ LOOSE: Final = MappingProxyType(
         "space._FAR_M": "no fence: any number that is far enough",
         "mission_reader._SIDE_M": "corners on long sides: any number that is short enough",
         "mission_reader._SIDE_DEG": "the same",
-        "verdict._LAST_WORDS": "letters of the report",
-        "duties._SECOND": "samples of a second: how often it is looked",
+        "verdict._LAST_CHARACTERS": "letters of the report",
+        "reactions._SECOND": "samples of a second: the interval of checks",
         "plan._FAR_M": "where no fence is: any number that is far enough",
         "space._CORNER_M": "how fine the edges of a way around a corner are",
         "map_reader._FOOT_M": "a unit: the tests of the reader hold it, without a flight",
@@ -53,8 +53,8 @@ class Number(NamedTuple):
     name: str
 
     @property
-    def words(self) -> str:
-        """As in `LOOSE`."""
+    def qualified(self) -> str:
+        """As in `LOOSE`: module and name."""
         return f"{self.module.__name__.rpartition('.')[2]}.{self.name}"
 
 
@@ -189,14 +189,14 @@ def main() -> int:
     print("| number | larger | smaller |\n|---|---|---|", flush=True)
     loose = []
     for number in numbers():
-        if arguments.names and number.words not in arguments.names:
+        if arguments.names and number.qualified not in arguments.names:
             continue
         cells = [bites(number, factor, kept) for factor in (FACTOR, 1.0 / FACTOR)]
-        print(f"| {number.words} | {' | '.join(cells)} |", flush=True)
-        if not any(cells) and number.words not in LOOSE:
-            loose.append(number.words)
-    for words in loose:
-        print(f"{words} may be moved by a factor of {FACTOR:g} unnoticed", file=sys.stderr)
+        print(f"| {number.qualified} | {' | '.join(cells)} |", flush=True)
+        if not any(cells) and number.qualified not in LOOSE:
+            loose.append(number.qualified)
+    for qualified in loose:
+        print(f"{qualified} may be moved by a factor of {FACTOR:g} unnoticed", file=sys.stderr)
     return 1 if loose else 0
 
 

@@ -86,7 +86,7 @@ def figures(evidence: Evidence) -> Figures:
     for each in space.rooms_of(case):
         kept = each.metres[ours[each.first :][: len(each.metres)]]
         spare_m = min(spare_m, float(kept.min(initial=math.inf)) - each.area.clearance_m)
-    if not case.heard("GLOBAL_POSITION_INT"):
+    if not case.received("GLOBAL_POSITION_INT"):
         raise EvidenceError(f"the companion received no position: {evidence.outcome}")
     return Figures(end_of(case).value, spare_m, _off_m(case), tuple(_used(case)))
 
@@ -95,7 +95,7 @@ class _Reported:
     """Where the vehicle said that it was, as the companion received it, in metres."""
 
     def __init__(self, case: Case) -> None:
-        told = case.heard("GLOBAL_POSITION_INT")
+        told = case.received("GLOBAL_POSITION_INT")
         self.time_s = np.array([m.time_s for m in told])
         degrees = [np.array([m.fields[name] / 1e7 for m in told]) for name in ("lat", "lon")]
         self.places = np.column_stack(case.mission.frame.metres(*degrees))

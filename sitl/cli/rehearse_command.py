@@ -201,6 +201,6 @@ def _as_json(scene: Scene, verdict: Verdict) -> dict[str, object]:
         "violations": [str(violation) for violation in verdict.violations],
         "closest_m": None if closest_m is None else round(closest_m, 2),
         "flown_s": round(verdict.flown_s, 1),
-        "said": verdict.said,
+        "said": verdict.last_line,
         "pace": verdict.pace,
     }

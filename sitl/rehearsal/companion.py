@@ -19,7 +19,7 @@ from air_router.record import Recorder
 from air_router.vehicle import VehicleClock
 from air_router.vehicle.px4 import Px4Vehicle
 from mocha_link import Node
-from sitl.rehearsal.stand_ins import Fields, NodeStandIn, Send, StandIn
+from sitl.rehearsal.fakes import Fields, NodeStandIn, Send, StandIn
 
 EPOCH_S: Final = 1_790_000_000.0
 """Unix time of simulated time zero."""

@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
-from sitl.rehearsal.stand_ins import StreamFault
+from sitl.rehearsal.fakes import StreamFault
 
 
 class ScheduledFault(NamedTuple):

@@ -33,7 +33,7 @@ from sitl.rehearsal.courses import (
     stream,
     uniform,
 )
-from sitl.rehearsal.stand_ins import StreamFault
+from sitl.rehearsal.fakes import StreamFault
 
 _AT_ONCE: Final = frozenset({"ready", "armed", "IDLE"})
 _DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone", "change")

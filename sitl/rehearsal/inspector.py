@@ -8,11 +8,11 @@ from typing import Final
 import shapely
 
 from sitl.px4sim import FlightMode
+from sitl.rehearsal.fakes import StreamFault, Way
 from sitl.rehearsal.judge import Pair, RawMission, SceneEventKind, open_space
 from sitl.rehearsal.operator import FAST_M_S, Operator
 from sitl.rehearsal.requests import goto
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins import StreamFault, Way
 
 _BESIDE_M: Final = 0.8
 """So much farther than routes keep from an area its corners are passed."""

@@ -14,11 +14,11 @@ from typing import Final
 from air_router.control import parse_command
 from air_router.controller.model import GoTo
 from geo.frame import Point
+from sitl.rehearsal.fakes import StreamFault, Way
 from sitl.rehearsal.judge import Pair, SceneEventKind
 from sitl.rehearsal.mission_file import FlyableSpace
 from sitl.rehearsal.requests import goto, request_of
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins import StreamFault, Way
 
 _RESUME_S: Final = 2.0
 """So often an operator asks for what was refused."""

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 
 from sitl.px4sim import FlightMode, MissionType
+from sitl.rehearsal.fakes import StreamFault, Way
 from sitl.rehearsal.judge import SceneEventKind
 from sitl.rehearsal.operator import FAST_M_S, Operator
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins import StreamFault, Way
 
 STICKS_S: Final = 3.0
 _MOVE_S: Final = 0.3

@@ -9,7 +9,7 @@ from typing import Final
 from air_router.mission import Mission
 from geo.frame import Point
 from sitl.rehearsal.courses import BATTERY, ITEM, SATELLITES, Row, choice, often, uniform
-from sitl.rehearsal.stand_ins import StreamFault
+from sitl.rehearsal.fakes import StreamFault
 
 _ROBOTS: Final = ("callisto", "europa", "io", "phantom")
 _VERBS: Final = ((0.2, "hold"), (0.4, "resume"), (0.55, "seek"), (0.65, "explore"), (0.69, "home"))

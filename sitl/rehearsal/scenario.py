@@ -21,6 +21,7 @@ from sitl.px4sim import Autopilot, StartPosition
 from sitl.px4sim.motion import WindSettings
 from sitl.rehearsal.companion import EPOCH_S, START, Companion, World
 from sitl.rehearsal.courses import Agenda
+from sitl.rehearsal.fakes import Burst, Link, Robots, Stations, Way, anywhere
 from sitl.rehearsal.faults import BY_HAND, OF_SECOND, WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge import (
     COMPANION,
@@ -39,7 +40,6 @@ from sitl.rehearsal.mission_file import (
     with_room,
 )
 from sitl.rehearsal.seen import LANDS, RATES_HZ, Ending, phases, true_degrees, true_state
-from sitl.rehearsal.stand_ins import Burst, Link, Robots, Stations, Way, anywhere
 from sitl.rehearsal.zone_terms import with_terms
 
 STEP_S: Final = 0.04
@@ -344,7 +344,7 @@ class Scenario(World, ABC):
     def _hand_on(self, name: str, fields: Mapping[str, Any]) -> None:
         companion = self.companion
         if companion is not None:
-            self._seen.heard.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
+            self._seen.received.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
     def hears_foreign(self, sender: tuple[int, int], name: str, fields: Mapping[str, Any]) -> None:
@@ -410,7 +410,7 @@ class Scenario(World, ABC):
         """The companion's power is back, and the flight is to be resumed."""
         if self.companion is None and self.autopilot.armed:
             self._restarts = True
-            ended_s = max((h.time_s for h in self._seen.told(SceneEventKind.KILLED)), default=0.0)
+            ended_s = max((h.time_s for h in self._seen.events(SceneEventKind.KILLED)), default=0.0)
             ended_unix_s = time.time() - (self.now_s - ended_s)
             for path in self._logs.glob("*") if self._logs else ():
                 os.utime(path, times=(ended_unix_s, ended_unix_s))

@@ -9,6 +9,7 @@ from typing import Any, Final
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault, carry_out
+from sitl.rehearsal.fakes import StreamFault, Way, foreign_messages, pose, prank_of, wrong_of
 from sitl.rehearsal.faults import Scene
 from sitl.rehearsal.file_changes import FileChanges
 from sitl.rehearsal.inspector import Inspector
@@ -16,7 +17,6 @@ from sitl.rehearsal.judge import SceneEventKind
 from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.pilot import Pilot
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins import StreamFault, Way, foreign_messages, pose, prank_of, wrong_of
 from sitl.rehearsal.strangers import Strangers
 from sitl.rehearsal.zone_drawing import ZoneDrawing
 

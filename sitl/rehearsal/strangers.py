@@ -7,8 +7,8 @@ from typing import Any, Final, NamedTuple
 
 from air_router.messages import POSE_TOPIC
 from geo.frame import Point
+from sitl.rehearsal.fakes import Told, pose
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins import Told, pose
 
 _RETURN, _LAND, _HOLD = 0x05040000, 0x06040000, 0x03040000  # HEARTBEAT.custom_mode
 _EMERGENCY, _ACTIVE = 6, 4  # MAV_STATE

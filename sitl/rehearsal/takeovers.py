@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from sitl.rehearsal.courses import Course, Row, chain, choice, often, steps, uniform
-from sitl.rehearsal.stand_ins import StreamFault
+from sitl.rehearsal.fakes import StreamFault
 
 ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
 _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")

@@ -19,8 +19,8 @@ from air_router.sim.ports import free_port
 from mocha_link import Team
 from mocha_link.service.service_client import ServiceClient
 from sitl.px4sim.state import FlightMode
+from sitl.rehearsal.fakes.link import StreamFault
 from sitl.rehearsal.programs.relay import Weather, wait_until
-from sitl.rehearsal.stand_ins.link import StreamFault
 from tests.air_router.record.test_replay import chunks_of
 from tests.stray_post import post
 from tests.system.conftest import LIMIT_S, ROOT, UNDER_TEST, commands

@@ -28,9 +28,9 @@ from geo.frame import Point
 from mocha_link import Team
 from sitl.process.px4_install import NoPx4Error, find_px4
 from sitl.px4sim.state import FlightMode
+from sitl.rehearsal.fakes.stations import Station
 from sitl.rehearsal.mission_file import MissionFile, hurried
 from sitl.rehearsal.programs.processes import OURS, Companion
-from sitl.rehearsal.stand_ins.stations import Station
 from sitl.team.derived_team import derive_team
 from tests.system.conftest import PENNOVATION, environment
 

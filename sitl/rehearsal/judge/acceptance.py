@@ -19,7 +19,7 @@ class End(Enum):
     """How a flight ended."""
 
     LANDED = "landed at home"
-    ASKED = "landed where it was asked to"
+    ON_REQUEST = "landed where it was asked to"
     PILOT = "held or landed by the pilot"
     FAILSAFE = "in the autopilot's failsafe"
     HOVERS = "hovers where its last leg ended"
@@ -39,8 +39,8 @@ class Row:
         height_m: So much higher or lower than the plan's band may be flown.
         home_m: So much farther from home may be landed.
         notice_s: How much longer than usual the companion has to notice that it was taken over.
-        says: A pattern that one of its lines has to match; empty: nothing has to be said.
-        shows_s: It has to be said if the vehicle cruised with it for so long; else always.
+        announcement: A pattern that one of its lines has to match; empty: no line is needed.
+        shows_s: It has to be announced if the vehicle cruised with it for so long; else always.
         explores: It has the time to visit every waypoint.
     """
 
@@ -49,7 +49,7 @@ class Row:
     height_m: float = 0.0
     home_m: float = 0.0
     notice_s: float = 0.0
-    says: str = ""
+    announcement: str = ""
     shows_s: float = 0.0
     explores: bool = False
 
@@ -70,17 +70,17 @@ def _row(*ends: End, **more: object) -> Row:
 
 _HOME: Final = _row(End.LANDED)
 _HOME_OR_FAILSAFE: Final = _row(End.LANDED, End.FAILSAFE)
-_PILOTS: Final = _row(End.PILOT, says="pilot|ground station|taken|took")
+_PILOTS: Final = _row(End.PILOT, announcement="pilot|ground station|taken|took")
 _HEIGHT_OFF: Final = _row(
     *(End.LANDED, End.FAILSAFE, End.PILOT),
     height_m=4.0,  # until the satellites' altitude shows it
-    says="altitude|height|high",
+    announcement="altitude|height|high",
     shows_s=3.0,
 )
 
 ACCEPTED: Final = MappingProxyType(
     {
-        # It comes home: where the estimate is off, the scene says by how much, and excuses that;
+        # It comes home: where the estimate is off, the scene notes by how much, and excuses that;
         # sticks that override nothing are nothing to the autopilot; nothing that robots or
         # strangers say moves or ends a flight; nothing comes of a stream that is gone for a moment.
         **dict.fromkeys(
@@ -103,9 +103,9 @@ ACCEPTED: Final = MappingProxyType(
             _HOME,
         ),
         "JUMPING_POSES": _row(
-            End.LANDED, says="the position of [a-z]+ jumped .*: it is not followed"
+            End.LANDED, announcement="the position of [a-z]+ jumped .*: it is not followed"
         ),
-        # What is unusual is read as it is, what is false is not believed, what is asked is done.
+        # Unusual values are read correctly, false ones are not believed, requests are carried out.
         **dict.fromkeys(
             (
                 *("LOCAL_METRES", "WINDY", "ZONE_MOVED", "STALE", "PAST_ALL", "MAP_FILES"),
@@ -115,26 +115,26 @@ ACCEPTED: Final = MappingProxyType(
         ),
         "DAILY_HOURS": _row(End.LANDED, explores=True),
         "ALTERED_LISTS": _row(End.LANDED, End.STAYED),
-        "FENCE_MOVED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
+        "FENCE_MOVED": _row(End.LANDED, End.PILOT, notice_s=3.0, announcement="fence|plan"),
         "RESUMED_AMONG": _row(End.LANDED, End.HOVERS),
         "RESUMED_BLIND": _row(End.LANDED, explores=True),
-        "LANDED_AT": _row(End.LANDED, End.ASKED),
-        "SECOND_UAV": _row(End.LANDED, End.ASKED),
+        "LANDED_AT": _row(End.LANDED, End.ON_REQUEST),
+        "SECOND_UAV": _row(End.LANDED, End.ON_REQUEST),
         # It may stay: the autopilot's own return would climb into the layer above.
         "LAYERS_REDRAWN": _row(End.LANDED, End.STAYED),
         "LOW_AMONG_LAYERS": _row(End.LANDED, End.PILOT, End.STAYED),
         # It lands late, but it lands: what was lost is commanded again.
         "LANDING_LOST": _row(End.LANDED, notice_s=50.0),
-        "ASKED_EVERYWHERE": _row(End.LANDED, End.ASKED),
+        "ASKED_EVERYWHERE": _row(End.LANDED, End.ON_REQUEST),
         "ASKED_IN_IDLE": _HOME,
         "NO_FIX_IDLE": _HOME_OR_FAILSAFE,
-        # Nothing goes wrong: what is asked of it is done, or a way home not called off.
+        # Nothing goes wrong: requests are carried out, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),
         "IDLE": _row(End.LANDED, explores=True),
         "ALTITUDES": _HOME,
-        "ZONE_BELOW": _row(End.LANDED, End.ASKED, End.PILOT),
-        "LANDED_HERE": _row(End.LANDED, End.ASKED),
+        "ZONE_BELOW": _row(End.LANDED, End.ON_REQUEST, End.PILOT),
+        "LANDED_HERE": _row(End.LANDED, End.ON_REQUEST),
         "ENDURANCE": _HOME,
         "BATTERY_DROPS": _HOME,
         "BATTERY_GLITCH": _HOME,  # not for that: `a_moment_of_no_charge_ends_nothing`
@@ -142,17 +142,17 @@ ACCEPTED: Final = MappingProxyType(
         # The weather and the estimate.
         "GUSTS": _row(End.LANDED, home_m=2.0),
         "STORM": _row(*End, room_m=30.0, height_m=10.0, home_m=60.0),
-        # Pushed over the border it is the autopilot's, or given away; pushed near it is told.
+        # Pushed over the border it is the autopilot's, or released; pushed near, that is announced.
         "PUSHED": _row(*(End.LANDED, End.FAILSAFE, End.PILOT), room_m=8.0, home_m=2.0),
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _HEIGHT_OFF,
-        # It drifts by up to 9 m; home is the answer, and it may be on its way there already.
+        # It drifts by up to 9 m; it comes home, and may be on its way there already.
         "BAROMETER": replace(_HEIGHT_OFF, height_m=5.0, shows_s=20.0),
         # The link: it comes home, or stays where its plan did not get on board.
         "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
         "LOSS_20": _row(End.LANDED, End.STAYED, notice_s=3.0),
         "BURSTS": _row(End.LANDED, End.STAYED, notice_s=3.0),
-        # What is late may look like a pilot's, who does not know then that the vehicle is his.
+        # Late messages may resemble a pilot's, who does not know then that the vehicle is his.
         "LATE": _row(End.LANDED, End.PILOT, End.NOT, notice_s=4.0),
         "OLD": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "NO_FIX": _HOME_OR_FAILSAFE,
@@ -161,81 +161,86 @@ ACCEPTED: Final = MappingProxyType(
         "STICKS_LOST": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "ALTERED": _row(End.LANDED, End.STAYED),
-        "BY_HAND": _row(End.PILOT, says="is not on board"),
+        "BY_HAND": _row(End.PILOT, announcement="is not on board"),
         "MISPLACED": _row(
-            *(End.LANDED, End.PILOT, End.FAILSAFE), says="Mission was chosen low and away"
+            *(End.LANDED, End.PILOT, End.FAILSAFE), announcement="Mission was chosen low and away"
         ),
-        "OTHER_AUTOPILOT": _row(End.STAYED, says="not PX4"),
-        "WRONG_VEHICLE": _row(End.STAYED, says="multicopter"),
-        "TWINS": _row(End.PILOT, End.FAILSAFE, notice_s=3.0, says="two autopilots"),
-        "TYPE_CHANGES": _row(End.PILOT, End.LANDED, End.STAYED, says="multicopter"),
-        "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
+        "OTHER_AUTOPILOT": _row(End.STAYED, announcement="not PX4"),
+        "WRONG_VEHICLE": _row(End.STAYED, announcement="multicopter"),
+        "TWINS": _row(End.PILOT, End.FAILSAFE, notice_s=3.0, announcement="two autopilots"),
+        "TYPE_CHANGES": _row(End.PILOT, End.LANDED, End.STAYED, announcement="multicopter"),
+        "READY_TAKEN": _row(End.STAYED, End.PILOT, announcement="pilot"),
         # One message stream alone, for ever: it holds, or commands nothing, until the pilot or a
-        # battery failsafe ends it. What has to be said of it, and when, `inputs` knows.
+        # battery failsafe ends it. The announcement it needs, and when, is in `inputs`.
         "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         "BLIND_AND_EMPTY": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         "WRONG_FIX": _row(End.LANDED, End.NOT),  # one that comes and goes is held for
         "LOST_ITEM": _row(End.LANDED, End.NOT),  # a wrong one is another's choice: hands off
         "LOST_MODE": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
-        # The pilot and other stations: the vehicle is theirs, and that is said.
+        # The pilot and other stations: the vehicle is theirs, and that is announced.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "ZONES_TAKEN": _row(End.LANDED, End.PILOT),
-        "ZONE_OVER_TAKEN": _row(End.PILOT, says="breach"),
+        "ZONE_OVER_TAKEN": _row(End.PILOT, announcement="breach"),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_MOVING": _row(End.LANDED, End.PILOT),
         "ZONE_ABOVE": _row(End.LANDED, End.PILOT),
         # A zone drawn into a landing is a breach: hands off, and the pilot takes it.
-        "ZONE_AT": _row(End.LANDED, End.ASKED, End.PILOT),
+        "ZONE_AT": _row(End.LANDED, End.ON_REQUEST, End.PILOT),
         "HANDED_BACK_HIGH": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
         "HELD_IN_HASTE": _PILOTS,
         "LAYERS": _row(End.LANDED, End.PILOT),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "SILENCE_TAKEN": _row(End.LANDED, End.PILOT),
-        "CHOSEN_BACK": _row(End.PILOT, says="pilot"),
+        "CHOSEN_BACK": _row(End.PILOT, announcement="pilot"),
         "STALL_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "LEFT_BEHIND": _row(End.LANDED, End.PILOT, notice_s=3.0),
         "DOUBTED": _row(End.LANDED, End.PILOT, height_m=9.0),
-        "DOUBTED_AMONG": _row(End.LANDED, height_m=9.0, says="altitude is in doubt"),
+        "DOUBTED_AMONG": _row(End.LANDED, height_m=9.0, announcement="altitude is in doubt"),
         "DOUBTED_WALLED": _row(
-            End.LANDED, height_m=9.0, says="clear at the autopilot's altitude alone"
+            End.LANDED, height_m=9.0, announcement="clear at the autopilot's altitude alone"
         ),
         "DIVERTED_CLOSE": _row(End.PILOT, End.FAILSAFE, End.LANDED, notice_s=2.0),
         "DIVERTED_WAITING": _row(End.PILOT, End.LANDED, End.FAILSAFE, notice_s=2.0),
-        "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),
+        "DIVERTED": _row(End.PILOT, notice_s=2.0, announcement="another place|pilot"),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
-        "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
-        "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
+        "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, announcement="plan|mission"),
+        "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, announcement="fence|plan"),
         "PLAN_REPLACED": _row(
-            *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
+            *(End.LANDED, End.PILOT), notice_s=3.0, announcement="plan on board was|another plan is"
         ),
         "PLAN_IN_RENEWAL": _row(
-            *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
+            *(End.LANDED, End.PILOT), notice_s=3.0, announcement="plan on board was|another plan is"
         ),
         "LIST_AMONG_OURS": _row(
             *(End.LANDED, End.STAYED, End.PILOT),
             notice_s=3.0,
-            says="another ground station has changed|plan on board was|another plan is|fence|rally",
+            announcement="another ground station has changed|plan on board was|"
+            "another plan is|fence|rally",
         ),
         "PLAN_AT_START": _row(
-            *(End.LANDED, End.STAYED, End.PILOT), notice_s=3.0, says="plan on board|another plan"
+            *(End.LANDED, End.STAYED, End.PILOT),
+            notice_s=3.0,
+            announcement="plan on board|another plan",
         ),
         "START_LOST": _row(
-            *(End.LANDED, End.STAYED, End.PILOT), notice_s=3.0, says="plan on board|another plan"
+            *(End.LANDED, End.STAYED, End.PILOT),
+            notice_s=3.0,
+            announcement="plan on board|another plan",
         ),
         "RESTARTED_ON_ANOTHER": _row(End.LANDED, End.PILOT),
-        "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
-        "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, says="fence|plan"),
-        "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, End.STAYED, says="home"),
-        "SPEED": _row(End.LANDED, says="speed|fast|m/s"),
-        "DISARMED": _row(End.STAYED, End.PILOT, says="disarm"),
-        "KILLED_IN_AIR": _row(End.FELL, says="disarm|kill|motors"),
+        "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, announcement="plan|mission"),
+        "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, announcement="fence|plan"),
+        "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, End.STAYED, announcement="home"),
+        "SPEED": _row(End.LANDED, announcement="speed|fast|m/s"),
+        "DISARMED": _row(End.STAYED, End.PILOT, announcement="disarm"),
+        "KILLED_IN_AIR": _row(End.FELL, announcement="disarm|kill|motors"),
         "TWO_STATIONS": _row(End.PILOT, End.LANDED, notice_s=3.0),
         # The companion and the autopilot themselves.
         "KILL": _row(End.HOVERS),
-        "REBOOT": _row(*End, says="reboot|restart|start|silent|anew"),
+        "REBOOT": _row(*End, announcement="reboot|restart|start|silent|anew"),
         "BATTERY": _HOME_OR_FAILSAFE,  # where home could not be reached in time
         "BATTERY_LIES": _HOME_OR_FAILSAFE,
         "REFUSED": _HOME_OR_FAILSAFE,  # the fence on board may be none of ours

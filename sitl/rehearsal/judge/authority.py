@@ -12,18 +12,18 @@ from sitl.rehearsal.judge.evidence import (
     SceneEvent,
     SceneEventKind,
     WireMessage,
-    heard_of_s,
+    choice_received_s,
     is_motion,
-    tells_elsewhere,
+    shown_by_target_only,
 )
 from sitl.rehearsal.judge.inputs import near
 from sitl.rehearsal.judge.space import depths_m
 
 _SILENT_S: Final = 4.0
-"""A vehicle that says nothing for longer is silent: the companion knows that after three."""
+"""A vehicle that sends nothing for longer is silent: the companion knows that after three."""
 
 _MODES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE"})
-_SEEN_S, _SURE_S = 0.25, 2.5
+_SHOWN_S, _SURE_S = 0.25, 2.5
 """An order that is not ours is known from its first message on; within so long it is surely so."""
 
 _IN_M, _LASTS_S, _LEAVES_S = 0.5, 0.5, 10.0
@@ -33,7 +33,7 @@ _NEARED_S: Final = 2.0
 """Hands may go off so long before it is that deep: at the fence, or by the autopilot's failsafe."""
 
 _RECENT_S: Final = 6.0
-"""An order of ours may still be under way, or a vehicle that was told to hold brake, so long."""
+"""A command of ours may still be under way, or a vehicle on its way to hold brake, so long."""
 
 _ELSEWHERE_M: Final = 6.0
 _NEARLY_M: Final = 1.0
@@ -42,26 +42,32 @@ _AT_HOME_M, _HELD_S = 20.0, 2.0
 """So near to home a take-off may be led on; elsewhere a hold is sent within so long."""
 
 _LISTS: Final = frozenset({"MISSION_COUNT", "MISSION_CLEAR_ALL"})
-_SAID_S: Final = 0.6
-"""What was chosen in a standstill is announced so soon: before another HEARTBEAT would tell it."""
+_ANNOUNCED_S: Final = 0.6
+"""What was chosen in a standstill is announced so soon: before another HEARTBEAT would show it."""
 
 _AGAIN_S: Final = 1.0
 """What was sent before the silence began to count may be repeated, each time so soon after."""
 
 
 def nothing_leaves_on_a_mode_from_before_a_silence(case: Case) -> Iterator[Violation]:
-    """From a silence on no motion leaves before a flight mode is heard, but a hold on request."""
+    """After a silence no motion leaves before a flight mode is received, but a hold on request."""
     speed = case.evidence.speed
-    for begin_s, end_s in pairwise(message.time_s for message in case.evidence.heard):
+    for begin_s, end_s in pairwise(message.time_s for message in case.evidence.received):
         from_s = begin_s + _SILENT_S * speed
-        if end_s <= from_s or not case.answers(begin_s, end_s, ours=False):
+        if end_s <= from_s or not case.could_react(begin_s, end_s, ours=False):
             continue
-        modes_s = (m.time_s for m in case.evidence.heard if m.name in _MODES and m.time_s >= end_s)
+        modes_s = (
+            m.time_s for m in case.evidence.received if m.name in _MODES and m.time_s >= end_s
+        )
         mode_s = next(modes_s, math.inf)
         sent = [m for m in case.commands if is_motion(m) and begin_s < m.time_s < mode_s]
         for number, message in enumerate(sent):
             repeats = any(_same(message, other) for other in sent[:number])
-            if message.time_s > from_s and not repeats and not _asked(case, begin_s, message):
+            if (
+                message.time_s > from_s
+                and not repeats
+                and not _hold_requested(case, begin_s, message)
+            ):
                 text = f"{message.name}, and no flight mode was heard since {begin_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 return
@@ -72,9 +78,9 @@ def a_choice_in_a_standstill_stands(case: Case) -> Iterator[Violation]:
 
     Once it goes on no motion leaves, and no list is put on board, until the vehicle is given back.
     """
-    told = case.evidence.told
-    stops_s = [h.time_s for h in told(SceneEventKind.STOPPED)]
-    goes_on_s = [h.time_s for h in told(SceneEventKind.CONTINUED)]
+    events = case.evidence.events
+    stops_s = [h.time_s for h in events(SceneEventKind.STOPPED)]
+    goes_on_s = [h.time_s for h in events(SceneEventKind.CONTINUED)]
     for stopped_s, from_s in zip(stops_s, goes_on_s, strict=False):
         if any(given.begin_s < stopped_s < given.end_s for given in case.given):
             continue  # it was another's before
@@ -87,12 +93,12 @@ def a_choice_in_a_standstill_stands(case: Case) -> Iterator[Violation]:
                     text = f"{message.name} over a mode chosen in the standstill before"
                     yield Violation(message.time_s, "authority", text)
                     break
-            said_s = from_s + _SAID_S + max(case.evidence.reaction_s - 1.0, 0.0)
-            said_s += case.row.notice_s
-            flies = said_s < float(case.time_s[-1]) and bool(case.flying[case.at(said_s)])
-            if flies and not case.has_said("hands off", stopped_s, said_s):
+            announced_s = from_s + _ANNOUNCED_S + max(case.evidence.reaction_s - 1.0, 0.0)
+            announced_s += case.row.notice_s
+            flies = announced_s < float(case.time_s[-1]) and bool(case.flying[case.at(announced_s)])
+            if flies and not case.has_announced("hands off", stopped_s, announced_s):
                 text = f"a mode chosen at {choice.begin_s:.1f} s is not announced"
-                yield Violation(said_s, "told", text)
+                yield Violation(announced_s, "told", text)
 
 
 def nothing_leaves_over_an_order_that_shows(case: Case) -> Iterator[Violation]:
@@ -100,19 +106,19 @@ def nothing_leaves_over_an_order_that_shows(case: Case) -> Iterator[Violation]:
 
     In a zone, or outside of a fence, it is held.
     """
-    asked_s = [h.time_s for h in case.evidence.told(SceneEventKind.REQUEST)]
+    requested_s = [h.time_s for h in case.evidence.events(SceneEventKind.REQUEST)]
     motions = [m for m in case.commands if is_motion(m)]
-    for choice in filter(tells_elsewhere, case.evidence.told(SceneEventKind.PILOT)):
-        heard_s = heard_of_s(case.evidence.heard, choice)
-        from_s, until_s = heard_s + _SEEN_S, heard_s + _SURE_S
+    for choice in filter(shown_by_target_only, case.evidence.events(SceneEventKind.PILOT)):
+        received_s = choice_received_s(case.evidence.received, choice)
+        from_s, until_s = received_s + _SHOWN_S, received_s + _SURE_S
         recent = any(choice.time_s - _RECENT_S < m.time_s < from_s for m in motions)
-        asked = any(choice.time_s < at_s < until_s for at_s in asked_s)
-        if recent or asked or not _leads_elsewhere(case, choice, heard_s):
+        requested = any(choice.time_s < at_s < until_s for at_s in requested_s)
+        if recent or requested or not _leads_elsewhere(case, choice, received_s):
             continue
         for message in motions:
             inside = _is_inside(case, case.at(message.time_s))
             if from_s < message.time_s < until_s and not inside:
-                text = f"{message.name} over another {choice.value}, heard of at {heard_s:.1f} s"
+                text = f"{message.name} over another {choice.value}, heard of at {received_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 break
 
@@ -123,19 +129,19 @@ def a_breach_is_given_away(case: Case) -> Iterator[Violation]:
         for begin_s, end_s in spans:
             due_s = begin_s + _LASTS_S + case.reacts_s
             short = end_s - begin_s < _LASTS_S or begin_s < drawn_s + _LEAVES_S
-            if short or not case.answers(begin_s, begin_s + _LASTS_S):
+            if short or not case.could_react(begin_s, begin_s + _LASTS_S):
                 continue
-            if not case.has_said("hands off", begin_s - _NEARED_S, due_s):
+            if not case.has_announced("hands off", begin_s - _NEARED_S, due_s):
                 text = f"flown on with after a breach of {area.name} at {begin_s:.1f} s"
                 yield Violation(due_s, "authority", text)
 
 
-def _leads_elsewhere(case: Case, choice: SceneEvent, heard_s: float) -> bool:
-    """Whether what was heard of a choice leads farther away than the companion's own may show."""
-    if choice.value == "item" or not math.isfinite(heard_s):
-        return math.isfinite(heard_s)
-    told = case.heard("POSITION_TARGET_GLOBAL_INT")
-    targets = [m for m in told if m.time_s <= heard_s][-2:]
+def _leads_elsewhere(case: Case, choice: SceneEvent, received_s: float) -> bool:
+    """Whether the target that was received leads farther away than the companion's own may show."""
+    if choice.value == "item" or not math.isfinite(received_s):
+        return math.isfinite(received_s)
+    messages = case.received("POSITION_TARGET_GLOBAL_INT")
+    targets = [m for m in messages if m.time_s <= received_s][-2:]
     degrees = [(m.fields["lat_int"] / 1e7, m.fields["lon_int"] / 1e7) for m in targets]
     places = [case.mission.frame.metres(*place) for place in degrees]
     return len(places) > 1 and math.dist(*places) > _ELSEWHERE_M
@@ -159,13 +165,13 @@ def what_is_handed_over_elsewhere_is_held(case: Case) -> Iterator[Violation]:
 
     It is held at once, until the pilot or the operator wants something else, or it is level.
     """
-    told = case.evidence.told
-    for handed in told(SceneEventKind.HANDED_OVER):
+    events = case.evidence.events
+    for handed in events(SceneEventKind.HANDED_OVER):
         from_s, index = handed.time_s, case.at(handed.time_s)
         away_m, above_m = case.from_home_m(index), float(case.above_m[index])
         if case.level[index] or away_m < _AT_HOME_M:
             continue
-        others_s = [h.time_s for h in told(SceneEventKind.PILOT, SceneEventKind.REQUEST)]
+        others_s = [h.time_s for h in events(SceneEventKind.PILOT, SceneEventKind.REQUEST)]
         levels_s = case.time_s[case.level & (case.time_s >= from_s)][:1].tolist()
         until_s = min((at_s for at_s in [*others_s, *levels_s] if at_s > from_s), default=math.inf)
         where = f"{away_m:.0f} m from home at {above_m:.1f} m, where Mission mode was chosen"
@@ -179,7 +185,7 @@ def what_is_handed_over_elsewhere_is_held(case: Case) -> Iterator[Violation]:
 
 
 def _same(message: WireMessage, before: WireMessage) -> bool:
-    """Whether a message may be one from just before, said again."""
+    """Whether a message may be a repetition of one from just before."""
     plain, other = (
         {name: repr(value) for name, value in each.fields.items() if name != "confirmation"}
         for each in (message, before)
@@ -188,7 +194,9 @@ def _same(message: WireMessage, before: WireMessage) -> bool:
     return again and message.time_s - before.time_s < _AGAIN_S
 
 
-def _asked(case: Case, begin_s: float, message: WireMessage) -> bool:
-    """Whether the operator asked for a hold, and nothing else leaves since."""
-    asked = [h for h in case.evidence.told(SceneEventKind.REQUEST) if h.time_s <= message.time_s]
-    return bool(asked) and asked[-1].time_s > begin_s and str(asked[-1].value) == "hold"
+def _hold_requested(case: Case, begin_s: float, message: WireMessage) -> bool:
+    """Whether the operator requested a hold, and nothing else has left since."""
+    requested = [
+        h for h in case.evidence.events(SceneEventKind.REQUEST) if h.time_s <= message.time_s
+    ]
+    return bool(requested) and requested[-1].time_s > begin_s and str(requested[-1].value) == "hold"

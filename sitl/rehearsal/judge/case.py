@@ -1,4 +1,4 @@
-"""A flight as the rules of the judge see it: its track, who answers, what was said and sent."""
+"""A flight as the judge's rules see it: track, responsibility, announcements, messages."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from sitl.rehearsal.judge.evidence import (
     SceneEvent,
     SceneEventKind,
     WireMessage,
+    choice_received_s,
     command_of,
-    heard_of_s,
     is_motion,
+    shown_by_target_only,
     target_of,
-    tells_elsewhere,
     uploads_of,
     was_to_land,
 )
@@ -56,11 +56,11 @@ _CROSSES_S: Final = 0.05
 _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
 
-_HEARD_S, _HEEDED_S = 2.0, 0.5
-"""So long it may take until the companion hears of another item or place, at most; what has been
-heard for so long is known, whatever else is going on."""
+_RECEIVED_S, _HEEDED_S = 2.0, 0.5
+"""So long it may take until the companion receives another item or target, at most; one that it
+received so long ago is known to it, whatever else is going on."""
 
-_SAID_S: Final = 3.0
+_ANNOUNCED_S: Final = 3.0
 """What the companion has on top of each limit to announce something."""
 
 _SETTLED_S: Final = 8.0
@@ -76,11 +76,11 @@ _DOUBTED: Final = re.compile(
 _TRUSTED: Final = "coming home clear at the autopilot's altitude alone"
 _LABEL: Final = re.compile(r"^( *[0-9.]+ s  )?(WARNING|ALARM): ")
 _INSTRUCTION: Final = re.compile(r"\. ((?:Pilot|Operator): .+)$")
-"""How a line begins that asks for something, and how it ends with what it asks for."""
+"""How a warning or alarm begins, and the instruction at its end."""
 
 
 class Responsible(StrEnum):
-    """Who answers for where the vehicle is."""
+    """Who is responsible for the vehicle's position."""
 
     OURS = "ours"
     AUTOPILOT = "the autopilot's"
@@ -93,7 +93,7 @@ class Violation:
 
     Attributes:
         time_s: When it was worst, or was done.
-        kind: One word for the table.
+        kind: Its name in the table.
         text: What, with the numbers.
     """
 
@@ -106,7 +106,7 @@ class Violation:
 
 
 class Announced(NamedTuple):
-    """A line of the companion: when, how grave it says that it is, what, and what to do about it.
+    """A line of the companion: its time, severity label, text and instruction.
 
     The label and the instruction are empty where a line has none.
     """
@@ -118,13 +118,13 @@ class Announced(NamedTuple):
 
     @classmethod
     def of(cls, time_s: float, line: str) -> Announced:
-        """What a line of the terminal says."""
+        """Split a line of the terminal."""
         found = _LABEL.match(line)
         text = line if found is None else (found[1] or "") + line[found.end() :]
-        asked = _INSTRUCTION.search(text)
-        if asked is None:
+        request = _INSTRUCTION.search(text)
+        if request is None:
             return cls(time_s, found[2] if found else "", text, "")
-        return cls(time_s, found[2] if found else "", text[: asked.start()], asked[1])
+        return cls(time_s, found[2] if found else "", text[: request.start()], request[1])
 
 
 class Given(NamedTuple):
@@ -157,7 +157,7 @@ class Case:
     Attributes:
         evidence: The same.
         versions: Mission files in order of time; the first from the beginning. While the altitude
-            is in doubt, by 6 m as it says, zones count whatever their height.
+            is in doubt, by 6 m as announced, zones count whatever their height.
         mission: The first of them.
         ground_m: Of the ground at home, above mean sea level.
         time_s: Of each sample.
@@ -170,14 +170,14 @@ class Case:
         off_m: How wrong the estimate is, by the scene.
         commands: What the companion sent to the vehicle.
         announced: What it announced: all lines but those that show its state every few seconds.
-        said: The same, and when, without what the pilot or operator is to do about it.
+        texts: The same with their times, without the instruction to pilot or operator.
         given: A pilot's times, and a failsafe's: until we moved the vehicle again after an
-            operator asked for it, both in Hold or Mission mode without a failsafe.
-        by: Who answers for each sample.
+            operator requested it, both in Hold or Mission mode without a failsafe.
+        by: Who is responsible in each sample.
         row: What is accepted; a pilot's choice that was refused or came too late is no fault.
         uploads: Plans that the vehicle accepted.
         legs: The commands that lead to a place, and to which.
-        landing_place: Where it was when it was asked to land, and that was accepted; None: never.
+        landing_place: Where it was when a request to land was accepted; None: never.
     """
 
     def __init__(self, evidence: Evidence) -> None:
@@ -185,12 +185,12 @@ class Case:
         if len(samples) < 2:
             raise EvidenceError("no true track")
         self.evidence = evidence
-        self._first_m = samples[0].altitude_amsl_m  # home's AMSL, unless the file says
+        self._first_m = samples[0].altitude_amsl_m  # home's AMSL, unless the file has it
         texts = [(-math.inf, evidence.mission_text)]
-        texts += [(h.time_s, str(h.value)) for h in evidence.told(SceneEventKind.MISSION_FILE)]
+        texts += [(h.time_s, str(h.value)) for h in evidence.events(SceneEventKind.MISSION_FILE)]
         lines = (line for line in evidence.lines if not _STATUS.match(line.text))
         self.announced = [Announced.of(line.time_s, line.text) for line in lines]
-        self.said = [(each.time_s, each.text) for each in self.announced]
+        self.texts = [(each.time_s, each.text) for each in self.announced]
         self.versions = [
             piece
             for (from_s, text), (until_s, _) in pairwise([*texts, (math.inf, "")])
@@ -215,10 +215,10 @@ class Case:
         pilot = any(given.by is Responsible.PILOT for given in self.given)
         self.row = accepted(evidence.faults - (set() if pilot else {"PILOT", "PAUSE"}))
         self.uploads = list(uploads_of(evidence.messages))
-        asked_s = [
-            at_s for at_s, text in self.said if _LANDS_HERE in text and self._land_asked(at_s)
+        requested_s = [
+            at_s for at_s, text in self.texts if _LANDS_HERE in text and self._land_requested(at_s)
         ]
-        self.landing_place = self.place(self.at(asked_s[0])) if asked_s else None
+        self.landing_place = self.place(self.at(requested_s[0])) if requested_s else None
         targets = ((m, target_of(m, self.uploads, self.mission.frame)) for m in self.commands)
         self.legs = [(message, to) for message, to in targets if to is not None]
 
@@ -237,9 +237,9 @@ class Case:
         companion that doubts.
         """
         flat = version.mission.at_every_height
-        begin_s = next((at_s for at_s, text in self.said if _DOUBTED.search(text)), math.inf)
-        ends_s = [at_s for at_s, text in self.said if _TRUSTED in text]
-        ends_s += [h.time_s for h in self.evidence.told(SceneEventKind.STARTED)]
+        begin_s = next((at_s for at_s, text in self.texts if _DOUBTED.search(text)), math.inf)
+        ends_s = [at_s for at_s, text in self.texts if _TRUSTED in text]
+        ends_s += [h.time_s for h in self.evidence.events(SceneEventKind.STARTED)]
         end_s = min((at_s for at_s in ends_s if at_s > begin_s), default=math.inf)
         same = flat.zones == version.mission.zones
         limits_s = [] if same else [at_s for at_s in (begin_s, end_s) if at_s < math.inf]
@@ -269,31 +269,33 @@ class Case:
         seconds = max(float(self.time_s[after] - self.time_s[index]), 1e-3)
         return math.dist(self.place(index), self.place(after)) / seconds
 
-    def _land_asked(self, answered_s: float) -> bool:
-        """Whether an operator had just asked to land when that was answered."""
-        asked = (h for h in self.evidence.told(SceneEventKind.REQUEST) if h.value == "land")
+    def _land_requested(self, answered_s: float) -> bool:
+        """Whether an operator had just requested a landing when the reply came."""
+        request = (h for h in self.evidence.events(SceneEventKind.REQUEST) if h.value == "land")
         slack_s = _ANSWERED_S * max(self.evidence.speed, 1.0)
-        return any(0.0 <= answered_s - h.time_s <= slack_s for h in asked)
+        return any(0.0 <= answered_s - h.time_s <= slack_s for h in request)
 
     def _estimate_off(self) -> Floats:
         """For each sample; an estimate that comes back is followed by a vehicle that comes back."""
         off = np.zeros(len(self.time_s))
-        told = [(h.time_s, float(h.value)) for h in self.evidence.told(SceneEventKind.ESTIMATE_OFF)]
-        for (begin_s, off_m), (end_s, _) in pairwise([*told, (math.inf, 0.0)]):
+        offs = [
+            (h.time_s, float(h.value)) for h in self.evidence.events(SceneEventKind.ESTIMATE_OFF)
+        ]
+        for (begin_s, off_m), (end_s, _) in pairwise([*offs, (math.inf, 0.0)]):
             span = (self.time_s >= begin_s) & (self.time_s < end_s + _SETTLES_S)
             off[span] = np.maximum(off[span], off_m)
         return off
 
-    # Who answers.
+    # Responsibility.
 
     def _given(self) -> Iterator[Given]:
-        told = self.evidence.told
+        events = self.evidence.events
         takings = [
             (h.time_s, Responsible.PILOT)
-            for h in told(SceneEventKind.PILOT, SceneEventKind.DISARMED)
+            for h in events(SceneEventKind.PILOT, SceneEventKind.DISARMED)
             if self._shows(h)
         ]
-        takings += [(h.time_s, Responsible.AUTOPILOT) for h in told(SceneEventKind.REBOOTED)]
+        takings += [(h.time_s, Responsible.AUTOPILOT) for h in events(SceneEventKind.REBOOTED)]
         samples = self.evidence.samples
         acted = [False, *(sample.failsafe for sample in samples)]  # of the sample before
         takings += [
@@ -302,7 +304,7 @@ class Case:
             if sample.failsafe and not before
         ]
         # A companion that is started anew may go on with the plan that is its own, and no other.
-        replaced = {h.time_s for h in told(SceneEventKind.PILOT) if h.value == "plan"}
+        replaced = {h.time_s for h in events(SceneEventKind.PILOT) if h.value == "plan"}
         last: dict[Responsible, float] = {}
         for begin_s, by in sorted(takings):
             if begin_s >= last.get(by, -math.inf):
@@ -314,15 +316,15 @@ class Case:
     def _shows(self, taking: SceneEvent) -> bool:
         """Whether anything changed: of two choices at once the second may undo the first.
 
-        So may a command of ours that leaves before another item or place could be heard of. And no
+        So may a command of ours that leaves before another item or target could be received. And no
         other plan takes a vehicle that is to land by then: a landing needs none.
         """
-        if tells_elsewhere(taking):
+        if shown_by_target_only(taking):
             known_s = self._known_s(taking)
             ours = (m.time_s for m in self.commands if is_motion(m) and m.delivered)
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
         if taking.value == "plan":
-            known_s = self._known_s(taking) if self.evidence.heard else taking.time_s
+            known_s = self._known_s(taking) if self.evidence.received else taking.time_s
             return not was_to_land(self.commands, known_s)
         if not str(taking.value).isupper():
             return True  # the sticks
@@ -338,30 +340,32 @@ class Case:
 
     def _known_s(self, taking: SceneEvent) -> float:
         """By when the companion knows of another item, place or plan."""
-        heard_s = heard_of_s(self.evidence.heard, taking) + _HEEDED_S
-        return min(heard_s, taking.time_s + _HEARD_S)
+        received_s = choice_received_s(self.evidence.received, taking) + _HEEDED_S
+        return min(received_s, taking.time_s + _RECEIVED_S)
 
     def _given_back_s(self, since_s: float, *, restarted: bool) -> float:
-        """When we moved it first after an operator had asked for that; infinite: never."""
+        """When we moved it first after an operator had requested that; infinite: never."""
         kinds = {SceneEventKind.REQUEST} | ({SceneEventKind.STARTED} if restarted else set())
-        later = (h for h in self.evidence.told(*kinds) if h.time_s > since_s)
-        asked_s = next((h.time_s for h in later if self._gives_back(h)), math.inf)
-        moved = (m.time_s for m in self.commands if m.time_s >= asked_s and is_motion(m))
+        later = (h for h in self.evidence.events(*kinds) if h.time_s > since_s)
+        requested_s = next((h.time_s for h in later if self._gives_back(h)), math.inf)
+        moved = (m.time_s for m in self.commands if m.time_s >= requested_s and is_motion(m))
         return next((at_s for at_s in moved if self._free(at_s)), math.inf)
 
     def _handed_over_s(self, since_s: float) -> tuple[float, float]:
         """When a pilot chose Mission mode for us, and when we held it there, or it was level."""
-        told = self.evidence.told(SceneEventKind.HANDED_OVER)
-        handed_s = next((h.time_s for h in told if h.time_s > since_s), math.inf)
+        events = self.evidence.events(SceneEventKind.HANDED_OVER)
+        handed_s = next((h.time_s for h in events if h.time_s > since_s), math.inf)
         sent = (m for m in self.commands if m.time_s >= handed_s and m.delivered)
         level = (self.time_s >= handed_s) & self.level
         flies_s = [m.time_s for m in sent if is_motion(m)][:1] + self.time_s[level][:1].tolist()
         return handed_s, min(flies_s, default=math.inf)
 
-    def _gives_back(self, asked: SceneEvent) -> bool:
+    def _gives_back(self, request: SceneEvent) -> bool:
         """Whether by this start, or request, the vehicle is to be the companion's again."""
-        resumes = asked.what is SceneEventKind.STARTED
-        return resumes or (str(asked.value).split()[0] in _RESUMING and self._free(asked.time_s))
+        resumes = request.what is SceneEventKind.STARTED
+        return resumes or (
+            str(request.value).split()[0] in _RESUMING and self._free(request.time_s)
+        )
 
     def _free(self, time_s: float) -> bool:
         """Whether the vehicle can be given back: its mode, no failsafe, not near a higher layer."""
@@ -384,8 +388,8 @@ class Case:
         ends = (SceneEventKind.KILLED, SceneEventKind.STOPPED, SceneEventKind.ENDED)
         begins = (SceneEventKind.STARTED, SceneEventKind.CONTINUED)
         found = []
-        since_s = -math.inf if any(self.evidence.told(SceneEventKind.STARTED)) else None
-        for happening in self.evidence.told(*ends, *begins):
+        since_s = -math.inf if any(self.evidence.events(SceneEventKind.STARTED)) else None
+        for happening in self.evidence.events(*ends, *begins):
             if happening.what in ends:
                 since_s = happening.time_s
             elif since_s is not None:
@@ -393,8 +397,14 @@ class Case:
                 since_s = None
         return found if since_s is None else [*found, (since_s, math.inf)]
 
-    def answers(self, begin_s: float, end_s: float, *, ours: bool = True) -> bool:
-        """Whether it listened, and the vehicle flew (and was its own), from then to then."""
+    def could_react(self, begin_s: float, end_s: float, *, ours: bool = True) -> bool:
+        """Whether the companion listened, and its vehicle flew, from then to then.
+
+        Args:
+            begin_s: From.
+            end_s: To.
+            ours: The vehicle had to be the companion's, too.
+        """
         if any(begin_s < until_s and end_s > from_s for from_s, until_s in self._deaf):
             return False
         first, last = self.at(begin_s), self.at(end_s)
@@ -409,22 +419,22 @@ class Case:
 
     def state(self, time_s: float) -> str:
         """The mission state that was announced last."""
-        found = [m for at_s, text in self.said if at_s <= time_s and (m := _STATE.search(text))]
+        found = [m for at_s, text in self.texts if at_s <= time_s and (m := _STATE.search(text))]
         return found[-1].group(1) if found else ""
 
-    def heard(self, name: str) -> list[WireMessage]:
+    def received(self, name: str) -> list[WireMessage]:
         """The messages of a name that reached the companion."""
-        return [message for message in self.evidence.heard if message.name == name]
+        return [message for message in self.evidence.received if message.name == name]
 
-    def has_said(self, words: str, begin_s: float, end_s: float) -> bool:
+    def has_announced(self, pattern: str, begin_s: float, end_s: float) -> bool:
         """Whether a line that matches was announced from then to then."""
-        lines = (text for at_s, text in self.said if begin_s <= at_s <= end_s)
-        return any(re.search(words, line, re.IGNORECASE) for line in lines)
+        lines = (text for at_s, text in self.texts if begin_s <= at_s <= end_s)
+        return any(re.search(pattern, line, re.IGNORECASE) for line in lines)
 
     @property
     def reacts_s(self) -> float:
         """What it has on top of each limit to announce something in this flight."""
-        return _SAID_S + self.row.notice_s + max(self.evidence.reaction_s - 1.0, 0.0)
+        return _ANNOUNCED_S + self.row.notice_s + max(self.evidence.reaction_s - 1.0, 0.0)
 
 
 Rule = Callable[[Case], Iterator[Violation]]

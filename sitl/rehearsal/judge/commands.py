@@ -35,7 +35,7 @@ _ON_BOARD_M: Final = 3.0
 """How far the vehicle's own idea of mean sea level may be off."""
 
 _LEG_M: Final = 1.0
-"""How far a vehicle may be from where it told us that it is, without any fault."""
+"""How far a vehicle may be from the position that it sent, without any fault."""
 
 _TWICE_S, _PLACE_TWICE_S = 0.9, 0.03
 """So soon after it left nothing can be known of a command: it does not leave again as it was. What
@@ -43,7 +43,7 @@ leads to a place may be decided anew with the next position, which a link may br
 
 _CROSSES_S: Final = 0.05
 """An order of ours that leaves so soon before or after a choice crosses it on the link, and ends
-it: no look at the mode can prevent that, and the vehicle shows that it follows us."""
+it: no check of the mode can prevent that, and the vehicle shows that it follows us."""
 
 _SHOWS_LATER_S: Final = 1.0
 _UNSHOWN: Final = frozenset({"item", "reposition", "plan", "airframe", "mode of before"})
@@ -58,7 +58,7 @@ _RENEWS_S: Final = 1.0
 """What is drawn across the way is held for, or flown around, within so long."""
 
 _READ_S: Final = 0.3
-"""A changed file counts for the companion so long before the scene says so, at most."""
+"""A changed file counts for the companion so long before the scene's event, at most."""
 
 _REPEATS_S: Final = 5.0
 _FRESH_S: Final = 0.6
@@ -69,7 +69,7 @@ _BRAKING_M_S2: Final = 3.0
 
 _STANDS_M: Final = 0.2
 _STRAIGHT_UP_M: Final = 10.0
-"""A place so near is one to climb at: where a vehicle comes to rest that is told to."""
+"""A place so near is one to climb at: where a vehicle comes to rest on a hold."""
 
 _TRANSFER_S: Final = 5.0
 """A transfer that began before is not begun once more after so long."""
@@ -79,24 +79,26 @@ _OTHER_PLAN_S: Final = 0.3
 """Within so long an order that had been decided on has left."""
 
 _CONNECTS_S: Final = 1.0
-"""A companion that was started has looked at the vehicle no sooner."""
+"""A companion that was started has checked the vehicle no sooner."""
 
 
 def nothing_is_commanded_that_is_anothers(case: Case) -> Iterator[Violation]:
     """No command while the vehicle is a pilot's or a failsafe's, once that can be known."""
-    unshown_s = {h.time_s for h in case.evidence.told(SceneEventKind.PILOT) if h.value in _UNSHOWN}
+    unshown_s = {
+        h.time_s for h in case.evidence.events(SceneEventKind.PILOT) if h.value in _UNSHOWN
+    }
     hearts_s = _heartbeats_s(case)
     motions = [m for m in case.commands if is_motion(m)]
     for message in filter(_commands, case.commands):
         for begin_s, end_s, by, handed_s in case.given:
-            heard = bisect_right(hearts_s, begin_s)
-            known_s = hearts_s[heard] if heard < len(hearts_s) else math.inf
+            received = bisect_right(hearts_s, begin_s)
+            known_s = hearts_s[received] if received < len(hearts_s) else math.inf
             known_s += case.evidence.reaction_s + case.row.notice_s
             known_s += _SHOWS_LATER_S if begin_s in unshown_s else 0.0
             if any(abs(m.time_s - begin_s) <= _CROSSES_S for m in motions):
                 continue
             if known_s < message.time_s < min(end_s, handed_s) and begin_s < message.time_s:
-                text = f"{_words(message)} while the vehicle is {by} since {begin_s:.1f} s"
+                text = f"{_text(message)} while the vehicle is {by} since {begin_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 break
 
@@ -108,8 +110,8 @@ def _heartbeats_s(case: Case) -> list[float]:
 
 
 def only_multicopters_are_commanded(case: Case) -> Iterator[Violation]:
-    """What says that it is another vehicle is not armed, moved, or given a plan."""
-    hearts = case.heard("HEARTBEAT")
+    """A vehicle that reports another type is not armed, moved, or given a plan."""
+    hearts = case.received("HEARTBEAT")
     others_s = [m.time_s for m in hearts if m.fields.get("type", 2) not in _HOVER]
     if len(others_s) < _OTHERS:
         return
@@ -120,7 +122,7 @@ def only_multicopters_are_commanded(case: Case) -> Iterator[Violation]:
         uploads = message.name in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
         stops = command_of(message) == SET_MODE and not case.flying[case.at(message.time_s)]
         if from_s < message.time_s < until_s and (uploads or _commands(message)) and not stops:
-            text = f"{_words(message)} to a vehicle that is no multicopter"
+            text = f"{_text(message)} to a vehicle that is no multicopter"
             yield Violation(message.time_s, "vehicle", text)
             return
 
@@ -128,9 +130,9 @@ def only_multicopters_are_commanded(case: Case) -> Iterator[Violation]:
 def it_is_armed_once_and_not_disarmed_in_the_air(case: Case) -> Iterator[Violation]:
     """Nor armed again after it was disarmed."""
     armed = case.armed.argmax() if case.armed.any() else len(case.armed)
-    gone_s = case.time_s[armed:][~case.armed[armed:]].tolist()
-    told_s = [h.time_s for h in case.evidence.told(SceneEventKind.DISARMED)]
-    disarmed_s = min([*told_s, *gone_s[:1]], default=math.inf)
+    lost_s = case.time_s[armed:][~case.armed[armed:]].tolist()
+    disarmed_by_s = [h.time_s for h in case.evidence.events(SceneEventKind.DISARMED)]
+    disarmed_s = min([*disarmed_by_s, *lost_s[:1]], default=math.inf)
     for message in case.commands:
         if command_of(message) != ARM:
             continue
@@ -149,11 +151,11 @@ def nothing_strays(case: Case) -> Iterator[Violation]:
         stray = stray and bool(case.flying[case.at(message.time_s)])
         never = command_of(message) in _NEVER or message.name.startswith("SET_POSITION_TARGET")
         if stray or never:
-            yield Violation(message.time_s, "stray", f"{_words(message)} is no command of ours")
+            yield Violation(message.time_s, "stray", f"{_text(message)} is no command of ours")
 
 
 def speeds_and_heights_are_the_plans(case: Case) -> Iterator[Violation]:
-    """No command asks for more speed, or another altitude, than the mission's."""
+    """No command demands more speed, or another altitude, than the mission's."""
     slack_m = _ON_BOARD_M + case.row.height_m
     for message in case.commands:
         fields, command = message.fields, command_of(message)
@@ -179,7 +181,7 @@ def nothing_leaves_twice(case: Case) -> Iterator[Violation]:
         seconds = message.time_s - before.time_s
         led = message.name == "MISSION_SET_CURRENT" or command_of(message) == REPOSITION
         least_s = _PLACE_TWICE_S if led else _TWICE_S
-        shown = [m for m in case.heard("MISSION_CURRENT") if m.time_s < before.time_s][-1:]
+        shown = [m for m in case.received("MISSION_CURRENT") if m.time_s < before.time_s][-1:]
         known = [m.fields.get("seq") for m in shown] == [message.fields.get("seq")]
         if seconds < least_s and not known and _plain(before) == _plain(message):
             text = f"{message.name} left twice within {seconds:.2f} s"
@@ -187,15 +189,15 @@ def nothing_leaves_twice(case: Case) -> Iterator[Violation]:
 
 
 def nothing_is_repeated_over_a_choice(case: Case) -> Iterator[Violation]:
-    """A motion is not sent again after a pilot's choice, not having heard that there was none."""
+    """A motion is not sent again after a pilot's choice, unless the old mode was received since."""
     hearts_s = _heartbeats_s(case)
     fresh_s = _FRESH_S + case.evidence.reaction_s + case.row.notice_s
     motions = [m for m in case.commands if is_motion(m)]
-    for choice in case.evidence.told(SceneEventKind.PILOT):
+    for choice in case.evidence.events(SceneEventKind.PILOT):
         before = [m for m in motions if m.time_s < choice.time_s]
         for message in motions:
-            heard = bisect_right(hearts_s, message.time_s)
-            stale = message.time_s - (hearts_s[heard - 1] if heard else 0.0) > fresh_s
+            received = bisect_right(hearts_s, message.time_s)
+            stale = message.time_s - (hearts_s[received - 1] if received else 0.0) > fresh_s
             recent = [m for m in before if message.time_s - m.time_s < _REPEATS_S]
             plain = _plain(message, "confirmation")
             again = any(_plain(m, "confirmation") == plain for m in recent)
@@ -230,7 +232,7 @@ def no_leg_begins_low(case: Case) -> Iterator[Violation]:
 
 def nothing_is_put_on_board_of_an_armed_vehicle(case: Case) -> Iterator[Violation]:
     """One that a pilot has armed on the ground is not prepared for a flight."""
-    for started in case.evidence.told(SceneEventKind.STARTED):
+    for started in case.evidence.events(SceneEventKind.STARTED):
         index = case.at(started.time_s + _CONNECTS_S)
         if not case.armed[index] or case.flying[index]:
             continue
@@ -244,13 +246,15 @@ def nothing_is_put_on_board_of_an_armed_vehicle(case: Case) -> Iterator[Violatio
 
 def nothing_is_put_on_board_of_anothers(case: Case) -> Iterator[Violation]:
     """No list is sent to a vehicle that a pilot, or a failsafe, flies, but what is under way."""
-    asked_s = [h.time_s for h in case.evidence.told(SceneEventKind.REQUEST, SceneEventKind.STARTED)]
+    requested_s = [
+        h.time_s for h in case.evidence.events(SceneEventKind.REQUEST, SceneEventKind.STARTED)
+    ]
     for message in case.commands:
         if message.name not in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}:
             continue
         for begin_s, end_s, by, _ in case.given:
             from_s = begin_s + _TRANSFER_S + case.row.notice_s
-            again = any(begin_s < at_s <= message.time_s for at_s in asked_s)
+            again = any(begin_s < at_s <= message.time_s for at_s in requested_s)
             flies = bool(case.flying[case.at(message.time_s)])
             if from_s < message.time_s < end_s and flies and not again:
                 text = f"a list is put on board while the vehicle is {by} since {begin_s:.1f} s"
@@ -264,10 +268,10 @@ def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
     for version in case.versions[1:]:
         from_s, index = version.from_s, case.at(version.from_s)
         end_s = from_s + _RENEWS_S + case.evidence.reaction_s + case.row.notice_s
-        told = [m for m in motions if m.delivered and m.time_s < from_s - _READ_S]
+        currents = [m for m in motions if m.delivered and m.time_s < from_s - _READ_S]
         at_once = [m for m in motions if from_s - _READ_S <= m.time_s <= end_s]
         ours = set(case.by[index : case.at(end_s) + 1]) == {Responsible.OURS}
-        target = target_of(told[-1], case.uploads, case.mission.frame) if told else None
+        target = target_of(currents[-1], case.uploads, case.mission.frame) if currents else None
         stands = math.dist(_rest(case, index), case.place(index)) < _STANDS_M
         if target is None or at_once or stands or not ours or not case.flying[index]:
             continue
@@ -278,23 +282,23 @@ def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
 
 
 def mission_mode_is_not_chosen_over_anothers_plan(case: Case) -> Iterator[Violation]:
-    """Once MISSION_CURRENT has told of the plan that a station stored, it is not begun by us.
+    """Once MISSION_CURRENT has shown the plan that a station stored, the companion never begins it.
 
-    Until the operator asks for something. That is so on the ground, too, where PX4 takes off by it.
+    This holds until the operator requests something, on the ground, too, where PX4 takes off by it.
     """
-    told = case.heard("MISSION_CURRENT")
-    for stored in case.evidence.told(SceneEventKind.PILOT):
+    currents = case.received("MISSION_CURRENT")
+    for stored in case.evidence.events(SceneEventKind.PILOT):
         if stored.value != "plan":
             continue
-        before = [m.fields.get("mission_id") for m in told if m.time_s < stored.time_s][-1:]
-        later = (m for m in told if m.time_s > stored.time_s)
-        heard_s = next(
+        before = [m.fields.get("mission_id") for m in currents if m.time_s < stored.time_s][-1:]
+        later = (m for m in currents if m.time_s > stored.time_s)
+        received_s = next(
             (m.time_s for m in later if [m.fields.get("mission_id")] != before), math.inf
         )
-        asked_s = (h.time_s for h in case.evidence.told(SceneEventKind.REQUEST))
-        until_s = next((at_s for at_s in asked_s if at_s > stored.time_s), math.inf)
+        requested_s = (h.time_s for h in case.evidence.events(SceneEventKind.REQUEST))
+        until_s = next((at_s for at_s in requested_s if at_s > stored.time_s), math.inf)
         for message in case.commands:
-            if heard_s + _OTHER_PLAN_S < message.time_s < until_s and _begins_plan(message):
+            if received_s + _OTHER_PLAN_S < message.time_s < until_s and _begins_plan(message):
                 text = f"Mission mode, though another plan was on board since {stored.time_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 break
@@ -346,7 +350,7 @@ def _commands(message: WireMessage) -> bool:
     return command_of(message) in {ARM, SPEED} or is_motion(message)
 
 
-def _words(message: WireMessage) -> str:
+def _text(message: WireMessage) -> str:
     command = command_of(message)
     return message.name if command is None else f"{message.name} {command}"
 

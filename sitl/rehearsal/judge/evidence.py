@@ -32,7 +32,7 @@ _NOWHERE: Final = 2**31 - 1  # of DO_REPOSITION: where it is
 
 
 class EvidenceError(Exception):
-    """A flight that cannot be judged; the message says why: its file, its track, its fault."""
+    """A flight that cannot be judged; the message has the reason: file, track or fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +84,14 @@ class WireMessage:
 
 
 class SceneEventKind(StrEnum):
-    """What can happen in a scene that the judge has to know of; the comment says the value.
+    """The events of a scene that the judge has to know of; the comment has the value.
 
-    Only what has been done is told, when it has been done: a pilot's mode that the vehicle refused
+    Only done actions are recorded, when they were done: a pilot's mode that the vehicle refused
     did not happen.
     """
 
     MISSION_FILE = "mission file"  # the text as it is to be flown from now on, after a reload
-    FILE_LEFT = "mission file left"  # (when it was asked to read it, the text that it did not take)
+    FILE_LEFT = "mission file left"  # (when a reload was requested, the text that it refused)
     PILOT = "pilot"  # what the pilot or a station chose: mode name, "sticks", "item", "plan" ...
     # and "mode of before": again, over an order of ours that no message had shown
     HANDED_OVER = "handed over"  # None: the pilot, who took off, chose Mission mode for us
@@ -121,7 +121,7 @@ class SceneEvent:
     Attributes:
         time_s: When.
         what: Which kind.
-        value: As `SceneEventKind` says.
+        value: As `SceneEventKind` has it.
     """
 
     time_s: float
@@ -144,15 +144,15 @@ class FlightRecord:
     Attributes:
         samples: From before arming to after disarming (or the end of watching).
         messages: Of all senders.
-        heard: What the autopilot says as it reached the companion, late or spoilt, in order of
-            arrival; empty where that was not written down.
+        received: The autopilot's messages as they reached the companion, late or spoilt, in order
+            of arrival; empty where they were not recorded.
         happenings: What the scene did.
         lines: What the companion announced.
     """
 
     samples: list[Sample] = field(default_factory=list)
     messages: list[WireMessage] = field(default_factory=list)
-    heard: list[WireMessage] = field(default_factory=list)
+    received: list[WireMessage] = field(default_factory=list)
     happenings: list[SceneEvent] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
 
@@ -160,12 +160,12 @@ class FlightRecord:
         """The scene did something."""
         self.happenings.append(SceneEvent(time_s, what, value))
 
-    def told(self, *what: SceneEventKind) -> Iterator[SceneEvent]:
+    def events(self, *what: SceneEventKind) -> Iterator[SceneEvent]:
         """The happenings of these kinds, in order of time."""
         return (happening for happening in self.happenings if happening.what in what)
 
     def evidence(self, **more: Any) -> Evidence:
-        """All of it, and what else there is to say of the flight."""
+        """All of it, and further facts of the flight."""
         return Evidence(**{f.name: getattr(self, f.name) for f in fields(FlightRecord)}, **more)
 
 
@@ -176,16 +176,16 @@ class Evidence(FlightRecord):
     Attributes:
         scene: The scene's name and seed, for the table.
         faults: Names of the faults in it; `acceptance` has a row for each.
-        mission_path: The mission file as flown: files that it names are looked for beside it.
+        mission_path: The mission file as flown: files that it names are searched for beside it.
         mission_text: Its text at the start.
         exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
-        outcome: The end that the companion announced: last line, or as its status says.
+        outcome: The end that the companion announced: its last line, or its status.
         report: What its `--json` prints of the flight; empty: that was not kept.
         uav: Which of several UAVs this one is.
         reaction_s: What the companion has to react, simulated seconds: more where the simulated
             time runs faster than the real programs' own.
         speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
-        tells_meetings: Whether `SYNCED` tells who was met; of real programs it is not known.
+        knows_meetings: Whether `SYNCED` names the robots met; for real programs this is unknown.
         pace: How the clock of real programs was kept, for the result; empty in one process.
         epoch_s: Unix time of simulated time zero, where zones with hours are judged by it; None:
             they are judged as if they applied always.
@@ -203,38 +203,38 @@ class Evidence(FlightRecord):
     uav: str | None = None
     reaction_s: float = 1.0
     speed: float = 1.0
-    tells_meetings: bool = True
+    knows_meetings: bool = True
     pace: Mapping[str, Any] = field(default_factory=dict)
     epoch_s: float | None = None
     map_files: Mapping[str, str] = field(default_factory=dict)
 
 
-# What MAVLink says.
+# Facts from MAVLink.
 
 _ELSEWHERE: Final = {
     "item": ("MISSION_CURRENT", ("seq",)),
     "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
 }
-"""Which message, and which of its fields, tells that the vehicle goes elsewhere, by the choice."""
+"""The message, and its fields, that show that the vehicle goes elsewhere, by the choice."""
 
-_TELLS: Final = {
+_SHOWN_IN: Final = {
     **_ELSEWHERE,
     "plan": ("MISSION_CURRENT", ("mission_id", "fence_id", "rally_points_id")),
 }
-"""The same of whatever no mode tells."""
+"""The same of all choices that no mode shows."""
 
 
-def tells_elsewhere(choice: SceneEvent) -> bool:
-    """Whether no mode tells of a choice, but where the vehicle goes."""
+def shown_by_target_only(choice: SceneEvent) -> bool:
+    """Whether a choice shows in the vehicle's target, and in no mode."""
     return choice.value in _ELSEWHERE
 
 
-def heard_of_s(heard: Sequence[WireMessage], choice: SceneEvent) -> float:
-    """When the companion heard of another place, item or plan by a choice; infinite: never."""
-    name, fields = _TELLS[str(choice.value)]
-    told = [(m.time_s, [m.fields.get(f) for f in fields]) for m in heard if m.name == name]
-    before = next((to for time_s, to in reversed(told) if time_s < choice.time_s), None)
-    later = (time_s for time_s, to in told if time_s >= choice.time_s and to != before)
+def choice_received_s(received: Sequence[WireMessage], choice: SceneEvent) -> float:
+    """When the companion received another target, item or plan after a choice; infinite: never."""
+    name, fields = _SHOWN_IN[str(choice.value)]
+    targets = [(m.time_s, [m.fields.get(f) for f in fields]) for m in received if m.name == name]
+    before = next((to for time_s, to in reversed(targets) if time_s < choice.time_s), None)
+    later = (time_s for time_s, to in targets if time_s >= choice.time_s and to != before)
     return next(later, math.inf)
 
 

@@ -1,4 +1,4 @@
-"""Rules of mission files that change in flight: what may change, what is taken, what is told."""
+"""Rules of mission files that change in flight: what may change, what is taken or announced."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WHY: Final = re.compile("refused|not (reloaded|changed)", re.IGNORECASE)
 def only_areas_change(case: Case) -> Iterator[Violation]:
     """A file is not flown by in which anything else than fences and zones is another."""
     texts = [case.evidence.mission_text]
-    for taken in case.evidence.told(SceneEventKind.MISSION_FILE):
+    for taken in case.evidence.events(SceneEventKind.MISSION_FILE):
         texts.append(str(taken.value))
         before, now = map(_read, texts[-2:])
         others = sorted(key for key in {*before, *now} - _MAY if before.get(key) != now.get(key))
@@ -39,20 +39,20 @@ def only_areas_change(case: Case) -> Iterator[Violation]:
             yield Violation(taken.time_s, "plan", text)
 
 
-def what_is_left_of_a_file_is_told(case: Case) -> Iterator[Violation]:
+def a_refused_file_is_answered_with_why(case: Case) -> Iterator[Violation]:
     """A changed file that is not taken is answered with why, whatever has changed in it."""
-    for left in case.evidence.told(SceneEventKind.FILE_LEFT) if case.evidence.heard else ():
-        asked_s, text = left.value
-        if not case.answers(asked_s, left.time_s, ours=False):
+    for left in case.evidence.events(SceneEventKind.FILE_LEFT) if case.evidence.received else ():
+        requested_s, text = left.value
+        if not case.could_react(requested_s, left.time_s, ours=False):
             continue
-        said = [words for at_s, words in case.said if asked_s - 0.1 <= at_s <= left.time_s]
-        changed = _changed(case, asked_s, text)
+        texts = [line for at_s, line in case.texts if requested_s - 0.1 <= at_s <= left.time_s]
+        changed = _changed(case, requested_s, text)
         others = [key for key in changed if key not in _MAY]
         if not changed:
             continue
-        if not any(map(_WHY.search, said)):
+        if not any(map(_WHY.search, texts)):
             yield Violation(left.time_s, "told", "a changed file is left, and nothing is said why")
-        elif others and not any("changed as well" in words for words in said if _WHY.search(words)):
+        elif others and not any("changed as well" in line for line in texts if _WHY.search(line)):
             what = ", ".join(others)
             yield Violation(
                 left.time_s, "told", f"nothing is said of {what}, which changed as well"
@@ -61,28 +61,28 @@ def what_is_left_of_a_file_is_told(case: Case) -> Iterator[Violation]:
 
 def a_good_file_is_taken(case: Case) -> Iterator[Violation]:
     """A file in which only areas have changed, with nothing wrong, is taken at once."""
-    told = [*case.evidence.told(SceneEventKind.MISSION_FILE, SceneEventKind.FILE_LEFT)]
-    for left in told if case.evidence.heard else ():
+    events = [*case.evidence.events(SceneEventKind.MISSION_FILE, SceneEventKind.FILE_LEFT)]
+    for left in events if case.evidence.received else ():
         if left.what is not SceneEventKind.FILE_LEFT:
             continue
-        asked_s, text = left.value
-        busy = any(other is not left and _near(other, asked_s) for other in told)
+        requested_s, text = left.value
+        busy = any(other is not left and _near(other, requested_s) for other in events)
         busy |= any(
             m.name == "MISSION_COUNT" and m.fields.get("mission_type") == FENCE
             for m in case.commands
-            if asked_s - _BUSY_S <= m.time_s <= left.time_s
+            if requested_s - _BUSY_S <= m.time_s <= left.time_s
             and m.time_s > case.time_s[case.armed][0]
         )
-        if busy or not case.answers(asked_s, left.time_s):
+        if busy or not case.could_react(requested_s, left.time_s):
             continue
-        changed = _changed(case, asked_s, text)
+        changed = _changed(case, requested_s, text)
         if not changed or not set(changed) <= _MAY or case.row.notice_s:
             continue
         try:
             mission = case.read(text)
         except EvidenceError:
             continue
-        areas, flown = mission.areas, case.version_at(asked_s).mission.areas
+        areas, flown = mission.areas, case.version_at(requested_s).mission.areas
         other = [a for a in areas if not any(map(a.same, flown))]
         other += [a for a in flown if not any(map(a.same, areas))]
         if other and _is_good(mission):
@@ -90,9 +90,9 @@ def a_good_file_is_taken(case: Case) -> Iterator[Violation]:
             yield Violation(left.time_s, "request", text)
 
 
-def _near(other: SceneEvent, asked_s: float) -> bool:
+def _near(other: SceneEvent, requested_s: float) -> bool:
     at_s = other.time_s if other.what is SceneEventKind.MISSION_FILE else other.value[0]
-    return bool(abs(at_s - asked_s) <= _BUSY_S)
+    return bool(abs(at_s - requested_s) <= _BUSY_S)
 
 
 def _is_good(mission: RawMission) -> bool:
@@ -112,10 +112,10 @@ def _corners(outline: Any) -> int:
     return sum(len(ring.simplify(0.05).coords) - 1 for ring in rings)
 
 
-def _changed(case: Case, asked_s: float, text: str) -> list[str]:
+def _changed(case: Case, requested_s: float, text: str) -> list[str]:
     """The keys of a file that are other than in the one that is flown by."""
-    taken = case.evidence.told(SceneEventKind.MISSION_FILE)
-    texts = [case.evidence.mission_text, *(str(t.value) for t in taken if t.time_s <= asked_s)]
+    taken = case.evidence.events(SceneEventKind.MISSION_FILE)
+    texts = [case.evidence.mission_text, *(str(t.value) for t in taken if t.time_s <= requested_s)]
     before, now = _read(texts[-1]), _read(text)
     return sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
 

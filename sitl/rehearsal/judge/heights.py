@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Final
 
 from sitl.rehearsal.judge.case import Case, Violation
-from sitl.rehearsal.judge.duties import News, comes_home, says, stops
 from sitl.rehearsal.judge.evidence import SceneEventKind, number
+from sitl.rehearsal.judge.reactions import Incident, announces, comes_home, stops
 
 _HOME_UP_M: Final = 3.0
 """A home that is moved up or down by so much changes what the plan's heights mean."""
@@ -19,18 +19,18 @@ _JUMP_M, _CLIMB_M_S = 4.0, 6.0
 _FIX_3D: Final = 3
 _DRIFTS_S, _AVERAGED_S = 8.0, 30.0
 _DRIFTS_M: Final = ((4.5, False), (7.0, True))
-"""So far the satellites' altitude has left the autopilot's, on an average of 8 s: told; home.
+"""So far the satellites' altitude has left the autopilot's, on an average of 8 s: announced; home.
 
 A companion averages for longer."""
 
 _SHOWS_M: Final = 2.0
-"""From so much on a companion that averages otherwise may tell it, once for all."""
+"""From so much on a companion that averages otherwise may announce it, once for all."""
 
-_TOLD_S: Final = 60.0
-"""So long before, a jump may have been told that has led to it."""
+_ANNOUNCED_S: Final = 60.0
+"""So long before, a jump that has led to it may have been announced."""
 
 _TOGETHER_S: Final = 1.0
-"""Two altitudes that were heard so soon after each other are of the same moment."""
+"""Two altitudes that were received so soon after each other are of the same moment."""
 
 _SPOILT: Final = frozenset({"LOST_FIX", "BRIEF_STREAM", "OLD"})
 """The satellites' altitude itself is late, frozen or wrong."""
@@ -39,37 +39,37 @@ _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "HOME"})
 
 
 def jumping_altitudes_are_held_for(case: Case) -> Iterator[Violation]:
-    """An altitude that no vehicle can have flown to is told, and the vehicle stops."""
-    for before, message in pairwise(case.heard("GLOBAL_POSITION_INT")):
+    """An altitude that no vehicle can have flown to is announced, and the vehicle stops."""
+    for before, message in pairwise(case.received("GLOBAL_POSITION_INT")):
         seconds = (message.fields["time_boot_ms"] - before.fields["time_boot_ms"]) / 1e3
         jump_m = abs(message.fields["alt"] - before.fields["alt"]) / 1e3
         if not 0.0 < seconds <= 1.0 or jump_m <= _JUMP_M + _CLIMB_M_S * seconds:
             continue
         begin_s, due_s = message.time_s, message.time_s + case.reacts_s
-        if case.state(begin_s) in _CRUISE and case.answers(begin_s, due_s):
-            news = News(begin_s, f"the altitude jumped by {jump_m:.1f} m")
-            yield from says(case, news, "altitude|height", due_s)
-            yield from stops(case, news)
+        if case.state(begin_s) in _CRUISE and case.could_react(begin_s, due_s):
+            incident = Incident(begin_s, f"the altitude jumped by {jump_m:.1f} m")
+            yield from announces(case, incident, "altitude|height", due_s)
+            yield from stops(case, incident)
 
 
 def a_home_that_is_moved_is_held_for(case: Case) -> Iterator[Violation]:
     """When a station moves home up or down, the vehicle stops."""
     before_m = case.ground_m
-    for moved in case.evidence.told(SceneEventKind.HOME_MOVED) if case.evidence.heard else ():
+    for moved in case.evidence.events(SceneEventKind.HOME_MOVED) if case.evidence.received else ():
         up_m, before_m = moved.value[2] - before_m, moved.value[2]
         if abs(up_m) >= _HOME_UP_M and case.state(moved.time_s) in _CRUISE:
-            news = News(moved.time_s, f"home was moved by {up_m:.0f} m up or down")
-            yield from stops(case, news)
+            incident = Incident(moved.time_s, f"home was moved by {up_m:.0f} m up or down")
+            yield from stops(case, incident)
 
 
-def a_drifting_altitude_is_told_and_ends_the_mission(case: Case) -> Iterator[Violation]:
+def a_drifting_altitude_is_announced_and_ends_the_mission(case: Case) -> Iterator[Violation]:
     """The satellites' altitude has left the autopilot's since the take-off, and stays away.
 
     A companion that is started in the air knows of nothing before.
     """
     if case.evidence.faults & _SPOILT:
         return
-    started_s = [started.time_s for started in case.evidence.told(SceneEventKind.STARTED)]
+    started_s = [started.time_s for started in case.evidence.events(SceneEventKind.STARTED)]
     for begin_s, end_s in pairwise((-math.inf, *started_s, math.inf)):
         yield from _drifts(case, begin_s, end_s)
 
@@ -82,13 +82,13 @@ def _drifts(case: Case, begin_s: float, end_s: float) -> Iterator[Violation]:
         if abs(drift_m) >= _SHOWS_M:
             shows_s = min(shows_s, at_s)
         if due and abs(drift_m) >= due[0][0] and case.state(at_s) in _CRUISE:
-            news = News(at_s, f"the altitude has drifted by {drift_m:.1f} m")
+            incident = Incident(at_s, f"the altitude has drifted by {drift_m:.1f} m")
             due_s, (_, ends) = at_s + case.reacts_s, due.pop(0)
-            before_s = max(at_s - shows_s, _TOLD_S)
-            if case.answers(at_s, due_s):
-                yield from says(case, news, "altitude|height", due_s, before_s)
+            before_s = max(at_s - shows_s, _ANNOUNCED_S)
+            if case.could_react(at_s, due_s):
+                yield from announces(case, incident, "altitude|height", due_s, before_s)
             if ends:
-                yield from comes_home(case, news, due_s + _AVERAGED_S, [])
+                yield from comes_home(case, incident, due_s + _AVERAGED_S, [])
 
 
 def _receiver_above_m(case: Case, begin_s: float, end_s: float) -> Iterator[tuple[float, float]]:
@@ -98,7 +98,7 @@ def _receiver_above_m(case: Case, begin_s: float, end_s: float) -> Iterator[tupl
     """
     latest: deque[tuple[float, float]] = deque()  # when, and by how much it is higher
     amsl_m, amsl_s = 0.0, -math.inf
-    for message in case.evidence.heard:
+    for message in case.evidence.received:
         at_s = message.time_s
         if not begin_s <= at_s < end_s:
             continue

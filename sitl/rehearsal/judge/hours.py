@@ -8,7 +8,7 @@ from typing import Any, Final
 
 _DAYS: Final = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 _STEP: Final = timedelta(seconds=20)
-"""So often it is looked whether a period applies: hours are written in minutes."""
+"""The interval of checks of a period: hours are written in minutes."""
 
 
 def meets(period: Mapping[str, Any], begin_s: float, end_s: float) -> bool:

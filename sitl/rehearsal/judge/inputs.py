@@ -1,4 +1,4 @@
-"""Rules of the companion's seat: what it heard, and whether that was said and acted on.
+"""Rules of the companion's seat: what it received, and whether it announced that and acted.
 
 They work on the messages as they reached the companion, and on nothing else of the link: where
 those were not written down there is nothing to judge. The limits are those of docs/vehicle.md with
@@ -17,9 +17,9 @@ import numpy as np
 
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Floats, Responsible, Violation
-from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
 from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
 from sitl.rehearsal.judge.mission_reader import Area
+from sitl.rehearsal.judge.reactions import Incident, announces, comes_home, stands, stops
 from sitl.rehearsal.judge.space import depths_m
 
 _EARLY: Final = 0.9
@@ -34,18 +34,18 @@ _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
 _POOR_MM, _POOR_S, _POOR_HOME_S, _STANDS_S = 2000, 4.0, 33.0, 3.0
 """A GPS_RAW_INT.h_acc from here on is too poor for any mission that does not plan for it; after so
-long it is told, and the mission ends; what a vehicle has to stop."""
+long it is announced, and the mission ends; what a vehicle has to stop."""
 
 _AGAIN_S: Final = 10.0
-"""What goes on is told again so long after."""
+"""What goes on is announced again so long after."""
 
 _STOOD_S, _OWN_LAG_S = 1.0, 1.0
-"""A standstill of so long is told, within so long."""
+"""A standstill of so long is announced, within so long."""
 
 _ESCALATES_S: Final = 10.0
-_ASKS_S: Final = {"position": 2.0, "mode": 5.0, "satellites": 10.0}
+_ALARM_S: Final = {"position": 2.0, "mode": 5.0, "satellites": 10.0}
 """From when on the vehicle stands, or is not commanded, for a lost stream: the pilot is alarmed;
-and so much later asked to take the vehicle by hand."""
+and so much later the pilot is asked to take the vehicle by hand."""
 
 _CLIMB_S: Final = 60.0
 """Within that time of leaving the ground the mission has begun."""
@@ -54,7 +54,7 @@ _FLICKERS_S: Final = 2.5
 """A fix that is back for no longer is not back: 3 s are, and what stood may go on."""
 
 _LOST_S, _KNOWN_S = 1.0, 1.0
-"""A fix that was lost for so long makes no position known; nor is what is said so soon after it."""
+"""A fix that was lost for so long makes no position known; nor do messages so soon after it."""
 
 _AUTOPILOTS: Final = frozenset({2, 3, 4, 5, 6})
 """Sub-modes of AUTO in which the autopilot flies: take-off, Hold, Mission, Return, Land."""
@@ -66,17 +66,17 @@ _SPOILT: Final = frozenset({"LOST_POSITION", "TWINS", "REBOOT", "CLAIMS"})
 """Faults in which heights reach the companion that the vehicle never sent."""
 
 _UNKNOWN_S: Final = 4.0
-"""Within this it is said that the position is not known."""
+"""Within this it is announced that the position is not known."""
 
 _BREACH_M: Final = 0.5
 _NEARS_S: Final = 10.0
-"""What comes near to a zone is told that before it is in it; what flickers, not each time."""
+"""Nearness to a zone is announced before the vehicle is in it; if it flickers, not each time."""
 
 _LEAVES_S: Final = 10.0
 """What a vehicle has to leave a zone that was drawn where it is."""
 
 _BELIEVED_S, _JUMPS, _SAGS = 3.0, 10.0, 0.04
-"""So long a charge has to be told that is more than so many percent lower than before, unless the
+"""So long a charge has to be sent that is more than so many percent lower than before, unless the
 voltage has fallen by this share."""
 _TURNS: Final = re.compile(r"coming home: battery at (\d+)%")
 
@@ -101,17 +101,17 @@ class Input(NamedTuple):
 
     Attributes:
         name: For the verdict.
-        messages: Any of these is news of it.
-        words: A line that announces its loss matches this.
-        told_s: It has to be announced.
+        messages: Any of these updates it.
+        pattern: A line that announces its loss matches this.
+        announced_s: It has to be announced.
         stands_s: The vehicle has to stand, and no leg may begin; infinite: never.
         home_s: The mission has to end; infinite: never.
     """
 
     name: str
     messages: frozenset[str]
-    words: str
-    told_s: float
+    pattern: str
+    announced_s: float
     stands_s: float = math.inf
     home_s: float = math.inf
 
@@ -128,14 +128,14 @@ INPUTS: Final = (
 
 
 class Gap(NamedTuple):
-    """A time in which a stream brought no news.
+    """A time in which a stream brought no update.
 
     Attributes:
         of: The stream.
-        began_s: When it was heard last.
-        times_s: When anything was heard, until it was heard again.
+        began_s: When it was received last.
+        times_s: When anything was received, until the stream was received again.
         clock_s: The same, pauses of all streams together left out.
-        since_s: By that clock, when it was heard last.
+        since_s: By that clock, when it was received last.
     """
 
     of: Input
@@ -145,7 +145,7 @@ class Gap(NamedTuple):
     since_s: float
 
     def reached_s(self, age_s: float) -> float:
-        """When what was heard last was so old; infinite if it never was."""
+        """When the last message was so old; infinite if it never was."""
         at = int(np.searchsorted(self.clock_s, self.since_s + age_s))
         return float(self.times_s[at]) if at < len(self.clock_s) else math.inf
 
@@ -153,55 +153,55 @@ class Gap(NamedTuple):
 # Streams.
 
 
-def silence_is_told(case: Case) -> Iterator[Violation]:
-    """When nothing at all is heard any more, that is said, and again while it goes on."""
-    times_s = [message.time_s for message in case.evidence.heard]
+def silence_is_announced(case: Case) -> Iterator[Violation]:
+    """When the vehicle falls silent, that is announced, and again while it goes on."""
+    times_s = [message.time_s for message in case.evidence.received]
     for before_s, after_s in itertools.pairwise([*times_s, *map(float, case.time_s[-1:])]):
         due_s = before_s + _SILENT_S * case.evidence.speed + case.reacts_s
-        if after_s > due_s and case.answers(before_s, due_s, ours=False):
-            news = News(before_s, "nothing was heard any more")
-            yield from says(case, news, "nothing heard|silent", due_s)
+        if after_s > due_s and case.could_react(before_s, due_s, ours=False):
+            incident = Incident(before_s, "nothing was heard any more")
+            yield from announces(case, incident, "nothing heard|silent", due_s)
             again_s = due_s + _AGAIN_S * case.evidence.speed + case.reacts_s
-            if after_s > again_s and case.answers(before_s, again_s, ours=False):
-                more = News(due_s + 0.1, "nothing was heard for long")
-                yield from says(case, more, "nothing heard|silent", again_s, 0.0)
+            if after_s > again_s and case.could_react(before_s, again_s, ours=False):
+                more = Incident(due_s + 0.1, "nothing was heard for long")
+                yield from announces(case, more, "nothing heard|silent", again_s, 0.0)
 
 
 def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
-    """A stream that is lost or frozen is told; then the vehicle stands, or comes home."""
+    """A stream that is lost or frozen is announced; then the vehicle stands, or comes home."""
     found = list(gaps(case))
     for gap in found:
         each, began_s = gap.of, gap.began_s
-        news = News(began_s, f"the {each.name} was not heard any more")
-        told_s, stands_s, home_s = (
+        incident = Incident(began_s, f"the {each.name} was not heard any more")
+        announced_s, stands_s, home_s = (
             gap.reached_s(age_s + case.reacts_s)
-            for age_s in (each.told_s, each.stands_s, each.home_s)
+            for age_s in (each.announced_s, each.stands_s, each.home_s)
         )
-        if case.answers(began_s, told_s) and case.state(began_s) != "PASSIVE":
-            yield from says(case, news, each.words, told_s)
+        if case.could_react(began_s, announced_s) and case.state(began_s) != "PASSIVE":
+            yield from announces(case, incident, each.pattern, announced_s)
         until_s = min(float(gap.times_s[-1]), gap.reached_s(each.home_s * _EARLY))
-        yield from stands(case, news, (stands_s, until_s))
-        yield from comes_home(case, news, home_s, blind(found))
+        yield from stands(case, incident, (stands_s, until_s))
+        yield from comes_home(case, incident, home_s, blind(found))
 
 
 def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violation]:
     """What stands for a lost stream is alarmed of; if that lasts, the pilot is to take it by hand.
 
-    And not so often that nothing else can be heard.
+    And not so often that the alarm drowns all others.
     """
     for gap in gaps(case):
-        stands_s = _ASKS_S.get(gap.of.name)
+        stands_s = _ALARM_S.get(gap.of.name)
         if stands_s is None:
             continue
         due_s = gap.reached_s(stands_s + _ESCALATES_S + case.reacts_s)
         given = {case.state(gap.began_s), case.state(due_s)} & _GIVEN  # it is flown, or lands
-        if given or not case.answers(gap.began_s, due_s):
+        if given or not case.could_react(gap.began_s, due_s):
             continue
-        asked_s = [
+        alarmed_s = [
             each.time_s
             for each in case.announced
             if each.label == "ALARM" and gap.began_s <= each.time_s <= float(gap.times_s[-1])
-            if re.search(gap.of.words, each.text, re.IGNORECASE)
+            if re.search(gap.of.pattern, each.text, re.IGNORECASE)
         ]
         by_hand = any(
             "by hand" in each.instruction
@@ -209,23 +209,23 @@ def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violati
             if each.label == "ALARM" and gap.began_s <= each.time_s <= due_s
         )
         if not by_hand:
-            news = News(gap.began_s, f"the {gap.of.name} was not heard any more")
-            yield Violation(due_s, "told", f"the pilot was not asked to fly it: {news}")
+            incident = Incident(gap.began_s, f"the {gap.of.name} was not heard any more")
+            yield Violation(due_s, "told", f"the pilot was not asked to fly it: {incident}")
         most = 3 + (float(gap.times_s[-1]) - gap.began_s) / _AGAIN_S
-        if len(asked_s) > most:
-            text = f"{len(asked_s)} alarms of the {gap.of.name} in one loss of it"
-            yield Violation(asked_s[-1], "told", text)
+        if len(alarmed_s) > most:
+            text = f"{len(alarmed_s)} alarms of the {gap.of.name} in one loss of it"
+            yield Violation(alarmed_s[-1], "told", text)
 
 
 def gaps(case: Case) -> Iterator[Gap]:
     """Of all streams, those that have to be announced."""
-    heard = case.evidence.heard
-    times_s = np.array([message.time_s for message in heard])
+    received = case.evidence.received
+    times_s = np.array([message.time_s for message in received])
     clock_s = np.cumsum(np.minimum(np.diff(times_s, prepend=times_s[:1]), _LONELY_S))
     for each in INPUTS:
-        mine = [at for at, message in enumerate(heard) if message.name in each.messages]
-        for first, after in itertools.pairwise([*news(heard, mine), len(heard)]):
-            if clock_s[after - 1] - clock_s[first] >= each.told_s:
+        mine = [at for at, message in enumerate(received) if message.name in each.messages]
+        for first, after in itertools.pairwise([*updates(received, mine), len(received)]):
+            if clock_s[after - 1] - clock_s[first] >= each.announced_s:
                 began_s, since_s = float(times_s[first]), float(clock_s[first])
                 yield Gap(each, began_s, times_s[:after], clock_s[:after], since_s)
 
@@ -235,11 +235,11 @@ def blind(found: Iterable[Gap]) -> list[Span]:
     return [(g.began_s, float(g.times_s[-1])) for g in found if not math.isfinite(g.of.home_s)]
 
 
-def news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
-    """Those that are news: their clock goes on, and what reports a velocity has moved."""
+def updates(received: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
+    """The updates among them: their clock goes on, and what reports a velocity has moved."""
     last: Mapping[str, Any] = {}
     for at in numbers:
-        fields = heard[at].fields
+        fields = received[at].fields
         clock = next((c for c in ("time_boot_ms", "time_usec") if c in fields), None)
         if clock is not None and clock in last and fields[clock] == last[clock]:
             continue
@@ -270,58 +270,60 @@ def _spans(
 
 
 def a_lost_fix_is_held_for(case: Case) -> Iterator[Violation]:
-    """Without a fix of its GPS the vehicle stands, and that is said."""
-    messages = case.heard("GPS_RAW_INT")
+    """Without a fix of its GPS the vehicle stands, and that is announced."""
+    messages = case.received("GPS_RAW_INT")
     bad = [number(m.fields, "fix_type") < _FIX_3D for m in messages]
     for begin_s, end_s in _spans(messages, bad, _FLICKERS_S):
-        news, due_s = News(begin_s, "GPS lost its fix"), begin_s + _NO_FIX_S + case.reacts_s
+        incident, due_s = Incident(begin_s, "GPS lost its fix"), begin_s + _NO_FIX_S + case.reacts_s
         if end_s - begin_s < _NO_FIX_S or not case.cruises(case.at(begin_s)):
             continue
         if case.state(begin_s) in _GIVEN:
             continue
-        said = [text for at_s, text in case.said if at_s <= begin_s and "GPS" in text]
-        flaps = said and "again" not in said[-1]  # it was not back for long enough to say so
-        if case.answers(begin_s, due_s) and not flaps:
-            yield from says(case, news, "GPS|fix|satellite|failsafe", due_s, _NEARS_S)
-        yield from stands(case, news, (due_s, end_s))
+        texts = [text for at_s, text in case.texts if at_s <= begin_s and "GPS" in text]
+        flaps = texts and "again" not in texts[-1]  # it was not back for long enough to announce it
+        if case.could_react(begin_s, due_s) and not flaps:
+            yield from announces(case, incident, "GPS|fix|satellite|failsafe", due_s, _NEARS_S)
+        yield from stands(case, incident, (due_s, end_s))
 
 
 def a_poor_fix_is_held_for(case: Case) -> Iterator[Violation]:
-    """Satellites that are not good enough to keep the clearance are told; the vehicle stands.
+    """Satellites too poor to keep the clearance are announced; the vehicle stands.
 
     For half a minute: then it comes home all the same.
     """
-    messages = case.heard("GPS_RAW_INT")
+    messages = case.received("GPS_RAW_INT")
     poor = [number(m.fields, "h_acc") >= _POOR_MM for m in messages]
     for begin_s, end_s in _spans(messages, poor, _FLICKERS_S):
-        news = News(begin_s, f"GPS was good to {_POOR_MM / 1e3:g} m or less only")
+        incident = Incident(begin_s, f"GPS was good to {_POOR_MM / 1e3:g} m or less only")
         due_s, home_s = begin_s + _POOR_S + case.reacts_s, begin_s + _POOR_HOME_S
-        told_s = due_s if due_s < end_s else math.inf
-        if not all(case.state(at_s) in _LEVEL for at_s in (begin_s, min(told_s, end_s))):
+        announced_s = due_s if due_s < end_s else math.inf
+        if not all(case.state(at_s) in _LEVEL for at_s in (begin_s, min(announced_s, end_s))):
             continue
-        if case.answers(begin_s, told_s):
-            yield from says(case, news, "satellites", due_s)
+        if case.could_react(begin_s, announced_s):
+            yield from announces(case, incident, "satellites", due_s)
         if any(case.state(at_s) == "HOME" for at_s in (begin_s, min(due_s, end_s))):
             continue  # that is what it would do
-        if case.answers(begin_s, told_s):
-            yield from stands(case, news, (due_s + _STANDS_S, min(end_s, home_s - 1.0)))
+        if case.could_react(begin_s, announced_s):
+            yield from stands(case, incident, (due_s + _STANDS_S, min(end_s, home_s - 1.0)))
         late_s = home_s + case.reacts_s
-        yield from comes_home(case, news, late_s if late_s < end_s else math.inf, blind(gaps(case)))
+        yield from comes_home(
+            case, incident, late_s if late_s < end_s else math.inf, blind(gaps(case))
+        )
 
 
 def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
-    """A battery that is at its reserve is told, and the vehicle comes home."""
-    messages, reserve = case.heard("SYS_STATUS"), case.mission.battery_reserve * 100.0
+    """A battery that is at its reserve is announced, and the vehicle comes home."""
+    messages, reserve = case.received("SYS_STATUS"), case.mission.battery_reserve * 100.0
     low = [0 <= number(m.fields, "battery_remaining") <= reserve for m in messages]
     lost = blind(gaps(case))
     for begin_s, end_s in _spans(messages, low):
-        news, due_s = News(begin_s, "the battery was at its reserve"), begin_s + _LOW_S
+        incident, due_s = Incident(begin_s, "the battery was at its reserve"), begin_s + _LOW_S
         due_s += case.reacts_s + (_BELIEVED_S if _jumps(messages, begin_s) else 0.0)
-        if end_s < due_s or not case.answers(begin_s, due_s):
+        if end_s < due_s or not case.could_react(begin_s, due_s):
             continue
         if case.state(begin_s) not in _GIVEN | {"HOME"}:
-            yield from says(case, news, "battery", due_s)
-        yield from comes_home(case, news, begin_s, lost)
+            yield from announces(case, incident, "battery", due_s)
+        yield from comes_home(case, incident, begin_s, lost)
 
 
 def _jumps(messages: Sequence[WireMessage], at_s: float) -> bool:
@@ -337,9 +339,9 @@ def _jumps(messages: Sequence[WireMessage], at_s: float) -> bool:
 
 
 def a_moment_of_no_charge_ends_nothing(case: Case) -> Iterator[Violation]:
-    """It comes home for a charge that was told for some seconds, or came with less voltage."""
-    messages = case.heard("SYS_STATUS")
-    for at_s, text in case.said:
+    """It comes home for a charge that was sent for some seconds, or came with less voltage."""
+    messages = case.received("SYS_STATUS")
+    for at_s, text in case.texts:
         found = _TURNS.search(text)
         if found is None:
             continue
@@ -353,7 +355,7 @@ def a_moment_of_no_charge_ends_nothing(case: Case) -> Iterator[Violation]:
             yield Violation(at_s, "battery", wrong)
 
 
-def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
+def the_time_is_over_as_in_the_file(case: Case) -> Iterator[Violation]:
     """The mission's duration counts from the take-off, also where a pilot has had the vehicle."""
     if End.NOT in case.row.ends or not case.flying.any():
         return
@@ -362,26 +364,28 @@ def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
     held_s = [given.end_s + _LOW_S for given in case.given if given.begin_s < over_s < given.end_s]
     since_s = max([over_s, *held_s])
     if since_s < case.time_s[-1]:
-        news = News(over_s, "the time of the mission was over")
-        yield from comes_home(case, news, since_s, blind(gaps(case)))
+        incident = Incident(over_s, "the time of the mission was over")
+        yield from comes_home(case, incident, since_s, blind(gaps(case)))
 
 
-def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
-    """When a failsafe of the autopilot acts, that is said, and the vehicle is left to it."""
-    messages = case.heard("HEARTBEAT")
+def a_failsafe_is_announced(case: Case) -> Iterator[Violation]:
+    """When a failsafe of the autopilot acts, that is announced, and the vehicle is left to it."""
+    messages = case.received("HEARTBEAT")
     acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
     for begin_s, end_s in _spans(messages, acts):
         due_s = begin_s + case.reacts_s
         known = case.state(begin_s - 0.1) in {"PASSIVE", "DONE"}
-        if end_s >= due_s and not known and case.answers(begin_s, due_s, ours=False):
-            news = News(begin_s, "a failsafe acted")
+        if end_s >= due_s and not known and case.could_react(begin_s, due_s, ours=False):
+            incident = Incident(begin_s, "a failsafe acted")
             flies = case.state(begin_s - 0.1) in _LEVEL
-            yield from says(case, news, "hands off" if flies else "failsafe|hands off", due_s)
+            yield from announces(
+                case, incident, "hands off" if flies else "failsafe|hands off", due_s
+            )
 
 
-def a_failsafe_that_goes_on_to_another_mode_is_told(case: Case) -> Iterator[Violation]:
-    """PX4 holds for a while, and then returns or lands: that is said, also in a pilot's flight."""
-    messages = case.heard("HEARTBEAT")
+def a_failsafe_that_goes_on_to_another_mode_is_announced(case: Case) -> Iterator[Violation]:
+    """PX4 holds for a while, then returns or lands: that is announced, also in a pilot's flight."""
+    messages = case.received("HEARTBEAT")
     acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
     for begin_s, end_s in _spans(messages, acts):
         told = [m for m in messages if begin_s <= m.time_s <= end_s]
@@ -391,14 +395,14 @@ def a_failsafe_that_goes_on_to_another_mode_is_told(case: Case) -> Iterator[Viol
             due_s = from_s + case.reacts_s
             if before == mode or name is None or due_s > end_s or set(modes[at:]) != {mode}:
                 continue
-            if case.answers(from_s, due_s, ours=False):
-                news = News(from_s, f"the failsafe went on to {name}")
-                yield from says(case, news, f"failsafe .*{name} mode", due_s, _NEARS_S)
+            if case.could_react(from_s, due_s, ours=False):
+                incident = Incident(from_s, f"the failsafe went on to {name}")
+                yield from announces(case, incident, f"failsafe .*{name} mode", due_s, _NEARS_S)
 
 
 def _lost_fixes(case: Case) -> list[Span]:
-    """When its satellites made no position known, as it heard."""
-    messages = case.heard("GPS_RAW_INT")
+    """When its satellites made no position known, by the messages it received."""
+    messages = case.received("GPS_RAW_INT")
     clearance_mm = case.mission.clearance_m * 1e3
     bad = [
         number(m.fields, "fix_type") < _FIX_3D or number(m.fields, "h_acc") > clearance_mm
@@ -408,9 +412,9 @@ def _lost_fixes(case: Case) -> list[Span]:
 
 
 def no_breach_is_claimed_without_a_position(case: Case) -> Iterator[Violation]:
-    """Without satellites it is not known whether it is in a zone: it says just that."""
+    """Without satellites it is unknown whether it is in a zone: it announces just that."""
     lost = _lost_fixes(case)
-    for at_s, text in case.said:
+    for at_s, text in case.texts:
         if "breach of" in text and any(begin_s <= at_s <= end_s for begin_s, end_s in lost):
             yield Violation(at_s, "told", f"'{text.strip()}', and its position is not known")
 
@@ -425,13 +429,18 @@ def an_unknown_position_is_alarmed_of(case: Case) -> Iterator[Violation]:
         auto = all(
             (s.custom_mode >> 16) & 0xFF == 4 and s.custom_mode >> 24 in _AUTOPILOTS for s in about
         )
-        if not given_s or due_s > end_s or not auto or not case.answers(begin_s, due_s, ours=False):
+        if (
+            not given_s
+            or due_s > end_s
+            or not auto
+            or not case.could_react(begin_s, due_s, ours=False)
+        ):
             continue
         if case.by[case.at(begin_s)] is Responsible.OURS:
             continue
-        yield from says(
+        yield from announces(
             case,
-            News(begin_s, "its position is not known"),
+            Incident(begin_s, "its position is not known"),
             "position is not known",
             due_s,
             _NEARS_S,
@@ -439,47 +448,49 @@ def an_unknown_position_is_alarmed_of(case: Case) -> Iterator[Violation]:
 
 
 def no_station_is_blamed_for_home(case: Case) -> Iterator[Violation]:
-    """Home that no station has moved was set by PX4 itself, and is not said to be moved."""
-    spoilt = case.evidence.faults & _SPOILT or not case.evidence.heard
-    if any(case.evidence.told(SceneEventKind.HOME_MOVED)) or spoilt:
+    """Home that no station has moved was set by PX4 itself, and is not announced as moved."""
+    spoilt = case.evidence.faults & _SPOILT or not case.evidence.received
+    if any(case.evidence.events(SceneEventKind.HOME_MOVED)) or spoilt:
         return
-    for at_s, text in case.said:
+    for at_s, text in case.texts:
         if "home was moved" in text:
             yield Violation(at_s, "told", f"'{text.strip()}', and no station has moved it")
 
 
-def a_companion_that_stood_still_says_so(case: Case) -> Iterator[Violation]:
+def a_companion_that_stood_still_announces_it(case: Case) -> Iterator[Violation]:
     """It measures that itself: what it then decides on is old."""
-    told = case.evidence.told
+    told = case.evidence.events
     ends_s = [h.time_s for h in told(SceneEventKind.CONTINUED)]
-    for stop in told(SceneEventKind.STOPPED) if case.evidence.heard else ():
+    for stop in told(SceneEventKind.STOPPED) if case.evidence.received else ():
         on_s = next((s for s in ends_s if s > stop.time_s), math.inf)
         due_s = on_s + _OWN_LAG_S + case.reacts_s
         first, last = case.at(stop.time_s), case.at(due_s)
         flies = due_s < case.time_s[-1] and case.flying[first : last + 1].all()
         over = any(on_s <= h.time_s <= due_s for h in told(SceneEventKind.ENDED))
         if on_s - stop.time_s >= _STOOD_S and flies and not over:
-            yield from says(case, News(on_s, "it stood still before"), "stood still", due_s)
+            yield from announces(
+                case, Incident(on_s, "it stood still before"), "stood still", due_s
+            )
 
 
-def breaches_are_told(case: Case) -> Iterator[Violation]:
+def breaches_are_announced(case: Case) -> Iterator[Violation]:
     """By its own report it was in a zone or outside of a fence, whatever flew it there."""
     lost = _lost_fixes(case)
     for area, drawn_s, spans in near(case, -_BREACH_M):
         for begin_s, end_s in spans:
             due_s = begin_s + _BREACH_S + case.reacts_s
-            # Over ours: it leaves, and says that; a pilot has to be told.
+            # Over ours: it leaves, and announces that; a pilot has to be warned.
             ours = case.by[case.at(begin_s)] is Responsible.OURS
             drawn = ours and begin_s < drawn_s + _LEAVES_S
             lasts = end_s - begin_s >= _BREACH_S and not drawn
-            # Without satellites it says that its position is not known.
+            # Without satellites it announces that its position is not known.
             lasts &= not any(
                 since_s - _LOST_S < due_s and until_s + _KNOWN_S > begin_s
                 for since_s, until_s in lost
             )
-            if lasts and case.answers(begin_s, due_s, ours=False):
-                news = News(begin_s, f"a breach of {area.name}")
-                yield from says(case, news, "breach|too near", due_s, _NEARS_S)
+            if lasts and case.could_react(begin_s, due_s, ours=False):
+                incident = Incident(begin_s, f"a breach of {area.name}")
+                yield from announces(case, incident, "breach|too near", due_s, _NEARS_S)
 
 
 def a_lost_clearance_is_held_for(case: Case) -> Iterator[Violation]:
@@ -491,11 +502,11 @@ def a_lost_clearance_is_held_for(case: Case) -> Iterator[Violation]:
             appears = begin_s < drawn_s + _LEAVES_S
             given = any(g.begin_s < begin_s < g.end_s + _BACK_S for g in case.given)
             due_s = begin_s + 2 * _SHORT_S + case.row.notice_s + case.evidence.reaction_s
-            if appears or given or not case.answers(begin_s, due_s):
+            if appears or given or not case.could_react(begin_s, due_s):
                 continue
-            news = News(begin_s, f"it came too near to {area.name}")
-            yield from says(case, news, "breach|too near", due_s, _NEARS_S)
-            yield from stops(case, news)
+            incident = Incident(begin_s, f"it came too near to {area.name}")
+            yield from announces(case, incident, "breach|too near", due_s, _NEARS_S)
+            yield from stops(case, incident)
 
 
 def near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[Span]]]:
@@ -503,7 +514,7 @@ def near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[S
 
     None: than the clearance, by far.
     """
-    messages = case.heard("GLOBAL_POSITION_INT")
+    messages = case.received("GLOBAL_POSITION_INT")
     if not messages:
         return
     times_s = np.array([m.time_s for m in messages])

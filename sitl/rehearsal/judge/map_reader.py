@@ -144,19 +144,19 @@ def _of_openair(path: Path, text: str) -> Iterator[tuple[str, Zone]]:
         name, altitude, ring = f"{path.stem} {number}", dict[str, Any](), list[Any]()
         centre, zone = None, dict[str, Any]()
         for line in entry.splitlines()[1:]:
-            word, _, rest = line.partition(" ")
-            if word == "AN":
+            keyword, _, rest = line.partition(" ")
+            if keyword == "AN":
                 name = rest
-            elif word in {"AL", "AH"}:
-                end = "lower" if word == "AL" else "upper"
+            elif keyword in {"AL", "AH"}:
+                end = "lower" if keyword == "AL" else "upper"
                 altitude |= _limits(end, _openair_limit(path, rest, end))
-            elif word == "DP":
+            elif keyword == "DP":
                 ring.append(_place(path, rest))
-            elif word == "V" and rest.startswith("X="):
+            elif keyword == "V" and rest.startswith("X="):
                 centre = _place(path, rest[2:])
-            elif word == "DC":
+            elif keyword == "DC":
                 zone["circle"] = {"centre": centre, "radius_m": float(rest) * _NAUTICAL_MILE_M}
-            elif word:
+            elif keyword:
                 raise EvidenceError(f"{path}: the judge does not read {line!r}")
         yield name, {**(zone or {"polygon": ring}), "altitude": altitude}
 

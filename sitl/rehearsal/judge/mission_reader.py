@@ -35,7 +35,7 @@ _SPEED_M_S, _CLEARANCE_M, _MARGIN_M, _ACCEPTANCE_M, _RESERVE = 3.5, 5.0, 5.0, 2.
 _TRACKING_M: Final = 1.5
 _WIND_M_S, _BREEZE_M_S, _ACCURACY_M = 5.0, 5.0, 1.0
 _ESTIMATE, _STILL_M, _SWING_S2_M, _TURN_M, _GUST_S, _MORE_M = 0.63, 0.35, 0.0145, 0.3, 0.2, 0.04
-"""What a vehicle may be off its legs, as docs/routes.md says."""
+"""How far a vehicle may be off its legs, as in docs/routes.md."""
 _FAR_ABOVE_M: Final = 50.0
 """With the altitude in doubt zones count up to so far above the cruise."""
 
@@ -186,7 +186,7 @@ def read_mission(  # noqa: PLR0913, PLR0917 - all that a file is read with
     """Read a mission file.
 
     Args:
-        path: Of the file; those that it names are looked for beside it.
+        path: Of the file; files that it names are searched for beside it.
         text: Its text, if that is not what is in the file now.
         uav: Which of several it is flown by.
         ground_amsl_m: Height of the ground at home, where the file does not say.
@@ -341,7 +341,7 @@ class _YamlReader:
         )
 
     def _amsl(self, limits: Mapping[str, Any], end: str, otherwise_m: float) -> float:
-        """Above mean sea level; the ground may be as much higher or lower as the file says."""
+        """Above mean sea level; the ground may be higher or lower by the file's figure."""
         limit = limits.get(f"{end}_m")
         reference = limits.get(f"{end}_reference", limits.get("reference", "home"))
         if limit is None or reference == "amsl":

@@ -1,7 +1,7 @@
 """What an accepted request, or an announcement, obliges the companion to: seen on the wire.
 
-The answer to a request is only believed where it takes an obligation on; what it says of having
-done it already, or of doing it later, is looked at where the vehicle is.
+The judge believes the reply to a request only where it takes an obligation on. Whether it was done
+already, or is done later, the judge checks by the vehicle's track.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import shapely
 
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Violation
-from sitl.rehearsal.judge.duties import (
-    Answer,
-    News,
-    answered,
-    comes_home,
-    is_far,
-    places_of,
-    stands,
-)
 from sitl.rehearsal.judge.evidence import LAND, SceneEvent, command_of, is_motion
 from sitl.rehearsal.judge.inputs import blind, gaps
 from sitl.rehearsal.judge.mission_reader import Pair
+from sitl.rehearsal.judge.reactions import (
+    Incident,
+    Reply,
+    comes_home,
+    is_far,
+    places_of,
+    requests_of,
+    stands,
+)
 from sitl.rehearsal.judge.space import STOP_M, open_space, room_m
 
 _BRAKES_S, _STANDS_S = 1.0, 12.0
-"""A hold is sent within the one, and looked at for so long."""
+"""A hold is sent within the one, and checked for so long."""
 
 _LEVELS_S, _LEVEL_M = 4.0, 2.5
 """A climb that is stopped ends within the one, and wanders by the other."""
@@ -55,16 +55,16 @@ _MOVING: Final = frozenset({"home", "goto", "seek", "explore", "resume", "land",
 _ENDS: Final = re.compile("coming home: |hands off")
 
 
-class Duty(NamedTuple):
+class Obligation(NamedTuple):
     """A request that was accepted, and until when nothing else came between."""
 
     request: SceneEvent
-    answer: Answer
+    reply: Reply
     until_s: float
 
     @property
     def at_s(self) -> float:
-        """When it was asked for."""
+        """When it was requested."""
         return self.request.time_s
 
     @property
@@ -73,18 +73,18 @@ class Duty(NamedTuple):
         return str(self.request.value).split()[0]
 
 
-def _duties(case: Case) -> Iterator[Duty]:
+def _obligations(case: Case) -> Iterator[Obligation]:
     """All that was accepted, until the next request that was, or an end of the mission."""
-    if not case.evidence.heard:
+    if not case.evidence.received:
         return
-    found = [(r, a) for r, a in answered(case) if a is not None and a.what == "accepted"]
-    ends_s = [at_s for at_s, text in case.said if _ENDS.search(text)]
-    for number, (request, answer) in enumerate(found):
+    found = [(r, a) for r, a in requests_of(case) if a is not None and a.what == "accepted"]
+    ends_s = [at_s for at_s, text in case.texts if _ENDS.search(text)]
+    for number, (request, reply) in enumerate(found):
         later = [r.time_s for r, _ in found[number + 1 :] if str(r.value) != "reload"]
         own = 0.6 if str(request.value).startswith("home") else 0.0
         later += [at_s for at_s in ends_s if at_s > request.time_s + own]
         later += [version.from_s for version in case.versions if version.from_s > request.time_s]
-        yield Duty(request, answer, min(later, default=math.inf))
+        yield Obligation(request, reply, min(later, default=math.inf))
 
 
 def _lags_s(case: Case) -> float:
@@ -103,25 +103,31 @@ def _waits(case: Case, at_s: float) -> float:
 
 
 def a_hold_that_is_accepted_is_held(case: Case) -> Iterator[Violation]:
-    """Whatever the answer says of it, the vehicle stands soon, until something else is asked."""
-    for duty in _duties(case):
-        if duty.verb != "hold":
+    """Whatever the reply, the vehicle stands soon, until something else is requested."""
+    for obligation in _obligations(case):
+        if obligation.verb != "hold":
             continue
-        from_s = duty.at_s + _BRAKES_S + _lags_s(case)
-        until_s = min(duty.until_s, duty.at_s + _STANDS_S) - 0.1
-        leaves = any(v.from_s - 1.0 <= duty.at_s <= v.from_s + _STANDS_S for v in case.versions[1:])
+        from_s = obligation.at_s + _BRAKES_S + _lags_s(case)
+        until_s = min(obligation.until_s, obligation.at_s + _STANDS_S) - 0.1
+        leaves = any(
+            v.from_s - 1.0 <= obligation.at_s <= v.from_s + _STANDS_S for v in case.versions[1:]
+        )
         if not leaves:
             yield from stands(
-                case, News(duty.at_s, "hold was accepted"), (from_s, until_s), "request"
+                case, Incident(obligation.at_s, "hold was accepted"), (from_s, until_s), "request"
             )
 
 
 def a_hold_that_is_accepted_ends_a_climb(case: Case) -> Iterator[Violation]:
-    """It stays at the height, too, at which it was stopped, until something else is asked."""
-    for duty in _duties(case):
-        from_s = duty.at_s + _LEVELS_S + _lags_s(case)
-        until_s = min(duty.until_s - 0.1, from_s + _STANDS_S)
-        if duty.verb != "hold" or from_s >= until_s or not case.answers(duty.at_s, until_s):
+    """It stays at the height at which it was stopped, too, until something else is requested."""
+    for obligation in _obligations(case):
+        from_s = obligation.at_s + _LEVELS_S + _lags_s(case)
+        until_s = min(obligation.until_s - 0.1, from_s + _STANDS_S)
+        if (
+            obligation.verb != "hold"
+            or from_s >= until_s
+            or not case.could_react(obligation.at_s, until_s)
+        ):
             continue
         if case.state(from_s) != "HOLD" or case.state(until_s) != "HOLD":
             continue
@@ -131,7 +137,7 @@ def a_hold_that_is_accepted_ends_a_climb(case: Case) -> Iterator[Violation]:
         if abs(gained_m) > _LEVEL_M + case.row.height_m and case.above_m[first] > low_m:
             does = "climbs" if gained_m > 0.0 else "sinks"
             text = f"it {does} by {abs(gained_m):.1f} m, though a hold was accepted at"
-            yield Violation(until_s, "request", f"{text} {duty.at_s:.1f} s")
+            yield Violation(until_s, "request", f"{text} {obligation.at_s:.1f} s")
 
 
 def points_that_were_flown_to_are_not_again(case: Case) -> Iterator[Violation]:
@@ -139,16 +145,18 @@ def points_that_were_flown_to_are_not_again(case: Case) -> Iterator[Violation]:
 
     That it was at a point shows where it has been sent to the next one.
     """
-    duties = [*_duties(case)]
-    for number, duty in enumerate(duties):
-        if duty.verb != "resume" or "points that are left" not in duty.answer.words:
+    obligations = [*_obligations(case)]
+    for number, obligation in enumerate(obligations):
+        if obligation.verb != "resume" or "points that are left" not in obligation.reply.text:
             continue
-        tours = [d for d in duties[:number] if d.verb == "goto"]
+        tours = [d for d in obligations[:number] if d.verb == "goto"]
         places = places_of(case, tours[-1].request) if tours else []
         sent = [(message.time_s, target) for message, target in case.legs]
-        legs = [target for at_s, target in sent if tours and tours[-1].at_s <= at_s < duty.at_s]
+        legs = [
+            target for at_s, target in sent if tours and tours[-1].at_s <= at_s < obligation.at_s
+        ]
         done = max((n for n, p in enumerate(places) if _is_among(p, legs)), default=0)
-        for at_s, target in (leg for leg in sent if duty.at_s <= leg[0] < duty.until_s):
+        for at_s, target in (leg for leg in sent if obligation.at_s <= leg[0] < obligation.until_s):
             left = _is_among(target, places[done:])
             if _is_among(target, places[:done]) and not left:
                 text = "sent to a point where it was before it was held"
@@ -163,33 +171,35 @@ def _is_among(place: Pair, places: Sequence[Pair]) -> bool:
 
 def a_way_that_is_accepted_is_begun(case: Case) -> Iterator[Violation]:
     """After "goto", "seek", "home" and "explore" a leg leaves, or it is there, or on its way."""
-    for duty in _duties(case):
-        if duty.verb not in {"goto", "seek", "home", "explore", "resume"}:
+    for obligation in _obligations(case):
+        if obligation.verb not in {"goto", "seek", "home", "explore", "resume"}:
             continue
-        due_s = duty.at_s + _SETS_OUT_S + _lags_s(case) + _waits(case, duty.at_s)
-        if case.above_m[case.at(duty.at_s)] < min(case.mission.altitudes_m) - _IN_M:
+        due_s = obligation.at_s + _SETS_OUT_S + _lags_s(case) + _waits(case, obligation.at_s)
+        if case.above_m[case.at(obligation.at_s)] < min(case.mission.altitudes_m) - _IN_M:
             continue  # it climbs first
-        due_s += _ON_S if duty.verb in {"explore", "resume"} else 0.0
-        if due_s > duty.until_s or not case.answers(duty.at_s, due_s):
+        due_s += _ON_S if obligation.verb in {"explore", "resume"} else 0.0
+        if due_s > obligation.until_s or not case.could_react(obligation.at_s, due_s):
             continue
-        if _sent(case, duty.at_s - 0.1, due_s) or _is_there(case, duty, due_s):
+        if _sent(case, obligation.at_s - 0.1, due_s) or _is_there(case, obligation, due_s):
             continue
-        text = f"nothing was sent, though {duty.verb} was accepted at {duty.at_s:.1f} s"
+        text = f"nothing was sent, though {obligation.verb} was accepted at {obligation.at_s:.1f} s"
         yield Violation(due_s, "request", text)
 
 
-def _is_there(case: Case, duty: Duty, due_s: float) -> bool:
+def _is_there(case: Case, obligation: Obligation, due_s: float) -> bool:
     """Whether the vehicle is where it was to go, or flies there already."""
-    index = case.at(duty.at_s)
+    index = case.at(obligation.at_s)
     here = case.place(index)
-    if duty.verb == "home":
-        return case.from_home_m(index) < case.mission.acceptance_m + _IN_M or _moves(case, duty)
-    if duty.verb == "goto":
-        return not is_far(case, duty.request)
-    if duty.verb == "explore":
-        return _moves(case, duty)
-    if duty.verb == "resume":
-        return _moves(case, duty) or case.state(due_s) in {"SEARCH", "COMM", "GOTO"}
+    if obligation.verb == "home":
+        return case.from_home_m(index) < case.mission.acceptance_m + _IN_M or _moves(
+            case, obligation
+        )
+    if obligation.verb == "goto":
+        return not is_far(case, obligation.request)
+    if obligation.verb == "explore":
+        return _moves(case, obligation)
+    if obligation.verb == "resume":
+        return _moves(case, obligation) or case.state(due_s) in {"SEARCH", "COMM", "GOTO"}
     robots = case.state(due_s) in {"SEARCH", "COMM"}  # it hovers where it is sought
     return (
         robots
@@ -198,24 +208,24 @@ def _is_there(case: Case, duty: Duty, due_s: float) -> bool:
     )
 
 
-def _moves(case: Case, duty: Duty) -> bool:
-    index = case.at(duty.at_s)
+def _moves(case: Case, obligation: Obligation) -> bool:
+    index = case.at(obligation.at_s)
     return case.speed_m_s(max(index - 10, 0), index) > _MOVES_M_S
 
 
 def points_that_are_accepted_are_flown_to(case: Case) -> Iterator[Violation]:
     """It comes to the first point of a "goto", or as near as areas let it, in the time it takes."""
-    for duty in _duties(case):
-        places = places_of(case, duty.request) if duty.verb == "goto" else []
+    for obligation in _obligations(case):
+        places = places_of(case, obligation.request) if obligation.verb == "goto" else []
         if not places:
             continue
-        index, place = case.at(duty.at_s), places[0]
+        index, place = case.at(obligation.at_s), places[0]
         if case.above_m[index] < min(case.mission.altitudes_m) - _IN_M:
             continue
-        mission = case.version_at(duty.at_s).mission
+        mission = case.version_at(obligation.at_s).mission
         way_s = _DETOUR * math.dist(case.place(index), place) / mission.speed_m_s
-        due_s = duty.at_s + way_s + _TURNS_S + _lags_s(case) + _waits(case, duty.at_s)
-        if due_s > duty.until_s or not case.answers(duty.at_s, due_s):
+        due_s = obligation.at_s + way_s + _TURNS_S + _lags_s(case) + _waits(case, obligation.at_s)
+        if due_s > obligation.until_s or not case.could_react(obligation.at_s, due_s):
             continue
         clear = open_space(mission.cruised, mission.tracking_margin_m)
         beside_m = clear.distance(shapely.Point(place))
@@ -230,65 +240,72 @@ def points_that_are_accepted_are_flown_to(case: Case) -> Iterator[Violation]:
 
 
 def a_landing_that_is_accepted_is_begun(case: Case) -> Iterator[Violation]:
-    """It is told to land within seconds, or does already."""
-    for duty in _duties(case):
-        due_s = duty.at_s + _LANDS_S + _lags_s(case)
-        if duty.verb != "land" or due_s > duty.until_s or not case.answers(duty.at_s, due_s):
+    """It is commanded to land within seconds, or lands already."""
+    for obligation in _obligations(case):
+        due_s = obligation.at_s + _LANDS_S + _lags_s(case)
+        if (
+            obligation.verb != "land"
+            or due_s > obligation.until_s
+            or not case.could_react(obligation.at_s, due_s)
+        ):
             continue
-        told = any(
-            command_of(m) == LAND and duty.at_s - 0.1 <= m.time_s <= due_s for m in case.commands
+        commanded = any(
+            command_of(m) == LAND and obligation.at_s - 0.1 <= m.time_s <= due_s
+            for m in case.commands
         )
-        if not (told or case.lands[case.at(due_s)]):
-            text = f"not told to land, though that was accepted at {duty.at_s:.1f} s"
+        if not (commanded or case.lands[case.at(due_s)]):
+            text = f"not told to land, though that was accepted at {obligation.at_s:.1f} s"
             yield Violation(due_s, "request", text)
 
 
 def what_is_resumed_goes_on(case: Case) -> Iterator[Violation]:
     """A "resume" that is accepted while it holds ends that."""
-    for duty in _duties(case):
-        due_s = duty.at_s + _STATE_S + _lags_s(case)
-        holds = case.state(duty.at_s - 0.01) == "HOLD"
-        if duty.verb != "resume" or not holds or due_s > duty.until_s:
+    for obligation in _obligations(case):
+        due_s = obligation.at_s + _STATE_S + _lags_s(case)
+        holds = case.state(obligation.at_s - 0.01) == "HOLD"
+        if obligation.verb != "resume" or not holds or due_s > obligation.until_s:
             continue
-        if case.answers(duty.at_s, due_s) and case.state(due_s) == "HOLD":
-            text = f"it holds on, though resume was accepted at {duty.at_s:.1f} s"
+        if case.could_react(obligation.at_s, due_s) and case.state(due_s) == "HOLD":
+            text = f"it holds on, though resume was accepted at {obligation.at_s:.1f} s"
             yield Violation(due_s, "request", text)
 
 
 def points_that_wait_are_answered(case: Case) -> Iterator[Violation]:
     """A request that waits for its time is answered in the end."""
-    for request, answer in answered(case) if case.evidence.heard else ():
-        if answer is None or answer.what:
+    for request, reply in requests_of(case) if case.evidence.received else ():
+        if reply is None or reply.what:
             continue
         due_s = request.time_s + _WAITS_S
         states = {case.state(request.time_s + seconds) for seconds in range(0, 100, 5)}
         open_to = states <= {"INIT", "SEARCH", "COMM", "EXPL"}
-        said = case.has_said("accepted: |refused: |its time was", request.time_s + 0.1, due_s)
-        if open_to and case.answers(request.time_s, due_s) and not said:
+        replied = case.has_announced(
+            "accepted: |refused: |its time was", request.time_s + 0.1, due_s
+        )
+        if open_to and case.could_react(request.time_s, due_s) and not replied:
             yield Violation(due_s, "request", "points that were to wait are forgotten")
 
 
-def what_is_said_of_coming_home_is_so(case: Case) -> Iterator[Violation]:
-    """After "coming home" it comes home, unless something else is asked for and accepted."""
-    if not case.evidence.heard or End.NOT in case.row.ends:
+def it_comes_home_when_announced(case: Case) -> Iterator[Violation]:
+    """After "coming home" it comes home, unless another request is accepted."""
+    if not case.evidence.received or End.NOT in case.row.ends:
         return
-    asked_s = [d.at_s for d in _duties(case) if d.verb in _MOVING | {"hold"}]
+    requested_s = [d.at_s for d in _obligations(case) if d.verb in _MOVING | {"hold"}]
     lost = blind(gaps(case))
-    for at_s, text in case.said:
+    for at_s, text in case.texts:
         if "coming home: " not in text:
             continue
         if case.row.notice_s and case.lands[case.at(at_s) :].any():
             continue  # over such a link it may take long
-        found = list(comes_home(case, News(at_s, "it says that it comes home"), at_s, lost))
-        yield from (v for v in found if not any(at_s + 0.1 < s < v.time_s for s in asked_s))
+        found = list(comes_home(case, Incident(at_s, "it says that it comes home"), at_s, lost))
+        yield from (v for v in found if not any(at_s + 0.1 < s < v.time_s for s in requested_s))
 
 
-def what_is_said_of_leaving_is_so(case: Case) -> Iterator[Violation]:
+def it_leaves_a_zone_when_announced(case: Case) -> Iterator[Violation]:
     """It leaves only what a changed file has drawn where it is, or near."""
-    for at_s, text in case.said if case.evidence.heard else ():
+    for at_s, text in case.texts if case.evidence.received else ():
         if not re.search(r" s  leaving ", text):
             continue
-        version = case.version_at(at_s + _READ_S)  # of which the scene says so a moment later
+        version = case.version_at(at_s + _READ_S)  # which the scene notes a moment later
         before = [v for v in case.versions if v.until_s <= version.from_s][-1:]
         here = shapely.Point(case.place(case.at(at_s)))
         known = before[0].mission.areas if before else ()

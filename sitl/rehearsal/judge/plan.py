@@ -53,7 +53,7 @@ _RENEWS_S, _SENT_S = 30.0, 0.15
 
 _WAITS_S: Final = 1.0
 """A leg that was decided on before it may leave so late: each order waits until the vehicle has
-told its mode of now, and the answer may be lost. A hold that leaves later was requested."""
+reported its present mode, and that message may be lost. A hold that leaves later was requested."""
 
 
 def items_are_the_plans(case: Case) -> Iterator[Violation]:
@@ -112,13 +112,13 @@ def all_that_was_sent_is_read_back(case: Case) -> Iterator[Violation]:
             if sent and sent[0].time_s <= told.time_s < armed_s
         }
         missing = [seq for upload in sent for seq in range(len(upload.items)) if seq not in read]
-        if missing and case.evidence.heard:
+        if missing and case.evidence.received:
             text = f"armed, though item {missing[0]} of list {kind} on board was not read back"
             yield Violation(armed_s, "plan", text)
 
 
 def what_was_read_back_is_what_was_sent(case: Case) -> Iterator[Violation]:
-    """Whatever the vehicle said that is on board before it was armed, is what was sent."""
+    """The items that the vehicle reports before it is armed are the items that were sent."""
     armed_s = _armed_s(case)
     for told in case.evidence.messages if armed_s < math.inf else ():
         if told.time_s > armed_s:
@@ -203,9 +203,9 @@ def fence_is_the_files(case: Case) -> Iterator[Violation]:
 
 
 def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
-    """A vehicle that was told to stop gets no other fence while it still moves: it might act.
+    """A vehicle on its way to a hold gets no other fence while it still moves: it might act.
 
-    What it was told once the lists were on their way does not count: its way was clear then, and so
+    A command once the lists were on their way does not count: its way was clear then, and so
     is the place where it comes to rest on it. A leg from before that may leave a bit later.
     """
     kinds = {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
@@ -229,7 +229,7 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
 def _begun_s(transfers: Sequence[WireMessage]) -> float:
     """When the renewal of which this is the last message was begun.
 
-    It begins with a look at the mission items on board; the first upload begins with the fence.
+    It begins with a check of the mission items on board; the first upload begins with the fence.
     """
     last_s = transfers[-1].time_s
     reads = (m for m in reversed(transfers) if m.name == "MISSION_REQUEST_LIST")
@@ -247,11 +247,11 @@ def _stops(case: Case, motion: WireMessage) -> bool:
 
 def no_leg_begins_beside_anothers_fence(case: Case) -> Iterator[Violation]:
     """While the fence on board is a station's, only an operator's "home" is flown: by points."""
-    fences = case.evidence.told(SceneEventKind.FENCE_CHANGED)
+    fences = case.evidence.events(SceneEventKind.FENCE_CHANGED)
     for changed in (each for each in fences if not str(each.value).endswith("plan")):
         begin_s = changed.time_s
         uploads_s = (u.time_s for u in case.uploads if u.kind in {FENCE, EVERYTHING})
-        requests = case.evidence.told(SceneEventKind.REQUEST)
+        requests = case.evidence.events(SceneEventKind.REQUEST)
         home_s = (h.time_s for h in requests if str(h.value).startswith("home"))
         ends_s = [at_s for at_s in (*uploads_s, *home_s) if at_s > begin_s]
         from_s, until_s = begin_s + _COMPARED_S + case.row.notice_s, min(ends_s, default=math.inf)
@@ -263,17 +263,17 @@ def no_leg_begins_beside_anothers_fence(case: Case) -> Iterator[Violation]:
 
 
 def no_list_follows_anothers(case: Case) -> Iterator[Violation]:
-    """Once the vehicle says that a station has stored a list, none of ours follows by itself.
+    """Once the vehicle reports a list that a station stored, none of ours follows by itself.
 
     Nor is it armed with that on board. An operator may have ours put there again.
     """
     orders_s = [
-        h.time_s for h in case.evidence.told(SceneEventKind.REQUEST, SceneEventKind.STARTED)
+        h.time_s for h in case.evidence.events(SceneEventKind.REQUEST, SceneEventKind.STARTED)
     ]
-    for stored in case.evidence.told(SceneEventKind.LIST_STORED):
+    for stored in case.evidence.events(SceneEventKind.LIST_STORED):
         from_s = stored.time_s + _UNDER_WAY_S
-        told_s = (m.time_s for m in case.heard("MISSION_CURRENT") if m.time_s > from_s)
-        known_s = next(told_s, math.inf) + case.evidence.reaction_s
+        reported_s = (m.time_s for m in case.received("MISSION_CURRENT") if m.time_s > from_s)
+        known_s = next(reported_s, math.inf) + case.evidence.reaction_s
         until_s = min((at_s for at_s in orders_s if at_s > stored.time_s), default=math.inf)
         for message in case.commands:
             begins = message.name in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
@@ -307,8 +307,8 @@ def _has_to_settle(case: Case, version: MissionVersion, end_s: float) -> bool:
     ends = case.state(end_s) in {"HOME", "LAND", "DONE"}
     if not flying or (since_s > version.from_s and ends):
         return False
-    # A transfer that the vehicle refuses, or does not answer, is said, and the flight comes home.
-    left = any(since_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said)
+    # A transfer that the vehicle refuses, or leaves without reply, is announced; it comes home.
+    left = any(since_s <= at_s < end_s and "is not on board" in text for at_s, text in case.texts)
     # Where nothing but zones is another, nothing keeps them from being on board.
     home = ends and "ZONE_MOVED" not in case.evidence.faults
     left = left and (_was_refused(case, since_s, end_s) or home)
@@ -317,7 +317,7 @@ def _has_to_settle(case: Case, version: MissionVersion, end_s: float) -> bool:
 
 def _flies_on(case: Case, time_s: float) -> bool:
     """Whether a companion has the vehicle by then: one that was started anew has commanded it."""
-    begun_s = [h.time_s for h in case.evidence.told(SceneEventKind.STARTED) if h.time_s < time_s]
+    begun_s = [h.time_s for h in case.evidence.events(SceneEventKind.STARTED) if h.time_s < time_s]
     if len(begun_s) < 2:
         return True
     return any(begun_s[-1] <= m.time_s < time_s for m in case.commands if is_motion(m))
@@ -325,7 +325,7 @@ def _flies_on(case: Case, time_s: float) -> bool:
 
 def _was_refused(case: Case, from_s: float, until_s: float) -> bool:
     """Whether the vehicle refused a transfer, or answered none, in that time."""
-    told = case.evidence.heard or case.evidence.messages  # as it came to the companion
+    told = case.evidence.received or case.evidence.messages  # as it came to the companion
     acks = [
         int(m.fields["type"])
         for m in told

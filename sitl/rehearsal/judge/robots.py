@@ -1,6 +1,6 @@
 """Rules of the robots: whom the companion seeks and where, how long it stays, whose goals count.
 
-They work on what robots really handed over and took (`SYNCED`), and on where the vehicle really is.
+They work on the messages that robots really exchanged (`SYNCED`), and on the vehicle's true track.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import Any, Final, NamedTuple
 
 import shapely
 
+from sitl.rehearsal.judge.announcements import StateInterval, state_intervals
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.promises import Spell, spells_of
 from sitl.rehearsal.judge.space import open_space
 
 _ANY: Final = frozenset({"MAD_ROBOTS", "FORGED"})
-"""What is said of where a robot is contradicts itself, time and again."""
+"""Positions of a robot contradict each other, time and again."""
 
 _SEEKS: Final = re.compile(r"\bSEARCH (\w+): ")
 _MET_S: Final = 1.0
-"""So soon after a robot has said where it is, COMM begins."""
+"""So soon after a robot has sent its position, COMM begins."""
 
 _ENDS_S: Final = 1.5
 """So soon after it has all, or its time is over, COMM ends."""
@@ -40,7 +40,7 @@ _DRIVES_M_S, _ROOM_M = 6.0, 10.0
 """No robot drives faster, and no position is farther off by itself."""
 
 _WITHIN_S, _TIMES = 6.0, 5
-"""What robots say sends the vehicle somewhere else no more often in so long."""
+"""Robots' messages send the vehicle somewhere else no more often in so long."""
 
 _STANDS_M_S: Final = 0.5
 _COMM_S: Final = 20.0
@@ -50,34 +50,34 @@ _GOES_S: Final = 12.0
 """Within that time goals are flown to, or refused."""
 
 
-class Told(NamedTuple):
+class RobotMessage(NamedTuple):
     """A message that a robot handed over.
 
     Attributes:
         time_s: When.
         peer: Which robot had it.
         maker: Which robot it is of.
-        said: What it says; empty: it cannot be read.
+        content: Its fields; empty: it cannot be read.
     """
 
     time_s: float
     peer: str
     maker: str
-    said: dict[str, Any]
+    content: dict[str, Any]
 
 
-def _spells(case: Case) -> list[Spell]:
+def _intervals(case: Case) -> list[StateInterval]:
     """Those in a state; none where it is not known what robots handed over."""
-    return spells_of(case) if case.evidence.tells_meetings else []
+    return state_intervals(case) if case.evidence.knows_meetings else []
 
 
-def _told(case: Case, topic: str) -> Iterator[Told]:
-    """What robots said on a topic, in order of time."""
-    for synced in case.evidence.told(SceneEventKind.SYNCED):
+def _messages(case: Case, topic: str) -> Iterator[RobotMessage]:
+    """The messages of robots on a topic, in order of time."""
+    for synced in case.evidence.events(SceneEventKind.SYNCED):
         peer, _, _, handed_over = synced.value
         for maker, its_topic, data in handed_over:
             if its_topic == topic:
-                yield Told(synced.time_s, peer, maker, _read(data))
+                yield RobotMessage(synced.time_s, peer, maker, _read(data))
 
 
 def _read(data: bytes) -> dict[str, Any]:
@@ -85,30 +85,33 @@ def _read(data: bytes) -> dict[str, Any]:
         raise ValueError(text)
 
     try:
-        said = json.loads(data, parse_constant=refuse)
+        content = json.loads(data, parse_constant=refuse)
     except ValueError:
         return {}
-    return said if isinstance(said, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
-def _place(case: Case, told: Told) -> Pair | None:
-    """Where a robot said that it is, in metres; None: nowhere that can be flown to."""
-    degrees = told.said.get("latitude_deg", math.inf), told.said.get("longitude_deg", math.inf)
+def _place(case: Case, message: RobotMessage) -> Pair | None:
+    """The position in a robot's message, in metres; None: none that can be flown to."""
+    degrees = (
+        message.content.get("latitude_deg", math.inf),
+        message.content.get("longitude_deg", math.inf),
+    )
     if not (abs(degrees[0]) <= 90.0 and abs(degrees[1]) <= 180.0):
         return None
     east_m, north_m = map(float, case.mission.frame.metres(*degrees))
     return (east_m, north_m) if math.hypot(east_m, north_m) <= _FARTHEST_M else None
 
 
-def _sought(case: Case, stay: Spell) -> str:
+def _sought(case: Case, stay: StateInterval) -> str:
     """The robot that was announced last before the end of a search; empty: none."""
-    lines = [m[1] for at_s, text in case.said if at_s < stay.end_s and (m := _SEEKS.search(text))]
+    lines = [m[1] for at_s, text in case.texts if at_s < stay.end_s and (m := _SEEKS.search(text))]
     return lines[-1] if lines else ""
 
 
-def _asked(case: Case, begin_s: float, end_s: float, *verbs: str) -> bool:
-    """Whether an operator asked for something then (of these, if any are given)."""
-    requests = case.evidence.told(SceneEventKind.REQUEST)
+def _was_requested(case: Case, begin_s: float, end_s: float, *verbs: str) -> bool:
+    """Whether an operator requested something then (of these, if any are given)."""
+    requests = case.evidence.events(SceneEventKind.REQUEST)
     return any(
         begin_s <= h.time_s <= end_s and (not verbs or str(h.value).split()[0] in verbs)
         for h in requests
@@ -116,17 +119,17 @@ def _asked(case: Case, begin_s: float, end_s: float, *verbs: str) -> bool:
 
 
 def contact_begins_it(case: Case) -> Iterator[Violation]:
-    """COMM begins when the robot that is sought has just said, itself, where it is."""
-    poses = [told for told in _told(case, "/pose") if told.peer == told.maker]
-    for stay in _spells(case):
+    """COMM begins when the robot that is sought has just sent its position itself."""
+    poses = [message for message in _messages(case, "/pose") if message.peer == message.maker]
+    for stay in _intervals(case):
         if stay.state != "COMM":
             continue
         robot = _sought(case, stay)
         met = any(
-            told.maker == robot
-            and stay.begin_s - _MET_S <= told.time_s <= stay.begin_s + 0.1
-            and _place(case, told) is not None
-            for told in poses
+            message.maker == robot
+            and stay.begin_s - _MET_S <= message.time_s <= stay.begin_s + 0.1
+            and _place(case, message) is not None
+            for message in poses
         )
         if not met:
             text = f"COMM begins, though {robot} has not just said where it is"
@@ -135,10 +138,10 @@ def contact_begins_it(case: Case) -> Iterator[Violation]:
 
 def exchange_or_time_ends_it(case: Case) -> Iterator[Violation]:
     """COMM ends when both have all that the other had when it began, or its time is over."""
-    synced = [(h.time_s, *h.value[:3]) for h in case.evidence.told(SceneEventKind.SYNCED)]
-    for stay in _spells(case):
+    synced = [(h.time_s, *h.value[:3]) for h in case.evidence.events(SceneEventKind.SYNCED)]
+    for stay in _intervals(case):
         begin_s, end_s = stay.begin_s, stay.end_s
-        if stay.state != "COMM" or not case.answers(begin_s, end_s + _ENDS_S):
+        if stay.state != "COMM" or not case.could_react(begin_s, end_s + _ENDS_S):
             continue
         robot, time_s = _sought(case, stay), case.mission.timers_s.get("communicate_s", _COMM_S)
 
@@ -150,7 +153,7 @@ def exchange_or_time_ends_it(case: Case) -> Iterator[Violation]:
             )
             return max(firsts)
 
-        if _asked(case, begin_s, end_s + 0.1) or stay.after not in {"EXPL", "SEARCH"}:
+        if _was_requested(case, begin_s, end_s + 0.1) or stay.after not in {"EXPL", "SEARCH"}:
             continue
         if end_s - begin_s < time_s - _ENDS_S and both_s(begin_s - 0.2) > end_s + 0.1:
             text = f"COMM ends after {end_s - begin_s:.1f} s, before {robot} was exchanged with"
@@ -163,23 +166,32 @@ def exchange_or_time_ends_it(case: Case) -> Iterator[Violation]:
 
 def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
     """What waited for a robot, or stayed with it, to the end of its time hovers over it."""
-    poses = list(_told(case, "/pose"))
+    poses = list(_messages(case, "/pose"))
     comm_s = case.mission.timers_s.get("communicate_s", _COMM_S)
-    for stay in _spells(case):
+    for stay in _intervals(case):
         until_s, index = stay.end_s - 0.2, case.at(stay.end_s - 0.2)
         timed = stay.state == "COMM" and stay.end_s - stay.begin_s > comm_s - 0.5
-        timed |= case.has_said("at the search position", stay.begin_s, until_s)
-        asked = _asked(case, stay.begin_s, stay.end_s)
-        if not timed or asked or stay.after != "EXPL" or not case.answers(stay.begin_s, until_s):
+        timed |= case.has_announced("at the search position", stay.begin_s, until_s)
+        requested = _was_requested(case, stay.begin_s, stay.end_s)
+        if (
+            not timed
+            or requested
+            or stay.after != "EXPL"
+            or not case.could_react(stay.begin_s, until_s)
+        ):
             continue
         if case.speed_m_s(case.at(until_s - 1.0), index) > _STANDS_M_S:
             continue  # it follows
         robot, here = _sought(case, stay), case.place(index)
-        heard = [told for told in poses if told.maker == robot]
-        heard = [told for told in heard if _since_start_s(case, until_s) < told.time_s < until_s]
-        if not case.evidence.faults & _ANY:  # else any of what was said may have counted
-            heard = _drivable(case, heard)[-1:]
-        places = [place for told in heard if (place := _place(case, told)) is not None]
+        received = [message for message in poses if message.maker == robot]
+        received = [
+            message
+            for message in received
+            if _since_start_s(case, until_s) < message.time_s < until_s
+        ]
+        if not case.evidence.faults & _ANY:  # else any of the messages may have counted
+            received = _drivable(case, received)[-1:]
+        places = [place for message in received if (place := _place(case, message)) is not None]
         beside_m = _SLACK_M + float(case.off_m[index])
         if places:
             clear = open_space(case.version_at(until_s).mission.cruised, _MARGIN_M)
@@ -196,31 +208,31 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
 
 
 def _since_start_s(case: Case, time_s: float) -> float:
-    """When the companion that runs then was started: it knows of nothing that was said before."""
-    started = (h.time_s for h in case.evidence.told(SceneEventKind.STARTED))
+    """When the companion that runs then was started: it knows of no earlier messages."""
+    started = (h.time_s for h in case.evidence.events(SceneEventKind.STARTED))
     return max((at_s for at_s in started if at_s < time_s), default=-math.inf)
 
 
-def _drivable(case: Case, heard: list[Told]) -> list[Told]:
-    """What a robot said of where it is, in order, without places that it cannot have driven to."""
-    kept: list[tuple[Told, Pair]] = []
-    for told in sorted(heard, key=lambda told: told.said.get("stamp_s", 0.0)):
-        place = _place(case, told)
+def _drivable(case: Case, received: list[RobotMessage]) -> list[RobotMessage]:
+    """A robot's positions, in order, without places that it cannot have driven to."""
+    kept: list[tuple[RobotMessage, Pair]] = []
+    for message in sorted(received, key=lambda message: message.content.get("stamp_s", 0.0)):
+        place = _place(case, message)
         if place is None:
             continue
         if kept:
             before, there = kept[-1]
-            seconds = told.said.get("stamp_s", 0.0) - before.said.get("stamp_s", 0.0)
+            seconds = message.content.get("stamp_s", 0.0) - before.content.get("stamp_s", 0.0)
             if math.dist(place, there) > _ROOM_M + _DRIVES_M_S * seconds:
                 continue
-        kept.append((told, place))
-    return [told for told, _ in kept]
+        kept.append((message, place))
+    return [message for message, _ in kept]
 
 
 def robots_do_not_jerk_it_about(case: Case) -> Iterator[Violation]:
     """While it stays with a robot, that one cannot send it here and there many times a second."""
-    for stay in _spells(case):
-        if stay.state != "COMM" or _asked(case, stay.begin_s, stay.end_s):
+    for stay in _intervals(case):
+        if stay.state != "COMM" or _was_requested(case, stay.begin_s, stay.end_s):
             continue
         sent = [m.time_s for m, _ in case.legs if stay.begin_s <= m.time_s <= stay.end_s]
         for first_s, last_s in zip(sent, sent[_TIMES:], strict=False):
@@ -232,38 +244,46 @@ def robots_do_not_jerk_it_about(case: Case) -> Iterator[Violation]:
 
 def only_named_robots_send_it(case: Case) -> Iterator[Violation]:
     """Goals of robots that the mission names, for this UAV and in time, are flown to; no others."""
-    named = [told for told in _told(case, "/goals") if told.maker in case.mission.goals_from]
-    goals = {told.said["id"]: told for told in reversed(named) if _is_for_it(case, told)}
-    stays = _spells(case)
+    named = [
+        message for message in _messages(case, "/goals") if message.maker in case.mission.goals_from
+    ]
+    goals = {
+        message.content["id"]: message for message in reversed(named) if _is_for_it(case, message)
+    }
+    stays = _intervals(case)
     begun = 0
     for stay in stays:
         begun += stay.state == "GOTO" and stay.before != "HOLD"
-        if stay.state != "GOTO" or _asked(case, 0.0, stay.begin_s, "goto"):
+        if stay.state != "GOTO" or _was_requested(case, 0.0, stay.begin_s, "goto"):
             continue
-        ours = [told for told in goals.values() if told.time_s <= stay.begin_s]
+        ours = [message for message in goals.values() if message.time_s <= stay.begin_s]
         if len(ours) < begun:  # each is done once
             yield Violation(
                 stay.begin_s, "goals", "GOTO, though no robot that may send it has sent new goals"
             )
-        elif stay.after == "EXPL" and case.answers(stay.begin_s, stay.end_s):
+        elif stay.after == "EXPL" and case.could_react(stay.begin_s, stay.end_s):
             here = case.place(case.at(stay.end_s))
-            lasts = [case.mission.frame.metres(*told.said["points"][-1]) for told in ours]
+            lasts = [case.mission.frame.metres(*message.content["points"][-1]) for message in ours]
             off_m = min(math.dist(here, last) for last in lasts)
             if off_m > case.mission.acceptance_m + _SLACK_M:
                 text = f"GOTO ends {off_m:.0f} m from the last of the points"
                 yield Violation(stay.end_s, "goals", text)
-    for told in goals.values():
-        due_s = told.time_s + _GOES_S
-        states = {case.state(told.time_s), case.state(due_s)}
-        done = any(s.state == "GOTO" and told.time_s - 0.1 <= s.begin_s <= due_s for s in stays)
-        done |= case.has_said(f"{told.maker}.*(refused|accepted)", told.time_s - 0.1, due_s)
-        open_to = states <= {"INIT", "SEARCH", "COMM", "EXPL"} and case.answers(told.time_s, due_s)
+    for message in goals.values():
+        due_s = message.time_s + _GOES_S
+        states = {case.state(message.time_s), case.state(due_s)}
+        done = any(s.state == "GOTO" and message.time_s - 0.1 <= s.begin_s <= due_s for s in stays)
+        done |= case.has_announced(
+            f"{message.maker}.*(refused|accepted)", message.time_s - 0.1, due_s
+        )
+        open_to = states <= {"INIT", "SEARCH", "COMM", "EXPL"} and case.could_react(
+            message.time_s, due_s
+        )
         if open_to and not done:
-            yield Violation(due_s, "goals", f"goals of {told.maker} are not flown to")
+            yield Violation(due_s, "goals", f"goals of {message.maker} are not flown to")
 
 
-def _is_for_it(case: Case, told: Told) -> bool:
+def _is_for_it(case: Case, message: RobotMessage) -> bool:
     """Whether goals are for this UAV, and not too late."""
-    until_s, stamp_s = told.said.get("until_s"), told.said.get("stamp_s", 0.0)
+    until_s, stamp_s = message.content.get("until_s"), message.content.get("stamp_s", 0.0)
     late = until_s is not None and until_s < stamp_s
-    return told.said.get("to") in {None, case.evidence.uav} and not late
+    return message.content.get("to") in {None, case.evidence.uav} and not late

@@ -291,7 +291,7 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
             if beyond_m and (stopped or (excuse_m and leaves_low(case, index))):
                 excuse_m, back_at = beyond_m + DRIFT_M, index
             home_m, allowed_m = case.from_home_m(index), near_m + case.off_m[index]
-            here = case.landing_place is not None and lands  # `duties` look where
+            here = case.landing_place is not None and lands  # `reactions` check where
             begins = (lands and not landing and not here) or not (up or excuse_m or lands)
             wrong: list[tuple[str, float, str]] = []
             if begins and home_m > allowed_m:

@@ -15,15 +15,15 @@ from typing import Any, Final
 import numpy as np
 
 from sitl.rehearsal.judge import (
+    announcements,
     authority,
     commands,
-    duties,
     files,
     heights,
     inputs,
     obligations,
     plan,
-    promises,
+    reactions,
     robots,
     space,
     wire,
@@ -44,10 +44,10 @@ _LAND_M_S: Final = 0.7
 _DETOUR, _SLACK_S = 1.5, 10.0
 _GAP_S: Final = 1.0
 _STALE_S: Final = 1.5
-"""A mode that is heard may be so old, and is believed for so long."""
+"""A mode that is received may be so old, and is believed for so long."""
 
 _OLDEST_S: Final = 0.1
-"""A message that came at once tells how the vehicle was so long ago, at most."""
+"""A message that came at once shows the vehicle as it was so long ago, at most."""
 
 _CRUISES: Final = 0.9
 """Above so much of its altitude it does not climb any more."""
@@ -56,7 +56,7 @@ _HOP_M: Final = 2.0
 """A vehicle that never was so high had not begun its flight."""
 
 _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
-_SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
+_ANNOUNCES_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
 _LANDED: Final = "landed at home"
 _HANDS_OFF: Final = "hands off"
 _HOLDER: Final = {Responsible.PILOT: End.PILOT, Responsible.AUTOPILOT: End.FAILSAFE}
@@ -68,12 +68,12 @@ _TAKEN: Final = (
     SceneEventKind.REBOOTED,
 )
 
-_LAST_WORDS: Final = 300
+_LAST_CHARACTERS: Final = 300
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the judge says of a flight.
+    """The judge's findings on a flight.
 
     Attributes:
         scene: Its name.
@@ -83,7 +83,7 @@ class Verdict:
         closest_m: The least room to a zone or fence while the vehicle was ours; None: there was
             none.
         flown_s: For how long it was in the air.
-        said: What the companion said last.
+        last_line: The companion's last line.
         pace: As in `Evidence`.
     """
 
@@ -93,7 +93,7 @@ class Verdict:
     violations: tuple[Violation, ...] = ()
     closest_m: float | None = None
     flown_s: float = 0.0
-    said: str = ""
+    last_line: str = ""
     pace: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -121,7 +121,7 @@ def _down(case: Case, last: int) -> End:
         return End.NOT
     allowed_m = case.mission.acceptance_m + _BESIDE_M + case.row.home_m + case.off_m[last]
     if case.landing_place and math.dist(case.landing_place, case.place(last)) <= allowed_m:
-        return End.ASKED
+        return End.ON_REQUEST
     return End.LANDED if case.from_home_m(last) <= allowed_m else End.ELSEWHERE
 
 
@@ -129,11 +129,11 @@ def _left_flying(case: Case) -> End:
     """The end of a flight that was watched no longer."""
     if case.by[-1] in _HOLDER:
         return _HOLDER[case.by[-1]]
-    changed_s = [h.time_s for h in case.evidence.told(SceneEventKind.FENCE_CHANGED)]
+    changed_s = [h.time_s for h in case.evidence.events(SceneEventKind.FENCE_CHANGED)]
     if changed_s and max(_hands_off_s(case), default=-math.inf) >= changed_s[0]:
         return End.PILOT  # a station changed the plan: what follows is its operator's
     kinds = (SceneEventKind.KILLED, SceneEventKind.STARTED, SceneEventKind.ENDED)
-    lives = [h.what for h in case.evidence.told(*kinds)][-1:]
+    lives = [h.what for h in case.evidence.events(*kinds)][-1:]
     alone = lives == [SceneEventKind.KILLED]
     # One that is started anew, and finds that it may not fly on, leaves it where it hovers.
     alone |= lives == [SceneEventKind.ENDED] and case.evidence.exit_code == _REFUSED
@@ -158,7 +158,7 @@ def ends_as_it_may(case: Case) -> Iterator[Violation]:
 def the_track_is_whole(case: Case) -> Iterator[Violation]:
     """No second of it is missing, but where the autopilot is started anew."""
     steps_s = np.where(case.flying[:-1], np.diff(case.time_s), 0.0)
-    for moment in case.evidence.told(SceneEventKind.REBOOTED):
+    for moment in case.evidence.events(SceneEventKind.REBOOTED):
         begins, ends = case.time_s[:-1] - 1.0, case.time_s[1:]
         steps_s[(begins <= moment.time_s) & (moment.time_s <= ends)] = 0.0
     if steps_s.max() > _GAP_S:
@@ -168,13 +168,13 @@ def the_track_is_whole(case: Case) -> Iterator[Violation]:
 
 def the_battery_lasts(case: Case) -> Iterator[Violation]:
     """A battery's failsafe is bad where home could be reached after the reserve was."""
-    if not any(case.evidence.told(SceneEventKind.BATTERY)):
+    if not any(case.evidence.events(SceneEventKind.BATTERY)):
         return
     reserve = case.mission.battery_reserve * 100.0
-    told = (
+    statuses = (
         m for m in case.evidence.messages if m.name == "SYS_STATUS" and m.component == AUTOPILOT
     )
-    low = (m for m in told if 0 <= number(m.fields, "battery_remaining") <= reserve)
+    low = (m for m in statuses if 0 <= number(m.fields, "battery_remaining") <= reserve)
     low_s = next((m.time_s for m in low), math.inf)
     failsafes_s = (given.begin_s for given in case.given if given.by is Responsible.AUTOPILOT)
     failsafe_s = next(failsafes_s, math.inf)
@@ -192,28 +192,30 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     """Its lines and exit code say "landed at home", or that a pilot took over, where that is so."""
     evidence, end, code = case.evidence, end_of(case), case.evidence.exit_code
     text = "\n".join([line.text for line in evidence.lines] + [evidence.outcome])
-    taken_s = min((h.time_s for h in evidence.told(*_TAKEN)), default=math.inf)
+    taken_s = min((h.time_s for h in evidence.events(*_TAKEN)), default=math.inf)
     lied_to = _was_lied_to(case)
-    # A companion that is started anew while it lands leaves it to do so, and says that.
-    left = code == _REFUSED and len(list(evidence.told(SceneEventKind.STARTED))) > 1
-    # Disarmed by a station there is nothing to take over: the flight ends, and says why.
-    disarmed = any(evidence.told(SceneEventKind.DISARMED)) and "disarm" in text
+    # A companion that is started anew during a landing leaves it alone, and announces that.
+    left = code == _REFUSED and len(list(evidence.events(SceneEventKind.STARTED))) > 1
+    # Disarmed by a station there is nothing to take over: the flight ends with that reason.
+    disarmed = any(evidence.events(SceneEventKind.DISARMED)) and "disarm" in text
     # Stopped as it left the ground it settles there, and the flight has not begun.
     hopped = float(case.above_m.max()) < _HOP_M
-    over_s = max((h.time_s for h in evidence.told(SceneEventKind.ENDED)), default=math.inf)
+    over_s = max((h.time_s for h in evidence.events(SceneEventKind.ENDED)), default=math.inf)
     over = taken_s > over_s  # it had ended before that
-    # Taken and brought down in one silence: the landing that was asked for may have done it.
+    # Taken and brought down in one silence: the landing that was requested may have done it.
     down_s = float(case.time_s[np.flatnonzero(case.flying)[-1]]) if case.flying.any() else 0.0
-    heard = any(taken_s < m.time_s < down_s for m in evidence.heard)
-    unheard = bool(evidence.heard) and taken_s < down_s and not heard
+    received = any(taken_s < m.time_s < down_s for m in evidence.received)
+    unheard = bool(evidence.received) and taken_s < down_s and not received
     over |= unheard
     # A failsafe that acts between the touchdown and the disarming ends the flight, too.
     grounded = code == _OTHERWISE and any(
         each.failsafe and each.armed and each.landed and each.time_s > down_s
         for each in evidence.samples
     )
-    claimed_s = next((s.time_s for s in evidence.lines if _SAYS_PILOT.search(s.text)), math.inf)
-    end_s, landed = float(case.time_s[-1]), end in {End.LANDED, End.ASKED}
+    claimed_s = next(
+        (s.time_s for s in evidence.lines if _ANNOUNCES_PILOT.search(s.text)), math.inf
+    )
+    end_s, landed = float(case.time_s[-1]), end in {End.LANDED, End.ON_REQUEST}
     wrong = {
         f"exit 0, 'done': {end.value}": code == _DONE and not (landed or unheard),
         f"'{_LANDED}' was said: {end.value}": _LANDED in text and end is not End.LANDED,
@@ -230,18 +232,18 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
             end is End.FAILSAFE and code not in {_OTHERWISE, None} and not (lied_to or left or over)
         ),
     }
-    yield from (Violation(end_s, "told", words) for words, is_so in wrong.items() if is_so)
+    yield from (Violation(end_s, "told", text) for text, is_so in wrong.items() if is_so)
     if claimed_s < taken_s - _LAG_S and not lied_to:
         yield Violation(claimed_s, "told", "a pilot is said to have taken over, but none had")
 
 
 def _was_lied_to(case: Case) -> bool:
-    """Whether it let go just after a mode, or a failsafe, was heard that the vehicle was not in.
+    """Whether it released just after it received a mode, or failsafe, that was not the vehicle's.
 
-    Or that it was in no more: a message that comes at once tells no mode which was left by then.
+    Or no longer was: a message that comes at once shows no mode that had been left by then.
     """
     let_go_s = min(_hands_off_s(case), default=math.inf)
-    for message in case.evidence.heard:
+    for message in case.evidence.received:
         named = message.component == AUTOPILOT and message.name in {"HEARTBEAT", "CURRENT_MODE"}
         if not (named and 0.0 <= let_go_s - message.time_s < _STALE_S):
             continue
@@ -259,25 +261,25 @@ def _was_lied_to(case: Case) -> bool:
     return False
 
 
-def what_went_wrong_is_said(case: Case) -> Iterator[Violation]:
-    """A line says of the fault what its row wants to have said, once it has begun to show."""
+def a_fault_is_announced(case: Case) -> Iterator[Violation]:
+    """A line announces the fault as its row demands, once it has begun to show."""
     evidence, row = case.evidence, case.row
-    if not row.says or not case.flying.any():
+    if not row.announcement or not case.flying.any():
         return
-    # What was said before it went wrong, as by the pre-flight card, is not said of it.
+    # Lines from before the fault, such as the pre-flight card's, do not count.
     flies_s = float(case.time_s[int(np.argmax(case.flying))])
-    begun_s = min((h.time_s for h in evidence.told(SceneEventKind.FAULT)), default=flies_s)
+    begun_s = min((h.time_s for h in evidence.events(SceneEventKind.FAULT)), default=flies_s)
     if row.shows_s and _cruised_s(case, begun_s) < row.shows_s:
         return
-    since = [text for time_s, text in case.said if time_s >= begun_s]
-    if not re.search(row.says, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
-        text = f"nothing was said of it: no line has '{row.says}'"
+    since = [text for time_s, text in case.texts if time_s >= begun_s]
+    if not re.search(row.announcement, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
+        text = f"nothing was said of it: no line has '{row.announcement}'"
         yield Violation(float(case.time_s[-1]), "told", text)
 
 
 def _cruised_s(case: Case, since_s: float) -> float:
     """For how long it flew level from then on, until an offset was taken back."""
-    offs_s = [h.time_s for h in case.evidence.told(SceneEventKind.FAULT) if h.value == "off"]
+    offs_s = [h.time_s for h in case.evidence.events(SceneEventKind.FAULT) if h.value == "off"]
     until_s = offs_s[1] if len(offs_s) > 1 else math.inf
     level = case.flying & ~case.lands
     level &= case.above_m > _CRUISES * case.mission.altitudes_m[0]
@@ -297,7 +299,7 @@ def _rules_of(module: ModuleType) -> list[Rule]:
 
 
 _MODULES: Final = (
-    *(space, plan, commands, authority, inputs, heights, promises, duties, robots),
+    *(space, plan, commands, authority, inputs, heights, announcements, reactions, robots),
     *(wire, files, obligations),
 )
 RULES: Final = tuple(chain.from_iterable(map(_rules_of, (*_MODULES, sys.modules[__name__]))))
@@ -319,7 +321,7 @@ def judge(evidence: Evidence) -> Verdict:
         tuple(sorted(found, key=lambda violation: violation.time_s)),
         _closest_m(case),
         float(np.diff(case.time_s)[case.flying[:-1]].sum()),
-        "; ".join(line.text for line in evidence.lines)[-_LAST_WORDS:],
+        "; ".join(line.text for line in evidence.lines)[-_LAST_CHARACTERS:],
         evidence.pace,
     )
 

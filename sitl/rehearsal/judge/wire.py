@@ -24,7 +24,7 @@ from sitl.rehearsal.judge.evidence import (
     command_of,
     number,
 )
-from sitl.rehearsal.judge.inputs import news
+from sitl.rehearsal.judge.inputs import updates
 from sitl.rehearsal.judge.mission_reader import RawMission
 from sitl.rehearsal.judge.space import room_m
 
@@ -47,8 +47,8 @@ _HARDEST_M_S2: Final = 4.0
 """None brakes harder than that: PX4 does so at 3 m/s2."""
 
 _BESIDE_HOME_M: Final = 3.0
-_ASKED_S, _AGAIN_S = 2.0, 20.0
-"""A landing follows a request within the one; a landing that is told again within the other."""
+_REQUESTED_S, _AGAIN_S = 2.0, 20.0
+"""A landing follows a request within the one; a repeated landing within the other."""
 
 _LEVEL_M: Final = 2.0
 """So much lower than the layer of another UAV it is below that."""
@@ -69,11 +69,11 @@ _WIND_S: Final = 3.0
 
 def legs_leave_on_fresh_positions(case: Case) -> Iterator[Violation]:
     """No leg leaves where no position has come for longer than a leg can be checked with."""
-    heard = case.evidence.heard
-    if not heard:
+    received = case.evidence.received
+    if not received:
         return
-    mine = [at for at, message in enumerate(heard) if message.name == "GLOBAL_POSITION_INT"]
-    times_s = [heard[at].time_s for at in news(heard, mine)]
+    mine = [at for at, message in enumerate(received) if message.name == "GLOBAL_POSITION_INT"]
+    times_s = [received[at].time_s for at in updates(received, mine)]
     limit_s = _OLD_S + _LATE_S + max(case.evidence.reaction_s, 0.0)
     for message, _ in case.legs:
         at_s = message.time_s
@@ -105,7 +105,7 @@ def places_keep_the_margin(case: Case) -> Iterator[Violation]:
 
 
 def climbs_begin_where_it_comes_to_rest(case: Case) -> Iterator[Violation]:
-    """A vehicle that is low, and moves, is told to climb where it may come to rest."""
+    """A vehicle that is low, and moves, is commanded to climb where it may come to rest."""
     for message, target in case.legs:
         index = case.at(message.time_s)
         mission = case.version_at(message.time_s).mission
@@ -131,7 +131,7 @@ def climbs_begin_where_it_comes_to_rest(case: Case) -> Iterator[Violation]:
 
 
 def it_lands_where_nothing_is_below(case: Case) -> Iterator[Violation]:
-    """It is told to land at home, or as it was just asked; into no zone, no other's layer."""
+    """It is commanded to land at home, or as just requested; into no zone, no other's layer."""
     last_s = -math.inf
     for message in case.commands:
         if command_of(message) != LAND:
@@ -148,13 +148,13 @@ def it_lands_where_nothing_is_below(case: Case) -> Iterator[Violation]:
 
 
 def _landing(case: Case, message: WireMessage, mission: RawMission) -> Iterator[Violation]:
-    """Of a vehicle that is told to land away from home."""
+    """Of a vehicle that is commanded to land away from home."""
     at_s, index = message.time_s, case.at(message.time_s)
-    slack_s = _ASKED_S + case.row.notice_s + case.evidence.reaction_s
-    requests = case.evidence.told(SceneEventKind.REQUEST)
-    asked = any(h.value == "land" and 0.0 <= at_s - h.time_s <= slack_s for h in requests)
+    slack_s = _REQUESTED_S + case.row.notice_s + case.evidence.reaction_s
+    requests = case.evidence.events(SceneEventKind.REQUEST)
+    requested = any(h.value == "land" and 0.0 <= at_s - h.time_s <= slack_s for h in requests)
     away_m = case.from_home_m(index)
-    if not asked:
+    if not requested:
         yield Violation(at_s, "landing", f"told to land {away_m:.1f} m from home, unasked")
     here, height_m = shapely.Point(case.place(index)), float(case.above_m[index]) + case.ground_m
     for area in mission.areas:
@@ -236,16 +236,16 @@ def _is_blocked(mission: RawMission, place: tuple[float, float]) -> bool:
     )
 
 
-def the_wind_is_told_as_it_is(case: Case) -> Iterator[Violation]:
-    """How strong it says that the wind is, and from where, is what the autopilot says."""
-    heard = case.heard("WIND_COV")
-    times_s = [message.time_s for message in heard]
-    for at_s, text in ((s.time_s, s.text) for s in case.evidence.lines) if heard else ():
+def the_wind_is_announced_as_measured(case: Case) -> Iterator[Violation]:
+    """The wind that it announces, its speed and direction, is the autopilot's."""
+    received = case.received("WIND_COV")
+    times_s = [message.time_s for message in received]
+    for at_s, text in ((s.time_s, s.text) for s in case.evidence.lines) if received else ():
         found = _WIND.search(text)
         known = bisect_right(times_s, at_s)
         if found is None or not known or at_s - times_s[known - 1] > _WIND_S:
             continue
-        about = [m.fields for m in heard[max(known - 4, 0) : known + 1]]
+        about = [m.fields for m in received[max(known - 4, 0) : known + 1]]
         north_m_s, east_m_s = (
             sum(number(fields, axis) for fields in about) / len(about)
             for axis in ("wind_x", "wind_y")
@@ -256,8 +256,8 @@ def the_wind_is_told_as_it_is(case: Case) -> Iterator[Violation]:
             yield Violation(at_s, "told", wrong)
             return
         from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360.0
-        told_deg = _POINTS.index(found[2]) * 45.0
-        off_deg = abs((from_deg - told_deg + 180.0) % 360.0 - 180.0)
+        announced_deg = _POINTS.index(found[2]) * 45.0
+        off_deg = abs((from_deg - announced_deg + 180.0) % 360.0 - 180.0)
         if strong_m_s > _CALM_M_S and off_deg > _WIND_DEG:
             wrong = f"a wind from {found[2]} is told, it comes from {from_deg:.0f} degrees"
             yield Violation(at_s, "told", wrong)

@@ -27,12 +27,12 @@ from sitl.rehearsal import (
     carry_out,
     false_words,
 )
+from sitl.rehearsal.fakes import Station, StreamFault, intrusion
 from sitl.rehearsal.judge import Evidence, SceneEvent, SceneEventKind
 from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WireScene
-from sitl.rehearsal.stand_ins import Station, StreamFault, intrusion
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200
@@ -140,7 +140,7 @@ class RealFlight:
             self._companion.close()
         seen = self._seen
         seen.lines += self._companion.lines
-        taken = any(seen.told(SceneEventKind.PILOT, SceneEventKind.DISARMED))
+        taken = any(seen.events(SceneEventKind.PILOT, SceneEventKind.DISARMED))
         nothing = self._pending or (self.scene.fault in _NEED and not taken)  # has gone wrong
         return seen.evidence(
             scene=f"{self.scene}{' on PX4' if self.px4 else ' over MAVLink'}",
@@ -153,7 +153,7 @@ class RealFlight:
             map_files={name: Path(name).read_text("utf-8") for name in self._file.map_files},
             reaction_s=1.0 + _REACTS_S * self.speed,
             speed=self.speed,
-            tells_meetings=False,
+            knows_meetings=False,
             pace=self._relay.pace(),
         )
 
@@ -190,12 +190,12 @@ class RealFlight:
 
     def _is_killed(self) -> bool:
         """Whether the companion was killed and has not been started since."""
-        lives = [*self._seen.told(SceneEventKind.KILLED, SceneEventKind.STARTED)]
+        lives = [*self._seen.events(SceneEventKind.KILLED, SceneEventKind.STARTED)]
         return bool(lives) and lives[-1].what is SceneEventKind.KILLED
 
     def _is_left_alone(self) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
-        told = list(self._seen.told(SceneEventKind.PILOT, SceneEventKind.REQUEST))
+        told = list(self._seen.events(SceneEventKind.PILOT, SceneEventKind.REQUEST))
         taken = bool(told) and told[-1].what is SceneEventKind.PILOT  # and not given back since
         return not self._agenda.left and (taken or "-> PASSIVE" in self._companion.last)
 

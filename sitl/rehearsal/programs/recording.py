@@ -61,7 +61,7 @@ class Recording(FlightRecord):
         failsafe: Whether one acts, as it said last.
         ground_m: Where it stood first.
         above_m: Above that.
-        heard_s: The vehicle's clock in the newest position that reached the companion; infinite
+        received_s: The vehicle's clock in the newest position that reached the companion; infinite
             before the first.
     """
 
@@ -72,7 +72,7 @@ class Recording(FlightRecord):
     failsafe: bool = False
     ground_m: float | None = None
     above_m: float = 0.0
-    heard_s: float = math.inf
+    received_s: float = math.inf
     _before_s: float = 0.0  # its last start, simulated
     _told: bool = False  # the truth's link has HEARTBEATs: those of a busy link come late
 
@@ -95,9 +95,9 @@ class Recording(FlightRecord):
         """Note what reaches the companion."""
         for frame in frames(datagram):
             if frame.name in _INPUTS and frame.component_id == AUTOPILOT:
-                self.heard.append(self._noted(frame, delivered=True))
+                self.received.append(self._noted(frame, delivered=True))
                 if frame.name == "GLOBAL_POSITION_INT":
-                    self.heard_s = self.heard[-1].fields["time_boot_ms"] / 1e3
+                    self.received_s = self.received[-1].fields["time_boot_ms"] / 1e3
 
     def see(self, frame: Frame) -> None:
         """Note a frame of the truth's link."""

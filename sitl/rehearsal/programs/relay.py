@@ -16,9 +16,9 @@ from typing import Any, Final, Self
 
 from sitl.mavlink import Frame, frames
 from sitl.process import PaceServer
+from sitl.rehearsal.fakes import Station, StreamFault
 from sitl.rehearsal.judge import WireMessage
 from sitl.rehearsal.programs.recording import ITEM_FIELDS, MISSION, Recording
-from sitl.rehearsal.stand_ins import Station, StreamFault
 
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
@@ -199,7 +199,7 @@ class LossyRelay:
         clock_s = self.recording.clock_s
         if clock_s == 0.0:
             return  # it has not said yet where its clock is
-        limit = self._pace.limit(clock_s, wall_s, self.recording.heard_s)
+        limit = self._pace.limit(clock_s, wall_s, self.recording.received_s)
         self._flown = self._flown or self.recording.armed
         speed = limit.most_speed if self._flown else _READY_SPEED
         granted_s, since_s = self._granted

@@ -32,7 +32,7 @@ from sitl.rehearsal import (
     steps,
     uniform,
 )
-from sitl.rehearsal.stand_ins import StreamFault
+from sitl.rehearsal.fakes import StreamFault
 
 FLIGHT_S: Final = 80.0
 """About so long after arming such a flight is over; things happen at any time of it."""

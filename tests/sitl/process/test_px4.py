@@ -166,7 +166,7 @@ class TestFinding:
 
     def test_a_container_runtime_that_may_not_be_used(self, tmp_path):
         (tmp_path / "docker").symlink_to("/bin/false")
-        with pytest.raises(NoPx4Error, match=r"docker lists no images \(no words\)"):
+        with pytest.raises(NoPx4Error, match=r"docker lists no images \(no message\)"):
             find_px4("docker", {"PATH": str(tmp_path)})
 
     @pytest.mark.parametrize("asked", [None, "docker", "/no/such/place"])

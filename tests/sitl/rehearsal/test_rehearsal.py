@@ -156,13 +156,13 @@ class Calendar(World):
 
 
 def test_a_simulated_loop_waits_without_waiting():
-    heard = asyncio.Event()
-    loop = SimulatedLoop(Calendar(3600.0, heard.set))
+    received = asyncio.Event()
+    loop = SimulatedLoop(Calendar(3600.0, received.set))
 
     async def script():
         await asyncio.sleep(1800.0)
         before_s = loop.time()
-        await heard.wait()
+        await received.wait()
         assert await asyncio.to_thread(str, 1) == "1"
         return before_s, loop.time()
 

@@ -8,7 +8,7 @@ import asyncio
 import pytest
 
 from air_router.vehicle.vehicle import FlightMode, Telemetry
-from sitl.rehearsal.stand_ins.stations import FOREIGN, foreign_words
+from sitl.rehearsal.fakes.stations import FOREIGN, foreign_words
 from tests.system.orders.verbs import ORDERS, follows, hold
 
 pytestmark = pytest.mark.xdist_group("orders")

@@ -317,7 +317,7 @@ def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, h
         latitude, longitude = FRAME.degrees(*to)
         fields = {"lat_int": round(latitude * 1e7), "lon_int": round(longitude * 1e7)}
         told.append(WireMessage(time_s, 1, 1, 0, name, fields))
-    found = kinds(evidence(more=ours_s, happenings=diverted, heard=tuple(told)))
+    found = kinds(evidence(more=ours_s, happenings=diverted, received=tuple(told)))
     assert ("authority" in found) == wrong
 
 
@@ -338,8 +338,8 @@ def test_a_fence_that_did_not_get_on_board_is_reported(said):
 def test_no_command_is_repeated_over_a_choice():
     twice = [command(29.0, 176, param2=4.0), command(32.0, 176, param2=4.0)]
     assert "repeat" in kinds(evidence(more=[*twice, heart(29.5)], happenings=PILOT, code=6))
-    heard = [*twice, heart(31.5)]
-    assert "repeat" not in kinds(evidence(more=heard, happenings=PILOT, code=6))
+    received = [*twice, heart(31.5)]
+    assert "repeat" not in kinds(evidence(more=received, happenings=PILOT, code=6))
 
 
 def test_no_command_leaves_twice_at_once():

@@ -74,7 +74,7 @@ def diverted(at_s, *, recent=False, flown=None, moves_m=40):
         told.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
     more = [command(at_s, 176, param2=4.0, param3=3.0)]
     more += [command(26.0, 176, param2=4.0, param3=3.0)] if recent else []
-    texts = found(evidence(flown, more=more, happenings=event, heard=tuple(told)))
+    texts = found(evidence(flown, more=more, happenings=event, received=tuple(told)))
     return [text for text in texts if "over another" in text]
 
 

@@ -31,7 +31,7 @@ LONG = track(ROUND * 5)
 
 
 @lru_cache(maxsize=8)
-def heard(states):
+def received(states):
     """What a vehicle says five times a second: where it is, and that all is well."""
     said = []
     places = zip(*FRAME.degrees(*np.array([state[:2] for state in states[::4]]).T), strict=True)
@@ -60,8 +60,8 @@ def heard(states):
 
 def flight(states=FLOWN, spoil=lambda message: message, **others):
     """A flight of which every message that was heard is spoilt; None: it was not."""
-    told = tuple(m for m in map(spoil, heard(tuple(states))) if m is not None)
-    return dataclasses.replace(evidence(states, **others), heard=told)
+    told = tuple(m for m in map(spoil, received(tuple(states))) if m is not None)
+    return dataclasses.replace(evidence(states, **others), received=told)
 
 
 def between(begin_s, end_s, *names, **fields):

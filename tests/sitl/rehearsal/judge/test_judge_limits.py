@@ -61,7 +61,7 @@ def test_what_no_mode_shows_is_known_a_second_after_the_next_heartbeat(at_s, wro
         told.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
     diverted = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
     stop = command(at_s, 176, param2=4.0, param3=3.0)
-    flown = evidence(more=[stop, *AFTER], happenings=diverted, heard=tuple(told), code=6)
+    flown = evidence(more=[stop, *AFTER], happenings=diverted, received=tuple(told), code=6)
     assert ("while the vehicle is the pilot's" in texts(flown)) == wrong
 
 

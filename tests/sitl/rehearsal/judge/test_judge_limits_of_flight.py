@@ -81,7 +81,7 @@ def test_what_is_received_a_tenth_of_a_second_later_was_sent_after_it(received_s
     stored = (SceneEvent(30.0, SceneEventKind.LIST_STORED, "fence"),)
     told = [WireMessage(s, 1, 1, 0, "MISSION_CURRENT", {"seq": 1}) for s in (received_s, 35.0)]
     begins = ours(33.0, "MISSION_COUNT", count=4, mission_type=2)
-    flown = evidence(more=[begins], happenings=stored, heard=tuple(told))
+    flown = evidence(more=[begins], happenings=stored, received=tuple(told))
     assert ("though a station stored its fence" in texts(flown)) == wrong
 
 
@@ -213,8 +213,8 @@ def test_a_vehicle_is_below_a_layer_that_is_two_metres_above_it(height_m, wrong)
 )
 def test_the_wind_is_told_to_a_metre_and_a_half_a_second(east_m_s, north_m_s, until_s, said, wrong):
     fields = {"wind_x": north_m_s, "wind_y": east_m_s}
-    heard = [WireMessage(until_s - n / 2, 1, 1, 0, "WIND_COV", fields) for n in range(9, -1, -1)]
-    flown = evidence(said=[(55.0, f"INIT   |  3 s left | wind {said}")], heard=tuple(heard))
+    received = [WireMessage(until_s - n / 2, 1, 1, 0, "WIND_COV", fields) for n in range(9, -1, -1)]
+    flown = evidence(said=[(55.0, f"INIT   |  3 s left | wind {said}")], received=tuple(received))
     found = texts(flown)
     assert (" is told, it " in found) == wrong
 
@@ -266,7 +266,7 @@ def test_a_vehicle_cruises_at_nine_tenths_of_its_altitude(height_m, wrong):
     assert ("nothing was said of it" in texts(flown)) == wrong
 
 
-@pytest.mark.parametrize(("later_s", "end"), [(0.6, End.ASKED), (2.0, End.ELSEWHERE)])
+@pytest.mark.parametrize(("later_s", "end"), [(0.6, End.ON_REQUEST), (2.0, End.ELSEWHERE)])
 def test_an_answer_follows_a_request_to_land_within_a_second(later_s, end):
     states = track(((0, 0), (60, 0), (60, 0), (60, 0)))
     said = [(32.8, "32.8 s  the operator: accepted: it lands where it hovers")]

@@ -107,9 +107,9 @@ def test_contact_begins_it_and_exchange_ends_it(states, happenings, words):
 )
 def test_it_waits_where_the_robot_said_that_it_is_or_at_a_waypoint(told, good):
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
-    heard = [synced(50.0, robot="europa", told=told)]
+    received = [synced(50.0, robot="europa", told=told)]
     arrives = [(75.0, "at the search position of io")]
-    assert bool(found(*waits, happenings=heard, also=arrives)) is not good
+    assert bool(found(*waits, happenings=received, also=arrives)) is not good
 
 
 @pytest.mark.parametrize(("lower_m", "good"), [(90.0, False), (20.0, True)])
@@ -119,9 +119,10 @@ def test_where_it_waits_only_what_applies_there_keeps_it_from_a_robot(lower_m, g
     zone = f"  - {{name: sky, {circle}, altitude: {{lower_m: {lower_m}}}}}\n"
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
     told = [pose("io", (HERE[0] - 40.0, HERE[1]))]
-    heard = [synced(50.0, robot="europa", told=told)]
+    received = [synced(50.0, robot="europa", told=told)]
     arrives = [(75.0, "at the search position of io")]
-    assert bool(found(*waits, happenings=heard, also=arrives, text=TEXT + zone + MORE)) is not good
+    texts = found(*waits, happenings=received, also=arrives, text=TEXT + zone + MORE)
+    assert bool(texts) is not good
 
 
 @pytest.mark.parametrize(("started_s", "good"), [(40.0, False), (55.0, True)])
@@ -129,9 +130,9 @@ def test_who_was_started_since_knows_not_what_was_said_before(started_s, good):
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
     told = [pose("io", (HERE[0] - 40.0, HERE[1]))]
     started = SceneEvent(started_s, SceneEventKind.STARTED)
-    heard = [started, synced(50.0, robot="europa", told=told)]
+    received = [started, synced(50.0, robot="europa", told=told)]
     arrives = [(75.0, "at the search position of io")]
-    texts = found(*waits, happenings=heard, also=arrives)
+    texts = found(*waits, happenings=received, also=arrives)
     assert any("where it said" in text for text in texts) is not good
 
 
@@ -146,9 +147,9 @@ def test_no_robot_sends_it_about_many_times_a_second(every_s, bad):
 def test_a_place_that_a_robot_cannot_have_driven_to_is_none_to_wait_at():
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
     jumps = [pose("io"), pose("io", (HERE[0] - 60.0, HERE[1]), stamp_s=2.0)]
-    heard = [synced(50.0, robot="europa", told=jumps)]
+    received = [synced(50.0, robot="europa", told=jumps)]
     arrives = [(75.0, "at the search position of io")]
-    assert not found(*waits, happenings=heard, also=arrives)
+    assert not found(*waits, happenings=received, also=arrives)
 
 
 WAITS = ((60.0, "SEARCH"), (85.0, "EXPL"))
@@ -195,8 +196,8 @@ def test_contact_begins_within_a_second_of_what_a_robot_says(later_s, good):
 
 @pytest.mark.parametrize(("away_m", "good"), [(5e3, True), (20e3, False)])
 def test_no_robot_is_farther_away_than_ten_kilometres(away_m, good):
-    heard = synced(75.0, told=[pose("io", (0, away_m))])
-    texts = found(*MEETS, happenings=(heard, *BOTH[1:]))
+    received = synced(75.0, told=[pose("io", (0, away_m))])
+    texts = found(*MEETS, happenings=(received, *BOTH[1:]))
     assert any("COMM begins" in text for text in texts) is not good
 
 

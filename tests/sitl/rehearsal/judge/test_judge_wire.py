@@ -121,8 +121,8 @@ def test_the_wind_is_told_as_it_is(said, wrong):
         for n in range(20)
     ]
     flown = flight(said=[(55.0, f"INIT   |  3 s left | {said}")])
-    heard = sorted((*flown.heard, *blows), key=lambda m: m.time_s)
-    assert found(dataclasses.replace(flown, heard=heard)) == wrong
+    received = sorted((*flown.received, *blows), key=lambda m: m.time_s)
+    assert found(dataclasses.replace(flown, received=received)) == wrong
     assert found(flown) == set()  # nothing is known of it
 
 

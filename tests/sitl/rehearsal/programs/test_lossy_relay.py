@@ -8,13 +8,13 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from sitl.px4sim.state import FlightMode
+from sitl.rehearsal.fakes.link import StreamFault
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
 from sitl.rehearsal.programs.processes import ProcessPause
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WIRE, wire_scenes
-from sitl.rehearsal.stand_ins.link import StreamFault
 
 LIMIT_S = 60.0
 POSITION = "GLOBAL_POSITION_INT"
@@ -105,7 +105,7 @@ def test_streams_are_lost_frozen_and_late_each_alone(ends):
         assert passed(late) == [heartbeat(armed=False)]
         assert companion.recvfrom(4096)[0] == position(1)
         heights_mm = [
-            m.fields["relative_alt"] for m in relay.recording.heard if m.name != "HEARTBEAT"
+            m.fields["relative_alt"] for m in relay.recording.received if m.name != "HEARTBEAT"
         ]
         assert heights_mm == [1000, 7000, 7000, 1000]  # as they reached it
         relay.weather = Weather(silent=True)

@@ -1,4 +1,4 @@
-"""What the companion has to do: about news, about requests, and with what it announces."""
+"""Rules of the companion's reactions: to incidents and requests, and its announcements."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ _ROUNDABOUT: Final = 4.0
 """How much longer than straight the way home may be where the judge knows none."""
 
 _SILENT_S: Final = 5.0
-"""A companion that hears nothing for so long on the way brings nothing home."""
+"""A companion that receives nothing for so long on the way brings nothing home."""
 
 _SECOND: Final = 25
 """Samples of a second, about."""
 
-_ANSWER: Final = re.compile(
+_REPLY: Final = re.compile(
     r"the operator: (accepted|refused): (?!a newer request came|its time was)(.*)$"
     r"|points from the operator (wait) until the vehicle flies on"
 )
-_ANSWERED_S: Final = 1.0
+_REPLY_S: Final = 1.0
 _NO_MORE: Final = re.compile("already|as soon as|once the changed|before it begins|on the ground")
-"""An answer that says so promises nothing more, or not yet."""
+"""A reply that matches commits to nothing more, or not yet."""
 
 _TURNS_S: Final = 1.0
 """Within that time a hold is sent."""
@@ -65,7 +65,7 @@ _CLIMBS_S, _CLIMBS_M_S, _LEVEL_M = 6.0, 0.8, 1.5
 """What a climb or descent takes, at least so fast, and how near it ends to where it was sent."""
 
 _HOLDS_S: Final = 12.0
-"""For so long a hold is looked at: later the mission's own time may be over."""
+"""For so long a hold is checked: later the mission's own time may be over."""
 
 _SETS_OUT_S: Final = 5.0
 """Within that time the first motion of a way home is sent: one may be waited for that was lost."""
@@ -99,7 +99,7 @@ _SEVERITIES: Final = {"": 6, "WARNING": 4, "ALARM": 2}
 _SENT_S: Final = 1.0
 """It is sent so long before or after the line, at most."""
 
-_DEEP_M, _MOVED_M, _STANDS_S, _TOLD_S = 0.5, 4.0, 25.0, 12.0
+_DEEP_M, _MOVED_M, _STANDS_S, _ALARMED_S = 0.5, 4.0, 25.0, 12.0
 """So deep in a zone, and so little moved in so long, a vehicle hovers there; an alarm that was
 given so long before counts."""
 
@@ -110,8 +110,8 @@ _BOARD_S, _LEFT_S = 45.0, 5.0
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 
 
-class News(NamedTuple):
-    """Something that a companion has to do something about: since when, and what, in words."""
+class Incident(NamedTuple):
+    """Something that a companion has to react to: since when, and its description."""
 
     began_s: float
     what: str
@@ -120,63 +120,63 @@ class News(NamedTuple):
         return f"{self.what} at {self.began_s:.1f} s"
 
 
-class Answer(NamedTuple):
-    """What was answered: "accepted" or "refused" (empty: it waits), and in which words."""
+class Reply(NamedTuple):
+    """The reply to a request: "accepted" or "refused" (empty: it waits), and its text."""
 
     what: str
-    words: str
+    text: str
 
 
-def says(
-    case: Case, news: News, words: str, due_s: float, before_s: float = 0.1
+def announces(
+    case: Case, incident: Incident, pattern: str, due_s: float, before_s: float = 0.1
 ) -> Iterator[Violation]:
-    """A line that matches `words` has come by then, or so long before it began."""
-    if not case.has_said(words, news.began_s - before_s, due_s):
-        yield Violation(due_s, "told", f"not a word about it: {news}")
+    """A line that matches `pattern` has come by then, or so long before it began."""
+    if not case.has_announced(pattern, incident.began_s - before_s, due_s):
+        yield Violation(due_s, "told", f"not a word about it: {incident}")
 
 
 def stands(
-    case: Case, news: News, span: tuple[float, float], kind: str = "blind"
+    case: Case, incident: Incident, span: tuple[float, float], kind: str = "blind"
 ) -> Iterator[Violation]:
     """Within the span no leg begins, and some seconds later the vehicle stands."""
-    (from_s, until_s), began_s = span, news.began_s
-    if from_s >= until_s or not case.answers(began_s, from_s):
+    (from_s, until_s), began_s = span, incident.began_s
+    if from_s >= until_s or not case.could_react(began_s, from_s):
         return
     for message, _ in case.legs:
-        if from_s <= message.time_s <= until_s and case.answers(began_s, message.time_s):
-            yield Violation(message.time_s, kind, f"a leg, though {news}")
+        if from_s <= message.time_s <= until_s and case.could_react(began_s, message.time_s):
+            yield Violation(message.time_s, kind, f"a leg, though {incident}")
             break
     for index in range(case.at(from_s + _BRAKED_S), case.at(until_s), _SECOND):
         after = min(index + _SECOND, len(case.time_s) - 1)
         speed_m_s = case.speed_m_s(index, after)
         flies_on = speed_m_s > case.mission.speed_m_s / 2.0
         if flies_on and case.cruises(index) and case.cruises(after):
-            text = f"flies on at {speed_m_s:.1f} m/s, though {news}"
+            text = f"flies on at {speed_m_s:.1f} m/s, though {incident}"
             yield Violation(float(case.time_s[after]), kind, text)
             return
 
 
-def stops(case: Case, news: News) -> Iterator[Violation]:
+def stops(case: Case, incident: Incident) -> Iterator[Violation]:
     """Some seconds later the vehicle has slowed down, if only for a moment."""
-    due_s = news.began_s + case.reacts_s + _BRAKED_S
-    first, last = case.at(news.began_s), case.at(due_s)
+    due_s = incident.began_s + case.reacts_s + _BRAKED_S
+    first, last = case.at(incident.began_s), case.at(due_s)
     cruises = all(map(case.cruises, range(first, last + 1)))
-    if not cruises or not case.answers(news.began_s, due_s):
+    if not cruises or not case.could_react(incident.began_s, due_s):
         return
     parts = range(first, last - _SECOND // 2, _SECOND // 5)
     slowest_m_s = min(case.speed_m_s(index, index + _SECOND // 2) for index in parts)
     if slowest_m_s > case.mission.speed_m_s / 2.0:
-        yield Violation(due_s, "held", f"at {slowest_m_s:.1f} m/s all the time, though {news}")
+        yield Violation(due_s, "held", f"at {slowest_m_s:.1f} m/s all the time, though {incident}")
 
 
 def comes_home(
-    case: Case, news: News, since_s: float, lost: list[tuple[float, float]]
+    case: Case, incident: Incident, since_s: float, lost: list[tuple[float, float]]
 ) -> Iterator[Violation]:
     """From then on it flies home: within the time that the way takes it begins to land.
 
     Args:
         case: The flight.
-        news: Why.
+        incident: Why.
         since_s: When the way home begins; infinite: never.
         lost: Times without position or mode: home is not flown then.
     """
@@ -191,15 +191,15 @@ def comes_home(
             return
         due_s = _home_by_s(case, since_s)
     blind = any(begin_s < due_s and end_s > since_s for begin_s, end_s in lost)
-    heard_s = [m.time_s for m in case.evidence.heard if since_s < m.time_s < due_s]
-    silent_s = max((b - a for a, b in pairwise((since_s, *heard_s, due_s))), default=0.0)
-    silent = bool(case.evidence.heard) and silent_s > _SILENT_S
-    if blind or silent or not case.answers(since_s, due_s):
+    received_s = [m.time_s for m in case.evidence.received if since_s < m.time_s < due_s]
+    silent_s = max((b - a for a, b in pairwise((since_s, *received_s, due_s))), default=0.0)
+    silent = bool(case.evidence.received) and silent_s > _SILENT_S
+    if blind or silent or not case.could_react(since_s, due_s):
         return
     if not leads_home(case.version_at(due_s).mission, case.place(case.at(due_s))):
-        return  # it hovers, and says so
+        return  # it hovers, and announces that
     if all(map(case.cruises, range(case.at(since_s), case.at(due_s)))):
-        text = f"did not land within {due_s - since_s:.0f} s, though {news.what}"
+        text = f"did not land within {due_s - since_s:.0f} s, though {incident.what}"
         yield Violation(due_s, "home", text)
 
 
@@ -215,10 +215,10 @@ def _home_by_s(case: Case, since_s: float) -> float:
 
 def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
     """What followed an accepted "hold", "home", "goto" or "altitude", until the next request."""
-    requests = list(answered(case))
+    requests = list(requests_of(case))
     ends_s = [*(request.time_s for request, _ in requests), float(case.time_s[-1])]
-    for (request, answer), until_s in zip(requests, ends_s[1:], strict=True):
-        verb = str(request.value).split()[0] if answer and _promises(answer) else ""
+    for (request, reply), until_s in zip(requests, ends_s[1:], strict=True):
+        verb = str(request.value).split()[0] if reply and _commits(reply) else ""
         if verb == "hold":
             yield from _holds(case, request.time_s, until_s)
         elif verb == "home" or (verb == "goto" and is_far(case, request)):
@@ -227,56 +227,61 @@ def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
             yield from _comes_to(case, request, until_s)
 
 
-def answered(case: Case) -> Iterator[tuple[SceneEvent, Answer | None]]:
-    """Every request with what the operator was answered at once, in the same order."""
-    answers = [(at_s, m) for at_s, text in case.said if (m := _ANSWER.search(text))]
-    for request in case.evidence.told(SceneEventKind.REQUEST):
-        asked_s = request.time_s
-        while answers and answers[0][0] < asked_s:
-            answers.pop(0)  # of one that waited
-        own = bool(answers) and answers[0][0] <= asked_s + _ANSWERED_S * case.evidence.speed
-        found = answers.pop(0)[1] if own else None
-        yield request, Answer(found[1] or "", found[2] or "") if found else None
+def requests_of(case: Case) -> Iterator[tuple[SceneEvent, Reply | None]]:
+    """Every request with the reply that the operator received at once, in the same order."""
+    replies = [(at_s, m) for at_s, text in case.texts if (m := _REPLY.search(text))]
+    for request in case.evidence.events(SceneEventKind.REQUEST):
+        requested_s = request.time_s
+        while replies and replies[0][0] < requested_s:
+            replies.pop(0)  # of one that waited
+        own = bool(replies) and replies[0][0] <= requested_s + _REPLY_S * case.evidence.speed
+        found = replies.pop(0)[1] if own else None
+        yield request, Reply(found[1] or "", found[2] or "") if found else None
 
 
-def _promises(answer: Answer) -> bool:
-    """Whether the companion promised to do it now."""
-    return answer.what == "accepted" and not _NO_MORE.search(answer.words)
+def _commits(reply: Reply) -> bool:
+    """Whether the companion committed itself to do it now."""
+    return reply.what == "accepted" and not _NO_MORE.search(reply.text)
 
 
-def _holds(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
-    until_s = min(_ends_s(case, asked_s, until_s), asked_s + _HOLDS_S) - 0.1
-    from_s = asked_s + _TURNS_S + case.row.notice_s
-    yield from stands(case, News(asked_s, "a hold was accepted"), (from_s, until_s), "request")
+def _holds(case: Case, requested_s: float, until_s: float) -> Iterator[Violation]:
+    until_s = min(_ends_s(case, requested_s, until_s), requested_s + _HOLDS_S) - 0.1
+    from_s = requested_s + _TURNS_S + case.row.notice_s
+    yield from stands(
+        case, Incident(requested_s, "a hold was accepted"), (from_s, until_s), "request"
+    )
 
 
-def _ends_s(case: Case, asked_s: float, until_s: float) -> float:
-    """When something else ended what was asked for, the next request at the latest."""
-    ends = (at_s for at_s, text in case.said if at_s > asked_s and _ENDS.search(text))
+def _ends_s(case: Case, requested_s: float, until_s: float) -> float:
+    """When something else ended the request, the next request at the latest."""
+    ends = (at_s for at_s, text in case.texts if at_s > requested_s and _ENDS.search(text))
     return min(until_s, next(ends, until_s))
 
 
-def _sets_out(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
-    due_s = asked_s + _SETS_OUT_S + case.row.notice_s
-    if until_s < due_s or case.state(asked_s - 0.01) not in _FLIES:
+def _sets_out(case: Case, requested_s: float, until_s: float) -> Iterator[Violation]:
+    due_s = requested_s + _SETS_OUT_S + case.row.notice_s
+    if until_s < due_s or case.state(requested_s - 0.01) not in _FLIES:
         return
-    sent = any(asked_s <= m.time_s <= due_s for m in case.commands if is_motion(m))
-    if case.answers(asked_s, due_s) and not sent:
-        text = f"nothing was sent, though a way was accepted at {asked_s:.1f} s"
+    sent = any(requested_s <= m.time_s <= due_s for m in case.commands if is_motion(m))
+    if case.could_react(requested_s, due_s) and not sent:
+        text = f"nothing was sent, though a way was accepted at {requested_s:.1f} s"
         yield Violation(due_s, "request", text)
 
 
 def _comes_to(case: Case, request: SceneEvent, until_s: float) -> Iterator[Violation]:
-    asked_m, above_m = float(str(request.value).split()[1]), case.above_m[case.at(request.time_s)]
-    due_s = request.time_s + _CLIMBS_S + abs(asked_m - above_m) / _CLIMBS_M_S
+    requested_m, above_m = (
+        float(str(request.value).split()[1]),
+        case.above_m[case.at(request.time_s)],
+    )
+    due_s = request.time_s + _CLIMBS_S + abs(requested_m - above_m) / _CLIMBS_M_S
     until_s = _ends_s(case, request.time_s, until_s)
     above_m = case.above_m[case.at(due_s)]
     if (
-        case.answers(request.time_s, due_s)
+        case.could_react(request.time_s, due_s)
         and until_s > due_s
-        and abs(above_m - asked_m) > _LEVEL_M + case.row.height_m
+        and abs(above_m - requested_m) > _LEVEL_M + case.row.height_m
     ):
-        text = f"{above_m:.1f} m above home, though {asked_m:.1f} m was accepted"
+        text = f"{above_m:.1f} m above home, though {requested_m:.1f} m was accepted"
         yield Violation(due_s, "request", text)
 
 
@@ -294,34 +299,36 @@ def is_far(case: Case, request: SceneEvent) -> bool:
 
 def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Violation]:
     """Each is answered at once; the state changes with it if it is accepted, else it does not."""
-    for request, answer in answered(case) if case.evidence.heard else ():
-        asked_s, verb = request.time_s, str(request.value).split()[0]
-        if verb not in _LEADS_TO or not case.answers(asked_s, asked_s + _ANSWERED_S, ours=False):
+    for request, reply in requests_of(case) if case.evidence.received else ():
+        requested_s, verb = request.time_s, str(request.value).split()[0]
+        if verb not in _LEADS_TO or not case.could_react(
+            requested_s, requested_s + _REPLY_S, ours=False
+        ):
             continue
-        done = case.has_said(f" -> {_LEADS_TO[verb]}$", asked_s, asked_s + _ANSWERED_S)
-        done |= verb == "hold" and case.state(asked_s - 0.01) == "HOLD"  # it stops a climb
-        if answer is None:
-            yield Violation(asked_s, "request", f"{verb} was not answered")
-        elif answer.what == "refused" and done:
-            yield Violation(asked_s, "request", f"{verb} was refused and done: {answer.words}")
-        elif _promises(answer) and not done:
-            yield Violation(asked_s, "request", f"{verb} was accepted, not done: {answer.words}")
+        done = case.has_announced(f" -> {_LEADS_TO[verb]}$", requested_s, requested_s + _REPLY_S)
+        done |= verb == "hold" and case.state(requested_s - 0.01) == "HOLD"  # it stops a climb
+        if reply is None:
+            yield Violation(requested_s, "request", f"{verb} was not answered")
+        elif reply.what == "refused" and done:
+            yield Violation(requested_s, "request", f"{verb} was refused and done: {reply.text}")
+        elif _commits(reply) and not done:
+            yield Violation(requested_s, "request", f"{verb} was accepted, not done: {reply.text}")
 
 
 def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
-    """When it says that it is at the last of several points it was at all of them, in order."""
-    accepted = [(r, a) for r, a in answered(case) if a and _promises(a)]
+    """When it announces the last of several points it was at all of them, in order."""
+    accepted = [(r, a) for r, a in requests_of(case) if a and _commits(a)]
     sent = [(r, a) for r, a in accepted if str(r.value).startswith("goto")]
-    for end_s in (at_s for at_s, text in case.said if text.endswith("at the last point")):
-        for request, answer in [each for each in sent if each[0].time_s < end_s][-1:]:
+    for end_s in (at_s for at_s, text in case.texts if text.endswith("at the last point")):
+        for request, reply in [each for each in sent if each[0].time_s < end_s][-1:]:
             first, until = case.at(request.time_s), case.at(end_s) + 1
             for count, place in enumerate(places_of(case, request), 1):
                 clear = open_space(case.version_at(end_s).mission.cruised, _MARGIN_M)
                 away = clear.distance(shapely.Point(place))  # how far from there it may be
-                if away and case.has_said(f"point {count} left out", request.time_s, end_s):
+                if away and case.has_announced(f"point {count} left out", request.time_s, end_s):
                     continue
                 of = rf"point(?: {count})?: (?:(?!point).)* so ([\d.]+) m beside"
-                beside = re.search(of, answer.words)
+                beside = re.search(of, reply.text)
                 near_m = case.mission.acceptance_m + _BESIDE_M
                 near_m += min(float(beside[1]) if beside else 0.0, 2.0 * away + _BESIDE_M)
                 away_m = np.hypot(*(case.places[first:until] - place).T)
@@ -337,47 +344,47 @@ def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
     """Asked to land where it hovers it stands, and comes down there."""
     if case.landing_place is None:
         return
-    asked_s = next(at_s for at_s, text in case.said if ": accepted: it lands where" in text)
-    index = case.at(asked_s)
+    requested_s = next(at_s for at_s, text in case.texts if ": accepted: it lands where" in text)
+    index = case.at(requested_s)
     speed_m_s = case.speed_m_s(max(index - 5, 0), index)
     if speed_m_s > _STANDS_M_S:
-        yield Violation(asked_s, "landing", f"told to land at {speed_m_s:.1f} m/s")
+        yield Violation(requested_s, "landing", f"told to land at {speed_m_s:.1f} m/s")
 
 
 def a_fence_that_is_not_on_board_ends_the_mission(case: Case) -> Iterator[Violation]:
-    """Where it says that its zones did not get on board it comes home: there is no second wall.
+    """Where it announces that its zones are not on board it comes home: there is no second wall.
 
     Where another station has stored its own meanwhile the vehicle may be left to the pilot.
     """
-    changed = [h.time_s for h in case.evidence.told(SceneEventKind.FENCE_CHANGED)]
-    for at_s, text in case.said:
+    changed = [h.time_s for h in case.evidence.events(SceneEventKind.FENCE_CHANGED)]
+    for at_s, text in case.texts:
         if _NOT_ON_BOARD.search(text):
             anothers = any(at_s - _BOARD_S < changed_s < at_s for changed_s in changed)
-            if anothers and case.has_said("hands off", at_s, at_s + _LEFT_S):
+            if anothers and case.has_announced("hands off", at_s, at_s + _LEFT_S):
                 continue
-            yield from comes_home(case, News(at_s, "its fence is not on board"), at_s, [])
+            yield from comes_home(case, Incident(at_s, "its fence is not on board"), at_s, [])
 
 
-def changed_files_that_are_left_are_told(case: Case) -> Iterator[Violation]:
-    """Other zones or fences that it was asked to apply, and did not: it says why."""
-    for left in case.evidence.told(SceneEventKind.FILE_LEFT) if case.evidence.heard else ():
-        asked_s, text = left.value
-        flown = case.version_at(asked_s).mission.areas
+def changed_files_that_are_left_are_announced(case: Case) -> Iterator[Violation]:
+    """Other zones or fences that it refused to apply: it announces why."""
+    for left in case.evidence.events(SceneEventKind.FILE_LEFT) if case.evidence.received else ():
+        requested_s, text = left.value
+        flown = case.version_at(requested_s).mission.areas
         try:
-            asked = case.read(text).areas
+            requested = case.read(text).areas
         except EvidenceError:
             continue
-        new = [area for area in asked if not any(map(area.same, flown))]
-        if not new or not case.answers(asked_s, left.time_s, ours=False):
+        new = [area for area in requested if not any(map(area.same, flown))]
+        if not new or not case.could_react(requested_s, left.time_s, ours=False):
             continue
-        said = (words for at_s, words in case.said if asked_s - 0.1 <= at_s <= left.time_s)
-        if not any(map(_NOT_TAKEN.search, said)):
+        texts = (text for at_s, text in case.texts if requested_s - 0.1 <= at_s <= left.time_s)
+        if not any(map(_NOT_TAKEN.search, texts)):
             text = f"not a word why {new[0].name} of a changed file is not applied"
             yield Violation(left.time_s, "told", text)
 
 
 def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
-    """A vehicle that is ours, in a zone, and does not move: the pilot is told to fly it out."""
+    """A vehicle that is ours, in a zone, and does not move: the pilot is asked to fly it out."""
     for rooms in rooms_of(case):
         since: int | None = None
         for index, room_m in enumerate(rooms.metres.tolist(), rooms.first):
@@ -387,10 +394,10 @@ def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
             if since is None or math.dist(case.place(since), case.place(index)) > _MOVED_M:
                 since = index
             begun_s, now_s = float(case.time_s[since]), float(case.time_s[index])
-            if now_s - begun_s < _STANDS_S + case.reacts_s or not case.answers(begun_s, now_s):
+            if now_s - begun_s < _STANDS_S + case.reacts_s or not case.could_react(begun_s, now_s):
                 continue
             alarms = (each for each in case.announced if each.label.startswith("ALARM"))
-            if not any(begun_s - _TOLD_S <= each.time_s <= now_s for each in alarms):
+            if not any(begun_s - _ALARMED_S <= each.time_s <= now_s for each in alarms):
                 text = f"in {rooms.area.name} since {begun_s:.1f} s, and not a word to the pilot"
                 yield Violation(now_s, "told", text)
                 return
@@ -398,30 +405,30 @@ def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
 
 
 def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
-    """What the operator is told, the pilot reads in the ground station as well, as grave."""
+    """The pilot reads in the ground station what the operator reads, with the same severity."""
     texts = [
         (m.time_s, number(m.fields, "severity"), str(m.fields["text"]))
         for m in case.evidence.messages
         if m.name == "STATUSTEXT" and m.component == COMPANION
     ]
-    for at_s, label, line, instruction in case.announced if case.evidence.heard else ():
+    for at_s, label, line, instruction in case.announced if case.evidence.received else ():
         announced = _ANNOUNCED.match(line)
         again = _AGAIN.match(line)
-        if announced is None or again or not case.answers(at_s, at_s + _SENT_S, ours=False):
+        if announced is None or again or not case.could_react(at_s, at_s + _SENT_S, ours=False):
             continue
-        words = f"{announced[1]}. {instruction}" if instruction else announced[1]
+        text = f"{announced[1]}. {instruction}" if instruction else announced[1]
         severity = _SEVERITIES[label]
         sent = "".join(
             text for sent_s, s, text in texts if abs(sent_s - at_s) <= _SENT_S and s == severity
         )
-        if words not in sent:
-            text = f"'{words}' was not sent to the ground station with severity {severity}"
+        if text not in sent:
+            text = f"'{text}' was not sent to the ground station with severity {severity}"
             yield Violation(at_s, "told", text)
             return
 
 
 def who_is_warned_knows_what_to_do(case: Case) -> Iterator[Violation]:
-    """A warning, or an alarm, says what the pilot or the operator does about it."""
+    """A warning, or an alarm, has an instruction for the pilot or the operator."""
     for at_s, label, line, instruction in case.announced:
         if label and not instruction:
             yield Violation(at_s, "told", f"a {label.lower()} that asks for nothing: {line}")

@@ -1,9 +1,9 @@
 """Stand-ins for clocks, radios and libraries, to rehearse the real flight program."""
 
-from sitl.rehearsal.stand_ins.link import Burst, Link, StreamFault, Way, wrong_of
-from sitl.rehearsal.stand_ins.mavsdk import Fields, Send, StandIn
-from sitl.rehearsal.stand_ins.stations import Station, Stations, foreign_messages, intrusion
-from sitl.rehearsal.stand_ins.team import NodeStandIn, Robots, Told, anywhere, pose, prank_of
+from sitl.rehearsal.fakes.link import Burst, Link, StreamFault, Way, wrong_of
+from sitl.rehearsal.fakes.mavsdk import Fields, Send, StandIn
+from sitl.rehearsal.fakes.stations import Station, Stations, foreign_messages, intrusion
+from sitl.rehearsal.fakes.team import NodeStandIn, Robots, Told, anywhere, pose, prank_of
 
 __all__ = [
     "Burst",

@@ -6,8 +6,8 @@ import json
 import pytest
 
 from sitl.rehearsal.companion import SimulatedLoop, World
+from sitl.rehearsal.fakes.mavsdk import StandIn
 from sitl.rehearsal.faults import Fault, Scene, scenes
-from sitl.rehearsal.stand_ins.mavsdk import StandIn
 from sitl.rehearsal.takeovers import LISTS_AMONG_OURS
 
 OURS = {"target_system": 1, "target_component": 191, "mission_type": 1}

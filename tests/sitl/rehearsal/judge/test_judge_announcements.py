@@ -176,7 +176,9 @@ def test_the_charge_covers_the_way_home():
     assert "stays out" not in texts(60)
 
 
-@pytest.mark.parametrize(("lands_at", "end"), [((60, 0), End.ASKED), ((60, 60), End.ELSEWHERE)])
+@pytest.mark.parametrize(
+    ("lands_at", "end"), [((60, 0), End.ON_REQUEST), ((60, 60), End.ELSEWHERE)]
+)
 def test_it_may_land_where_it_was_asked_to(lands_at, end):
     states = track(((0, 0), (60, 0), (60, 0), lands_at))
     said = [(32.8, "32.8 s  the operator: accepted: it lands where it hovers")]
