@@ -12,9 +12,9 @@ from sitl.experiment.plan import (
     canonical,
     flat,
     rows_with,
-    said,
     seeds_of,
-    words,
+    settings_text,
+    value_text,
 )
 from sitl.experiment.plan_file import (
     experiment_names,
@@ -58,9 +58,9 @@ __all__ = [
     "flat",
     "load_experiment",
     "rows_with",
-    "said",
     "seeds_of",
+    "settings_text",
     "sources",
     "value_of",
-    "words",
+    "value_text",
 ]

@@ -57,14 +57,14 @@ class PartRule(BaseModel):
     """One statement of a claim.
 
     Attributes:
-        what: it says, in words.
+        what: its text.
         measure: the column of results.csv that it is about.
         share: instead: columns of successes and of failures, whose share is compared ...
         reference: ... with that of so many successes and failures elsewhere.
         contrast: the effect. Of a share: the rows.
         each: the rows of the last term count one at a time; the least effect of all decides.
         ratio: the effect is a factor: contrasts are of logarithms.
-        more_than, less_than: what the effect is said to be.
+        more_than, less_than: bounds of the claimed effect.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -89,7 +89,7 @@ class PartRule(BaseModel):
 
 
 class ClaimRule(BaseModel):
-    """A claim: its number, its words, and what it consists of."""
+    """A claim: its number, its text, and its parts."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -161,7 +161,7 @@ class Header(BaseModel):
         name: short, for folders and seeds.
         title: one line for people.
         question: what it is to answer.
-        seeds: how many runs of each row, unless the command line says otherwise.
+        seeds: how many runs of each row, unless the command line has another number.
         first_seed: the number of each row's first run, unless the command line says otherwise.
         confirmation_seed: from this number on runs are for confirmation.
         claims: what its runs are to decide, and how.
@@ -266,7 +266,7 @@ class Experiment(Header):
 
 
 def seeds_of(records: Sequence[Record]) -> str:
-    """Which seeds runs were made with, in words: `exploration seeds 0 to 29`."""
+    """The seeds of runs, as text: `exploration seeds 0 to 29`."""
     numbers = [record["number"] for record in records]
     return f"{records[0]['phase']} seeds {min(numbers)} to {max(numbers)}"
 
@@ -293,7 +293,7 @@ def rows_with(rows: Iterable[Row], settings: Settings) -> list[Row]:
     ]
 
 
-# Settings in words, for labels, legends and tables.
+# Settings as text, for labels, legends and tables.
 
 _COUNTS: Final = {"uavs": "UAVs", "ugvs": "UGVs"}
 
@@ -309,8 +309,8 @@ def flat(settings: Settings) -> dict[str, Any]:
     return result
 
 
-def words(settings: Settings, keys: Iterable[str]) -> str:
-    """Some settings in words; those that are not said are left out."""
+def settings_text(settings: Settings, keys: Iterable[str]) -> str:
+    """Some settings as text for labels; those without a value are left out."""
     parts = []
     for key in keys:
         value = settings.get(key)
@@ -328,17 +328,17 @@ def phrase(key: str, value: Any) -> str:
     if key in _COUNTS:
         return counted(value, _COUNTS[key])
     inner = flat(value).values() if isinstance(value, Mapping) else [value]
-    return " ".join(map(said, inner)).replace("_", " ")
+    return " ".join(map(value_text, inner)).replace("_", " ")
 
 
 def _written(row: Row, key: str) -> str:
     """What a row has of a setting, as files write it; `timers.init_s` is one within another."""
     value = value_of(flat(row.settings), key)
-    return str(value).lower() if isinstance(value, bool) else said(value)
+    return str(value).lower() if isinstance(value, bool) else value_text(value)
 
 
-def said(value: Any) -> str:
-    """A setting's value as it is written, without zeros that say nothing."""
+def value_text(value: Any) -> str:
+    """A setting's value as it is written, without trailing zeros."""
     if value is None:
         return ""
     return f"{value:g}" if isinstance(value, float) else str(value)

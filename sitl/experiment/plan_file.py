@@ -65,7 +65,7 @@ def load_experiment(name: str) -> tuple[Experiment, Path]:
         DocumentError: the file is wrong; with all problems.
     """
     path = _PLANS / f"{name}.yaml" if name in experiment_names() else Path(name)
-    if _is_word(name) and not path.is_file():
+    if _is_name(name) and not path.is_file():
         raise UnknownPlaceError(
             f"there is no experiment '{name}'; give a file, or one of "
             f"{', '.join(experiment_names())}"
@@ -141,13 +141,13 @@ class _Reading:
                 yield label and ", ".join(named), {**own, **combined}
 
     def _file_problems(self, rows: list[dict[str, Any]]) -> Iterator[Problem]:
-        told: dict[tuple[tuple[str | int, ...], str], None] = {}
+        missing: dict[tuple[tuple[str | int, ...], str], None] = {}
         for index, row in enumerate(rows):
             try:
                 files_of(row, self.document.path.parent)
             except UnknownPlaceError as error:
-                told[self._keys(index, len(rows), error.key), str(error)] = None
-        yield from (self.document.problem(*problem, "no-such-file") for problem in told)
+                missing[self._keys(index, len(rows), error.key), str(error)] = None
+        yield from (self.document.problem(*problem, "no-such-file") for problem in missing)
 
     def _repeated(self, labels: list[str]) -> Iterator[Problem]:
         for index, label in enumerate(labels):
@@ -161,10 +161,10 @@ class _Reading:
 
     def _claim_problems(self, rows: tuple[Row, ...]) -> Iterator[Problem]:
         for claim, rule in enumerate(self.model.claims):
-            for part, said in enumerate(rule.parts):
-                for index, term in enumerate(said.contrast):
+            for number, part in enumerate(rule.parts):
+                for index, term in enumerate(part.contrast):
                     if not rows_with(rows, term.rows):
-                        keys = ("claims", claim, "parts", part, "contrast", index)
+                        keys = ("claims", claim, "parts", number, "contrast", index)
                         yield self.document.problem(keys, "no row has all of this", "unknown-word")
 
     def _keys(self, index: int, count: int, key: str) -> tuple[str | int, ...]:
@@ -207,7 +207,7 @@ def sources(row: Mapping[str, Any], folder: Path) -> dict[str, str]:
 
 
 def _place(name: str, folder: Path, key: str) -> Path:
-    if not _is_word(name):
+    if not _is_name(name):
         path = folder / name
         if not path.is_file():
             raise UnknownPlaceError(f"there is no file {path}; correct the path", key)
@@ -224,7 +224,7 @@ def _place(name: str, folder: Path, key: str) -> Path:
     return shipped[name]
 
 
-def _is_word(name: str) -> bool:
+def _is_name(name: str) -> bool:
     return "/" not in name and not name.endswith((".yaml", ".yml"))
 
 

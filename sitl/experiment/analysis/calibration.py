@@ -24,7 +24,16 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from air_router.errors import UsageError
-from sitl.experiment import Between, Experiment, MessageWait, Record, draw, flat, said, value_of
+from sitl.experiment import (
+    Between,
+    Experiment,
+    MessageWait,
+    Record,
+    draw,
+    flat,
+    value_of,
+    value_text,
+)
 from sitl.experiment.analysis.statistics import Effect, Numbers, explained
 from sitl.experiment.analysis.tables import COLUMNS, PAPER_TABLE, PaperRow, formula, paper_row
 
@@ -193,7 +202,7 @@ class Calibration:
                 before = f"{prior.low:g} to {prior.high:g}{', as logarithm' if prior.log else ''}"
                 after = f"{middle:.2f} [{low:.2f}, {high:.2f}]"
             else:
-                names = [said(own) or "none" for own in prior]
+                names = [value_text(own) or "none" for own in prior]
                 shares = [100 * values.count(own) / len(values) for own in prior]
                 before = ", ".join(names)
                 after = ", ".join(f"{n} {s:.0f} %" for n, s in zip(names, shares, strict=True))
@@ -208,7 +217,10 @@ class Calibration:
 
     def settings(self) -> list[list[str]]:
         """The settings that are run to predict, for a file: the heads, then a line for each."""
-        return [[*self._space], *([said(value) for value in own.values()] for own in self.draws)]
+        return [
+            [*self._space],
+            *([value_text(value) for value in own.values()] for own in self.draws),
+        ]
 
 
 class Prediction:
@@ -274,7 +286,7 @@ class Prediction:
         for place, row in enumerate(self.rows):
             for n, column in enumerate(PAPER_COLUMNS):
                 numbers = [f"{value[place, n]:.{column.digits}f}" for value in values]
-                lines.append([*map(said, row[:3]), column.head, *numbers])
+                lines.append([*map(value_text, row[:3]), column.head, *numbers])
         return lines
 
 

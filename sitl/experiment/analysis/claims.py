@@ -25,8 +25,8 @@ from sitl.experiment import (
     Row,
     canonical,
     rows_with,
+    settings_text,
     value_of,
-    words,
 )
 from sitl.experiment.analysis.statistics import (
     UNKNOWN,
@@ -251,7 +251,7 @@ def compared(runs: Runs) -> list[Comparison]:
     keys = [key for key in experiment.varied if key in experiment.paired]
     for both in alike.values():
         if len(both) > 1:
-            name, base_name = (f"{words(own.settings, keys)}, all" for own in both[0])
+            name, base_name = (f"{settings_text(own.settings, keys)}, all" for own in both[0])
             compare(name, base_name, both)
     return found
 

@@ -19,7 +19,7 @@ from air_router.errors import PictureError
 from air_router.files import write_whole
 from air_router.words import counted
 from mocha_link.errors import needs_extra
-from sitl.experiment import Experiment, Record, Row, value_of, words
+from sitl.experiment import Experiment, Record, Row, settings_text, value_of
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
 from sitl.experiment.engine import BIN_S
@@ -171,7 +171,7 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     found = lines(experiment, records)
     if not 1 < len(found) <= _MOST_ROWS or "goals_total" not in records[0]["measures"]:
         return None
-    groups = [words(line.settings, experiment.varied[:1]) for line in found]
+    groups = [settings_text(line.settings, experiment.varied[:1]) for line in found]
     order = list(dict.fromkeys(groups))
     colours = [COLOURS[order.index(group) % len(COLOURS)] for group in groups]
     figure, axes = sheet(
@@ -203,7 +203,7 @@ def draw_cost(experiment: Experiment, records: Sequence[Record]) -> Figure | Non
     for row, own in runs.items():
         robots = value_of(row.settings, "ugvs") + value_of(row.settings, "uavs")
         simulated_s = value_of(row.settings, "duration_s")
-        costs[words(row.settings, others)][robots] += [
+        costs[settings_text(row.settings, others)][robots] += [
             1e3 * run["measures"]["cpu_s"] / robots / simulated_s for run in own
         ]
     if len({robots for sizes in costs.values() for robots in sizes}) < _LEAST_SIZES:
@@ -233,7 +233,7 @@ def draw_goals(experiment: Experiment, records: Sequence[Record]) -> Figure:
     def panels() -> dict[str, list[Row]]:
         found: dict[str, list[Row]] = {}
         for row in runs:
-            found.setdefault(words(row.settings, outer), []).append(row)
+            found.setdefault(settings_text(row.settings, outer), []).append(row)
         return found
 
     while inner[:-1] and max(map(len, panels().values())) > _MOST_LINES:
@@ -242,7 +242,7 @@ def draw_goals(experiment: Experiment, records: Sequence[Record]) -> Figure:
     figure, axes = sheet(len(panels()), "Goals reached over time", note)
     for one, (shared, own) in zip(axes, panels().items(), strict=True):
         for row, colour, dash in zip(own, cycle(COLOURS), cycle(DASHES), strict=False):
-            label = words(row.settings, inner) or row.label
+            label = settings_text(row.settings, inner) or row.label
             _plot_goals(one, runs[row], {"color": colour, "ls": dash, "label": label})
         one.set(xlabel="time (min)", ylabel="goals reached (%)", ylim=(0, 100))
         one.set_title(shared or experiment.title, loc="left")
@@ -289,9 +289,9 @@ def _plot_bandwidth(one: Axes, run: Record) -> None:
     times_min = (np.arange(len(rate)) + 0.5) * BIN_S / 60
     one.bar(times_min, rate, width=BIN_S / 60, color=COLOURS[0], linewidth=0)
     silent = 100 * float(np.mean(rate == 0)) if len(rate) else 0.0
-    said = f"mean {rate.mean():.1f} kB/s, silent {silent:.0f} % of the time"
+    caption = f"mean {rate.mean():.1f} kB/s, silent {silent:.0f} % of the time"
     style: dict[str, Any] = {"ha": "right", "va": "bottom", "color": FAINT, "fontsize": 8}
-    one.text(0.995, 1.02, said, transform=one.transAxes, **style)
+    one.text(0.995, 1.02, caption, transform=one.transAxes, **style)
     one.set(xlabel="time (min)", ylabel="kB/s", xlim=(0, len(rate) * BIN_S / 60))
 
 

@@ -37,7 +37,7 @@ from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
 from sitl.experiment.analysis.statistics import Runs
-from sitl.experiment.campaign import in_words
+from sitl.experiment.campaign import duration_text
 
 _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "policy", "passive")
 """Settings that have a column even where all rows agree."""
@@ -281,7 +281,7 @@ def _facts(report: Report) -> str:
     rows = len({record["row"] for record in report.records})
     return (
         f"{counted(len(report.records), 'runs')} ({counted(rows, 'rows')}, "
-        f"{seeds_of(report.records)}), {in_words(cpu_s)} of processor time."
+        f"{seeds_of(report.records)}), {duration_text(cpu_s)} of processor time."
     )
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sitl.experiment import Experiment, Record, flat, said, value_of
+from sitl.experiment import Experiment, Record, flat, value_of, value_text
 from sitl.experiment.analysis.statistics import (
     Interval,
     Numbers,
@@ -184,7 +184,7 @@ def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
     """The table as it is read: the heads, then the cells of each row."""
     columns: dict[str, list[str]] = {}
     for key in dict.fromkeys(key for line in found for key in line.settings):
-        cells = [said(value_of(line.settings, key)) for line in found]
+        cells = [value_text(value_of(line.settings, key)) for line in found]
         if len(set(cells)) > 1:
             columns[_HEADS.get(key, key.replace("_", " "))] = cells
     if not columns or len(columns) > _MOST_SETTINGS:

@@ -5,7 +5,7 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "campaign": ("Campaign", "Work", "in_words", "make_runs"),
+        "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
         "running": ("make_run", "put_together"),
         "runs": ("ARCHIVE_ENDING", "RunLog", "program", "read_archive", "run_log", "write_archive"),
     },

@@ -2,7 +2,7 @@
 
 from sitl.experiment.campaign.campaign import Campaign as Campaign
 from sitl.experiment.campaign.campaign import Work as Work
-from sitl.experiment.campaign.campaign import in_words as in_words
+from sitl.experiment.campaign.campaign import duration_text as duration_text
 from sitl.experiment.campaign.campaign import make_runs as make_runs
 from sitl.experiment.campaign.running import make_run as make_run
 from sitl.experiment.campaign.running import put_together as put_together

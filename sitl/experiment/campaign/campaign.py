@@ -124,7 +124,7 @@ class Campaign:
                         break
             finally:
                 status.end()
-        status.say(f"{counted(done, 'runs')} in {in_words(time.monotonic() - began_s)}")
+        status.say(f"{counted(done, 'runs')} in {duration_text(time.monotonic() - began_s)}")
 
     def _take(
         self, outcome: RunOutcome, keep: Callable[[Record], None], status: StatusLine
@@ -145,11 +145,13 @@ def progress(done: int, count: int, elapsed_s: float) -> str:
     """How far it is, in one line; the rest is taken to cost as much each as what is done."""
     full = round(_BAR * done / max(count, 1))
     text = f"[{'#' * full}{'.' * (_BAR - full)}] {done} of {counted(count, 'runs')}"
-    left = f", about {in_words(elapsed_s * (count / done - 1))} left" if 0 < done < count else ""
+    left = (
+        f", about {duration_text(elapsed_s * (count / done - 1))} left" if 0 < done < count else ""
+    )
     return text + left
 
 
-def in_words(time_s: float) -> str:
+def duration_text(time_s: float) -> str:
     """A time as people say it."""
     if time_s < 90:
         return f"{time_s:.0f} s"

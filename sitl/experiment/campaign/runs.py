@@ -116,8 +116,8 @@ def read_archive(path: Path) -> tuple[Experiment, list[Record]]:
     """
     try:
         head, *lines = lzma.decompress(path.read_bytes()).splitlines()
-        said = json.loads(head)
-        document = Document.from_text(said["plan"], path.with_name(said["file"]))
+        header = json.loads(head)
+        document = Document.from_text(header["plan"], path.with_name(header["file"]))
     except (lzma.LZMAError, ValueError, KeyError, TypeError):
         raise RunLogError(f"{path} is no archive of runs; write one with --archive") from None
     records = [_run(line, path, number) for number, line in enumerate(lines, start=2)]

@@ -38,7 +38,7 @@ USES: Final[Mapping[str, tuple[str, str, str]]] = {
 Numbers = npt.NDArray[np.float64]
 
 Held = Numbers
-"""What a robot held, a row each time it got news: (since when it held it, since when that was not
+"""What a robot held, a row for each update: (since when it held it, since when that was not
 true any more; inf if it was true to the end). The first row is at 0 s: nothing was held yet."""
 
 Pair = tuple[str, str, str]
@@ -51,20 +51,20 @@ class _Source:
 
     Attributes:
         state: What it would say now; None: every message of it is another state.
-        said: What it said last.
+        published: What it said last.
         false_s: By state that it said: since when the one before is not true any more. The last
             entry is of what it said last, and is inf as long as that is true.
         places: Of the states of its messages.
     """
 
     state: Callable[[], object] | None = None
-    said: object = None
+    published: object = None
     false_s: list[float] = field(default_factory=lambda: [math.inf])
     places: dict[Header, int] = field(default_factory=dict)
 
 
 class Ages:
-    """Follows what robots say and hear in a run; the queue tells the time."""
+    """Follows what robots publish and receive in a run; the queue has the time."""
 
     def __init__(self, queue: EventQueue) -> None:
         self._queue = queue
@@ -72,21 +72,21 @@ class Ages:
         self._held: dict[tuple[str, str, str], list[tuple[float, int]]] = {}  # times and places
 
     def watch(self, robot: str, topic: str, state: Callable[[], object]) -> None:
-        """A robot says something new on a topic whenever `state` is another one."""
+        """A robot publishes on a topic whenever `state` has changed."""
         self._sources[robot, topic] = _Source(state, state())
 
-    def look(self) -> None:
-        """Robots have moved: note whose state is not what it said last any more."""
+    def update(self) -> None:
+        """Robots have moved: note whose state differs from the last one it published."""
         for source in self._sources.values():
             if source.state:
-                differs = source.state() != source.said
+                differs = source.state() != source.published
                 before_s = source.false_s[-1]
                 source.false_s[-1] = min(before_s, self._queue.now_s) if differs else math.inf
 
     def listener(
         self, robot: str, hear: Callable[[LinkEvent], None]
     ) -> Callable[[LinkEvent], None]:
-        """Hear what a robot hears of its links, and pass it on."""
+        """Follow a robot's link events, and pass them on."""
 
         def listen(event: LinkEvent) -> None:
             if isinstance(event, MessageStored) and event.topic in USES:
@@ -101,8 +101,8 @@ class Ages:
         if event.robot == robot:
             source = self._sources.setdefault(key, _Source())
             state = source.state() if source.state else event.header
-            if state != source.said or not source.places:
-                source.said = state
+            if state != source.published or not source.places:
+                source.published = state
                 source.false_s[-1] = min(source.false_s[-1], now_s)
                 source.false_s.append(now_s if event.topic == POSE_TOPIC else math.inf)
             source.places[event.header] = len(source.false_s) - 2

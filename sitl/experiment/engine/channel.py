@@ -97,8 +97,8 @@ class Channel(ABC):
     frame_by_frame: bool = True
 
     @abstractmethod
-    def look(self, now_s: float, places: Places) -> list[Change]:
-        """Contacts that began or ended since the last look, in order of the robots' numbers."""
+    def update(self, now_s: float, places: Places) -> list[Change]:
+        """Contacts that began or ended since the last update, in order of the robots' numbers."""
 
     @abstractmethod
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:
@@ -137,10 +137,10 @@ class PaperChannel(Channel):
         }
         self._chance = random.Random(f"{seed} channel")  # noqa: S311 - repeatable on purpose
         self._robots = frozenset(range(robots))
-        self._near = np.zeros((robots, robots), dtype=bool)  # in contact at the last look
+        self._near = np.zeros((robots, robots), dtype=bool)  # in contact at the last update
         self._upper = np.triu(np.ones((robots, robots), dtype=bool), 1)  # each pair once
 
-    def look(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
+    def update(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
         """Who came nearer than the radius, horizontally, and who went."""
         east, north = places[:, 0], places[:, 1]
         squared = (east[:, None] - east) ** 2 + (north[:, None] - north) ** 2
@@ -198,13 +198,13 @@ class PathLossChannel(Channel):
         self._rssi_dbm = np.full((len(names), len(names)), -np.inf)  # at the last look
         self._hears: npt.NDArray[np.bool_] = np.eye(len(names), dtype=bool)  # or is itself
         self._up = np.zeros((len(names), len(names)), dtype=bool)  # in contact
-        self._look_at_s = 0.0  # simulated time of the next look
+        self._next_update_s = 0.0  # simulated time of the next update
 
-    def look(self, now_s: float, places: Places) -> list[Change]:
-        """What the radios hear now, once a second."""
-        if now_s < self._look_at_s:
+    def update(self, now_s: float, places: Places) -> list[Change]:
+        """The contacts of the radios now, once a second."""
+        if now_s < self._next_update_s:
             return []
-        self._look_at_s = now_s + _LOOK_S
+        self._next_update_s = now_s + _LOOK_S
         self._rssi_dbm = self._radio.rssi_dbm(now_s, places)
         self._hears = self._rssi_dbm >= self._model.carrier_dbm
         np.fill_diagonal(self._hears, val=True)

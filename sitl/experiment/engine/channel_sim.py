@@ -16,7 +16,7 @@ from sitl.experiment import EventQueue
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (
     AirtimeStats,
-    Contact,
+    ContactInterval,
     Exchange,
     code_of,
     finished_in,
@@ -46,22 +46,24 @@ class ChannelSim:
         self._triggered = any(node.triggered for node in nodes)  # by their own pulls, not by ours
         self._busy: list[Link] = []  # whose exchanges are on the air
         self._count = 0  # of turns, partings and connections, which it tells apart
-        self._replies: list[bytes] = []  # of the node that was asked last
+        self._replies: list[bytes] = []  # of the node that received the last request
 
     @property
     def open(self) -> int:
         """Pulls that are under way or wait."""
         return len(self._exchanges)
 
-    def contacts(self) -> list[Contact]:
+    def contacts(self) -> list[ContactInterval]:
         """All contacts so far, in the order of their beginnings."""
         now_s = self._queue.now_s
-        lasting = [Contact(began_s, now_s, *pair) for pair, began_s in self._contacts.items()]
+        lasting = [
+            ContactInterval(began_s, now_s, *pair) for pair, began_s in self._contacts.items()
+        ]
         return sorted((*self._airtime.contacts, *lasting))
 
-    def look(self, places: Places) -> None:
+    def update(self, places: Places) -> None:
         """Robots have moved: contacts begin and end."""
-        for change in self._channel.look(self._queue.now_s, places):
+        for change in self._channel.update(self._queue.now_s, places):
             if change.up:
                 self._meet(change)
             else:
@@ -80,14 +82,14 @@ class ChannelSim:
         self._grant()
 
     def report(self) -> None:
-        """Radios say again whom they hear."""
+        """Radios report again whom they receive."""
         for (a, b), began_s in self._contacts.items():
-            self.tell_contact(a, b, began_s, up=True)
+            self.report_contact(a, b, began_s, up=True)
 
     def _meet(self, change: Change) -> None:
         a, b, _ = change
         self._contacts[a, b] = self._queue.now_s
-        self.tell_contact(a, b, self._queue.now_s, up=True)
+        self.report_contact(a, b, self._queue.now_s, up=True)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
             if exchange is not None:
@@ -99,8 +101,8 @@ class ChannelSim:
     def _part(self, change: Change) -> None:
         a, b, _ = change
         began_s = self._contacts.pop((a, b))
-        self._airtime.contacts.append(Contact(began_s, self._queue.now_s, a, b))
-        self.tell_contact(a, b, began_s, up=False)
+        self._airtime.contacts.append(ContactInterval(began_s, self._queue.now_s, a, b))
+        self.report_contact(a, b, began_s, up=False)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
             if exchange is None:
@@ -115,8 +117,8 @@ class ChannelSim:
             elif patience_s < math.inf:
                 self._queue.after(patience_s, partial(self._lose, exchange, self._count))
 
-    def tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
-        """Two robots' radios hear each other, or not any more."""
+    def report_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
+        """Two robots' radios are in contact, or no longer."""
         for node, peer in ((self._nodes[a], self._nodes[b]), (self._nodes[b], self._nodes[a])):
             if up and self._triggered:
                 node.refresh()
@@ -150,11 +152,11 @@ class ChannelSim:
         link = exchange.link
         if exchange.over or exchange.start_s is not None or not self._in_contact(link):
             return
-        while exchange.asked and not any(map(needs_turn, exchange.asked)):
-            self._ask(exchange, exchange.asked.popleft())
+        while exchange.requests and not any(map(needs_turn, exchange.requests)):
+            self._request(exchange, exchange.requests.popleft())
             if exchange.over:
                 return
-        if not (exchange.asked or exchange.load or self._supplies(exchange)):
+        if not (exchange.requests or exchange.load or self._supplies(exchange)):
             return
         if exchange.ready_s is None:
             exchange.ready_s = self._queue.now_s
@@ -210,10 +212,10 @@ class ChannelSim:
     def _load(self, exchange: Exchange) -> Load | None:
         """What an exchange whose turn it is sends; None: nothing that takes time."""
         asking, answering = self._ends(exchange)
-        if not exchange.asked or stage_of(exchange.asked[0]) is Stage.HEADER:
+        if not exchange.requests or stage_of(exchange.requests[0]) is Stage.HEADER:
             answering.refresh()
             self._settle(answering)
-        if exchange.asked:
+        if exchange.requests:
             return request_load(exchange, answering.gossip)
         messages = size = 0
         data = False
@@ -240,13 +242,13 @@ class ChannelSim:
         exchange.start_s = exchange.ready_s = exchange.load = None
         if exchange.supplied:
             self._hand_over(exchange)
-        elif code_of(exchange.asked[0]) == SYNC1 or exchange.opened:
+        elif code_of(exchange.requests[0]) == SYNC1 or exchange.opened:
             exchange.opened = True
-            while exchange.asked and not exchange.over:
-                self._ask(exchange, exchange.asked.popleft())
+            while exchange.requests and not exchange.over:
+                self._request(exchange, exchange.requests.popleft())
             self._greet(exchange)
         else:
-            self._ask(exchange, exchange.asked.popleft())
+            self._request(exchange, exchange.requests.popleft())
         self._arm(exchange)
         self._grant()
 
@@ -257,13 +259,13 @@ class ChannelSim:
         exchange.supplied.clear()
 
     def _greet(self, exchange: Exchange) -> None:
-        """What the other node says to an opening comes along with it."""
+        """The other node's reply to an opening comes along with it."""
         asking, answering = self._ends(exchange)
         supplied = answering.gossip.supply(asking.name)
         if supplied is not None:
             self._answer(exchange, supplied[1])
 
-    def _ask(self, exchange: Exchange, request: bytes) -> None:
+    def _request(self, exchange: Exchange, request: bytes) -> None:
         """A request arrives, and what is answered at once comes back."""
         asking, answering = self._ends(exchange)
         exchange.dry = False
@@ -322,7 +324,7 @@ class ChannelSim:
             return
         exchange = self._exchanges[link]
         if isinstance(action, Send):
-            exchange.asked.append(action.frame)
+            exchange.requests.append(action.frame)
             self._arm(exchange)
         elif isinstance(action, Disconnect):
             self._hang_up(exchange)

@@ -29,7 +29,7 @@ from sitl.experiment import EventLog, EventQueue, RunSettings
 from sitl.experiment.engine.ages import Ages, Held, Pair
 from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
 from sitl.experiment.engine.channel_sim import ChannelSim
-from sitl.experiment.engine.exchange import AirtimeStats, Contact
+from sitl.experiment.engine.exchange import AirtimeStats, ContactInterval
 from sitl.experiment.robots import (
     CAMERA,
     COMMAND_S,
@@ -56,7 +56,7 @@ GROUND_S: Final = 1.0
 """Ground robots drive and think in steps of this."""
 
 ORACLE_S: Final = 2.0
-"""An oracle tells so often where robots are."""
+"""An oracle publishes the robots' positions so often."""
 
 GROUND_ANTENNA_M: Final = 0.5
 
@@ -69,7 +69,7 @@ class Run:
 
     Raises:
         AirRouterError: files of the settings are not what they should be.
-        ValueError: settings that no run can be made of; the message says which.
+        ValueError: settings that no run can be made of; the message has them.
 
     Attributes:
         settings: The team, the channel, the protocol.
@@ -162,7 +162,7 @@ class Run:
         return sorted(self._goals.values(), key=lambda visit: (visit.time_s, visit.goal))
 
     @property
-    def contacts(self) -> list[Contact]:
+    def contacts(self) -> list[ContactInterval]:
         """Who met whom, in the order of the beginnings."""
         return self.channel_sim.contacts()
 
@@ -212,9 +212,9 @@ class Run:
                     for uav in self.uavs:
                         uav.see(name, robot.position)
         self.travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
-        self.ages.look()
+        self.ages.update()
         self.channel_sim.settle()
-        self.channel_sim.look(self._places)
+        self.channel_sim.update(self._places)
 
     def _locate(self, uav: Uav) -> None:
         self._places[self._numbers[uav.name]] = (

@@ -5,7 +5,7 @@ The frames are those of `mocha_link`. What a transmission is made of follows fro
 original  A request and its reply cross together: GHEAD is a header request, each GDATA a piece of
           data, DENDT the end. One at a time.
 ours      The opening of a sync, and whatever else has to go back and forth before data flow, is a
-          header request; what the other side says to it rides along. Frames of data follow without
+          header request; the other side's reply rides along. Frames of data follow without
           further requests. Credit, what may be skipped, and the end need no turn of their own: no
           robot waits for an answer to them.
 """
@@ -42,7 +42,7 @@ _REQUEST_TRIPS: Final = 4
 """Round trips of a request of an original node: it makes a new connection for each (measured)."""
 
 _OPENING_TRIPS: Final = 2
-"""Round trips until our node has its first answer on a new connection (docs/protocol.md)."""
+"""Round trips until our node has its first reply on a new connection (docs/protocol.md)."""
 
 
 class Transmission(NamedTuple):
@@ -71,7 +71,7 @@ class Transmission(NamedTuple):
     complete: bool
 
 
-class Contact(NamedTuple):
+class ContactInterval(NamedTuple):
     """Two robots, by their numbers, were in contact; one that lasts ends with the run."""
 
     began_s: float
@@ -91,7 +91,7 @@ class Exchange:
     Attributes:
         link: Who pulls from whom.
         route: By what the answering node knows the connection.
-        asked: Requests that have not crossed yet, in their order.
+        requests: Requests that have not crossed yet, in their order.
         supplied: Frames of data that are under way to the asking node.
         load: What is on the air, or was when contact was lost.
         ready_s: Since when it is its turn but for the channel; None: it has nothing to send.
@@ -99,7 +99,7 @@ class Exchange:
         end_s: When that will have arrived.
         turn: Its place among those that wait; None: it does not.
         opened: It is one of ours, and its opening has arrived.
-        dry: The answering node has no more frames until it hears something.
+        dry: The answering node has no more frames until it receives something.
         parting: Which loss of contact it has not recovered from; 0: none.
         again: Contact began anew meanwhile: pull again at the end.
         over: It has come to its end.
@@ -107,7 +107,7 @@ class Exchange:
 
     link: Link
     route: tuple[bytes, ...]
-    asked: deque[bytes] = field(default_factory=deque)
+    requests: deque[bytes] = field(default_factory=deque)
     supplied: list[Sequence[Frame]] = field(default_factory=list)
     load: Load | None = None
     ready_s: float | None = None
@@ -141,9 +141,9 @@ def stage_of(request: bytes) -> Stage:
 
 def request_load(exchange: Exchange, answering: Gossip) -> Load:
     """What the next request of an exchange sends, with what answers it as things stand."""
-    request = exchange.asked[0]
+    request = exchange.requests[0]
     if code_of(request) == SYNC1 or exchange.opened:
-        return Load(Stage.HEADER, 0, sum(map(len, exchange.asked)), _OPENING_TRIPS)
+        return Load(Stage.HEADER, 0, sum(map(len, exchange.requests)), _OPENING_TRIPS)
     stage, size = stage_of(request), len(request) + ID_BYTES
     match stage:
         case Stage.HEADER:
@@ -167,7 +167,7 @@ class AirtimeStats:
     """Notes transmissions, contacts and pulls.
 
     Args:
-        told: Takes every transmission as it ends, for the event log.
+        on_end: Takes every transmission as it ends, for the event log.
 
     Attributes:
         complete: Pulls that came to their end.
@@ -176,11 +176,11 @@ class AirtimeStats:
         contacts: Those that are over.
     """
 
-    def __init__(self, told: Callable[[Transmission], None]) -> None:
+    def __init__(self, on_end: Callable[[Transmission], None]) -> None:
         self.complete = self.broken = 0
         self.transmissions: list[Transmission] = []
-        self.contacts: list[Contact] = []
-        self._told = told
+        self.contacts: list[ContactInterval] = []
+        self._on_end = on_end
 
     def sent(self, exchange: Exchange, end_s: float, part: float | None = None) -> None:
         """A transmission of an exchange ends; `part`: it was cut, and so much of it had crossed."""
@@ -198,4 +198,4 @@ class AirtimeStats:
             complete=part is None,
         )
         self.transmissions.append(sent)
-        self._told(sent)
+        self._on_end(sent)

@@ -3,7 +3,7 @@
 The world is `sitl.world`'s: robots that patrol or explore, radios, camera. `air-router sim` flies
 the same mission, world and seed with an autopilot, simulated or a real PX4, MAVLink, sockets and
 clocks.
-What the UAV's controller heard and decided is counted by the same code on both sides (`meter`);
+The UAV controller's events and decisions are counted by the same code on both sides (`meter`);
 `sitl experiment fidelity` and `autopilot` compare the two.
 """
 
@@ -47,7 +47,7 @@ PX4_SPEED: Final = 5.0
 """Times real time, of the simulation in processes, and of one with a real PX4."""
 
 BATTERY_MIN: Final = 25.0
-"""What `sitl vehicle` flies with, unless it is told otherwise."""
+"""What `sitl vehicle` flies with by default."""
 
 _NOWHERE: Final = np.zeros((0, 3))  # the world knows where robots are
 _ROUND_TRIP_S: Final = 0.01
@@ -55,17 +55,17 @@ _LANDED_S: Final = 300.0  # after the mission's duration at the latest
 
 
 class _WorldSim(ChannelSim):
-    """Has the world's radios carry what nodes say, and tell them whom they hear."""
+    """Has the world's radios carry the nodes' messages, and report contacts to the nodes."""
 
     step = Step()  # the world's newest
 
     def report(self) -> None:
-        for heard in self.step.readings:
-            node = self._nodes[self._numbers[heard.robot]]
-            node.gossip.signal_received(heard.peer, heard.rssi_dbm, node.now)
+        for reading in self.step.readings:
+            node = self._nodes[self._numbers[reading.robot]]
+            node.gossip.signal_received(reading.peer, reading.rssi_dbm, node.now)
 
-    def tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
-        """The readings tell."""
+    def report_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
+        """Does nothing: the readings report contacts."""
 
     def changes(self) -> list[Change]:
         """Links that the world has cut or restored, by the robots' numbers."""
@@ -80,7 +80,7 @@ class _WorldChannel(Channel):
     patience_s = math.inf
     sim: _WorldSim  # that sends over it
 
-    def look(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
+    def update(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
         return self.sim.changes()
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002
@@ -94,7 +94,7 @@ class WorldRun:
         path: The mission's file; it names team and world.
         seed: Of the world.
         queue: Tells the time.
-        log: Takes what the controller is told, and what it asks for.
+        log: Takes the controller's events and actions.
         policy: Whom it seeks, whatever the mission says.
 
     Attributes:
@@ -121,7 +121,7 @@ class WorldRun:
             town=path,
             airframe="px4",
             battery=BATTERY_MIN,
-            map_interval_s=MAP_INTERVAL_S - STEP_S / 2,  # looked at every step
+            map_interval_s=MAP_INTERVAL_S - STEP_S / 2,  # checked at every step
         )
         flight_plan, router = FlightPlan.of(mission), Router(WaypointGraph(mission))
         setup = FlightSetup(mission, mission.seek or roles.ground, name=roles.vehicles[0])
@@ -166,13 +166,13 @@ class WorldRun:
         place, height_m = uav.flyer.position, uav.flyer.altitude_m
         truth = Truth(now.steady_s, now.unix_s, place, height_m, uav.heading_deg)
         self._sim.step = step = self._world.step({uav.name: truth})
-        for said in step.publications:
-            self.nodes[said.robot].publish(said.topic, said.data)
+        for publication in step.publications:
+            self.nodes[publication.robot].publish(publication.topic, publication.data)
         for topic, data in uav.map_due():
             uav.node.publish(topic, data)
         uav.node.refresh()
         self._sim.settle()
-        self._sim.look(_NOWHERE)
+        self._sim.update(_NOWHERE)
 
 
 def flown_here(mission: Path, seed: int, policy: str) -> tuple[Measures, str]:

@@ -17,7 +17,7 @@ from sitl.experiment.engine.ages import mean_age_s
 
 
 class Goals(NamedTuple):
-    """What exploring robots look for: how many, and the Unix seconds at which each was found."""
+    """The goals of exploring robots: how many, and the Unix seconds at which each was found."""
 
     total: int = 0
     found_s: Sequence[float] = ()
@@ -29,7 +29,7 @@ Measures = dict[str, float | None]
 
 
 class Meter(EventLog):
-    """Counts what a controller hears and decides, as it happens or from a flight's record."""
+    """Counts a controller's events and decisions, as they happen or from a flight's record."""
 
     def __init__(self, queue: EventQueue) -> None:
         super().__init__(queue)
@@ -39,15 +39,15 @@ class Meter(EventLog):
         self._waits_s: list[float] = []  # of searches that ended in COMM
         self._comms_s: list[float] = []  # of visits
         self._unix_less_s = 0.0  # Unix time of the node, less the flight's
-        self._news: dict[tuple[str, str], list[tuple[float, float]]] = {}  # when, of when
+        self._updates: dict[tuple[str, str], list[tuple[float, float]]] = {}  # when, of when
 
     def event(self, uav: str, event: Event) -> None:
-        """A controller is told."""
+        """A controller receives an event."""
         super().event(uav, event)
         self.take(self._queue.now_s, event)
 
     def action(self, uav: str, action: Action) -> None:
-        """A controller asks for something."""
+        """A controller decides on an action."""
         super().action(uav, action)
         self.take(self._queue.now_s, action)
 
@@ -64,9 +64,9 @@ class Meter(EventLog):
             case SyncEnded(peer=peer, direction=direction, complete=complete):
                 counts["syncs"] += 1
                 if complete and direction is Direction.OUT:
-                    self._news.setdefault(("given", peer), []).append((now_s, now_s))
+                    self._updates.setdefault(("given", peer), []).append((now_s, now_s))
             case RobotPose(robot=robot, stamp_s=stamp_s):
-                poses = self._news.setdefault(("pose", robot), [])
+                poses = self._updates.setdefault(("pose", robot), [])
                 true_s = stamp_s - self._unix_less_s
                 if not poses or true_s > poses[-1][1]:
                     poses.append((now_s, true_s))
@@ -118,7 +118,7 @@ class Meter(EventLog):
 
     def _age_s(self, what: str, robot: str) -> float:
         began_s, home_s = self._since[State.INIT], self._since[State.HOME]
-        news = [entry for entry in self._news.get((what, robot), ()) if entry[0] < home_s]
-        held = np.array([(began_s, began_s), *news]) - began_s
+        updates = [entry for entry in self._updates.get((what, robot), ()) if entry[0] < home_s]
+        held = np.array([(began_s, began_s), *updates]) - began_s
         held[:, 0] = np.maximum(held[:, 0], 0.0)  # what came on the ground is held from the start
         return mean_age_s(held, home_s - began_s)

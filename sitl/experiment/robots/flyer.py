@@ -1,4 +1,4 @@
-"""A vehicle that flies as the controller asks, without an autopilot's inner life.
+"""A vehicle that flies as the controller commands, without an autopilot's inner life.
 
 It knows Mission mode (jumps to plan items) and Hold mode (go to a point, or stop), flies straight
 with a limited acceleration, and comes to rest at its target. It begins on the ground and takes off
@@ -76,7 +76,7 @@ class Flyer:
         return self._target is None and self.velocity_m_s == (0.0, 0.0)
 
     def command(self, motion: Motion) -> None:
-        """Do what the controller asks from now on."""
+        """Carry out the controller's command from now on."""
         match motion:
             case FlyToNode(node=node, position=position):
                 self._mode, self._item = FlightMode.MISSION, self._plan.item_of(node)
@@ -116,7 +116,7 @@ class Flyer:
             self._charge = 1.0 if self.landed else max(drained, 0.0)
 
     def telemetry(self) -> Telemetry:
-        """What the vehicle says of itself."""
+        """The vehicle's telemetry."""
         return Telemetry(
             time_s=self._now_s,
             position=self.position,
@@ -169,7 +169,7 @@ class AirframeFlyer(Flyer):
     _air: Wind  # still air, and its drag
 
     def command(self, motion: Motion) -> None:
-        """Do what the controller asks from now on; it holds a braking distance ahead."""
+        """Carry out the controller's command from now on; it holds a braking distance ahead."""
         super().command(motion)
         (east_m, north_m), (east_m_s, north_m_s) = self.position, self.velocity_m_s
         if self._target is None:

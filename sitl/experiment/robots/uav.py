@@ -122,12 +122,12 @@ class Uav:
         self.painter = painter
         self.controller = controller
         self.states: list[tuple[float, str]] = []
-        self._frame = mission.frame  # of degrees that it says
+        self._frame = mission.frame  # of degrees that it publishes
         self._queue = queue
         self._log = log
         self._reader = TeamMessageDecoder(mission.frame)
         self._waiting: Motion | None = None  # decided, not sent to the vehicle yet
-        self._map_every_s = settings.map_interval_s  # least time between maps for peers that ask
+        self._map_every_s = settings.map_interval_s  # least time between maps for peers
         self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf  # of the last ones
         self._seen = False  # robots are, by an oracle
         self._sought: str | None = None  # the team was told last; None: it seeks none
@@ -139,55 +139,55 @@ class Uav:
         return float(round(math.degrees(math.atan2(east, north))) % 360)
 
     def tick(self) -> None:
-        """Fly on, and tell the controller."""
+        """Fly on, and pass telemetry to the controller."""
         now_s = self._queue.now_s
         self.flyer.fly(now_s)
         if now_s - self._picture_at_s >= self.painter.camera.interval_s:
             self._picture_at_s = now_s
             self.painter.paint(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
-        self._tell(self.flyer.telemetry())
+        self._handle(self.flyer.telemetry())
 
     def hear(self, event: LinkEvent) -> None:
         """Something has happened on the links."""
         if isinstance(event, MessageStored) and event.robot == self.name:
-            return  # the controller knows what it has said
-        self._tell(event)
+            return  # the controller knows its own messages
+        self._handle(event)
         if not isinstance(event, MessageStored):
             return
-        news = self._reader.event_of(
+        decoded = self._reader.event_of(
             event.robot,
             event.topic,
             self.node.data_of(event),
             peer=event.peer,
             unix_s=self.node.now.unix_s,
         )
-        if isinstance(news, RobotPose) and self._seen and news.peer == news.robot:
-            # Stamped now: what is older than what was seen would be no news.
-            self.see(news.robot, news.position, news.peer)
-        elif news is not None:
-            self._tell(_rounded(news))
+        if isinstance(decoded, RobotPose) and self._seen and decoded.peer == decoded.robot:
+            # Stamped now: a message older than the sighting would not count.
+            self.see(decoded.robot, decoded.position, decoded.peer)
+        elif decoded is not None:
+            self._handle(_rounded(decoded))
 
     def see(self, robot: str, position: Point, peer: str = "oracle") -> None:
-        """An oracle tells where a robot is; `peer`: or the robot itself, and so it is found."""
+        """An oracle (or `peer`, the robot itself) publishes a position; so the robot is found."""
         self._seen = True
-        self._tell(RobotPose(robot, _millimetres(position), EPOCH_S + self._queue.now_s, peer))
+        self._handle(RobotPose(robot, _millimetres(position), EPOCH_S + self._queue.now_s, peer))
 
     def say(self) -> list[tuple[str, bytes]]:
-        """What it has to say to a peer that asks now."""
+        """Its messages for a peer that requests them now."""
         now_s = self._queue.now_s
         where = degrees(self._frame, self.flyer.position)
         pose = PoseMessage(stamp_s=EPOCH_S + now_s, **where, heading_deg=self.heading_deg)
-        said = [(POSE_TOPIC, pose.encode()), *self.map_due()]
+        messages = [(POSE_TOPIC, pose.encode()), *self.map_due()]
         if now_s - self._seek_at_s >= SEEK_AGAIN_S and math.isfinite(self._seek_at_s):
-            said.append(self._word())
-        return said
+            messages.append(self._seek_message())
+        return messages
 
     def map_due(self) -> list[tuple[str, bytes]]:
         """Its map, if it is time for one and it has grown."""
         due = self._queue.now_s - self._map_at_s >= self._map_every_s
         return self._map() if due else []
 
-    def _tell(self, event: Event) -> None:
+    def _handle(self, event: Event) -> None:
         self._log.event(self.name, event)
         for action in self.controller.handle(event, self._queue.now_s):
             self._log.action(self.name, action)
@@ -204,7 +204,7 @@ class Uav:
             self.node.exchange(self._sought)
         elif isinstance(action, Seeking):
             self._sought = action.robot
-            self.node.publish(*self._word())
+            self.node.publish(*self._seek_message())
         elif isinstance(action, StateChanged):
             self.states.append((self._queue.now_s, action.target.name))
         # all else is words for a pilot, who is not simulated
@@ -217,30 +217,30 @@ class Uav:
         now_s = self._queue.now_s
         objection = self.controller.objection(motion, now_s)
         if objection is not None:
-            self._tell(CommandFailed(motion, objection, sent=False))
+            self._handle(CommandFailed(motion, objection, sent=False))
             return
         self.flyer.fly(now_s)
         self.flyer.command(motion)
-        self._tell(CommandConfirmed(motion))
+        self._handle(CommandConfirmed(motion))
 
     def _map(self) -> list[tuple[str, bytes]]:
         self._map_at_s = self._queue.now_s
         grown = self.painter.publish()
         return [] if grown is None else [(MAP_TOPIC, grown)]
 
-    def _word(self) -> tuple[str, bytes]:
+    def _seek_message(self) -> tuple[str, bytes]:
         self._seek_at_s = self._queue.now_s
         message = SeekMessage(stamp_s=EPOCH_S + self._queue.now_s, robot=self._sought)
         return SEEK_TOPIC, message.encode()
 
 
-def _rounded(news: Event) -> Event:
+def _rounded(decoded: Event) -> Event:
     """The same to a millimetre: projections differ in their last digits from machine to machine."""
-    if isinstance(news, RobotPose):
-        return replace(news, position=_millimetres(news.position))
-    if isinstance(news, RobotPath):
-        return replace(news, points=tuple(map(_millimetres, news.points)))
-    return news
+    if isinstance(decoded, RobotPose):
+        return replace(decoded, position=_millimetres(decoded.position))
+    if isinstance(decoded, RobotPath):
+        return replace(decoded, points=tuple(map(_millimetres, decoded.points)))
+    return decoded
 
 
 def _millimetres(place: Point) -> Point:

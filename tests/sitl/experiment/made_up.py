@@ -7,7 +7,7 @@ import numpy as np
 from geo.frame import Point
 from sitl.experiment.campaign.running import recorded, run_settings
 from sitl.experiment.engine.ages import USES
-from sitl.experiment.engine.exchange import Contact, Transmission
+from sitl.experiment.engine.exchange import ContactInterval, Transmission
 from sitl.experiment.settings import RunSettings
 from sitl.world.explorers.explorer import Visit
 from sitl.world.towns.town import Goal
@@ -81,7 +81,7 @@ def _contacts(chance, team, duration_s):
     ended_s = np.minimum(began_s + chance.exponential(20, count), duration_s)
     a = chance.integers(0, team, count)
     b = (a + chance.integers(1, team, count)) % team
-    return [Contact(*row) for row in zip(began_s, ended_s, a, b, strict=True)]
+    return [ContactInterval(*row) for row in zip(began_s, ended_s, a, b, strict=True)]
 
 
 def work(task):

@@ -14,7 +14,7 @@ from sitl.experiment.analysis.calibration import DRAWS, Prediction, pooled
 from sitl.experiment.analysis.report import Report
 from sitl.experiment.analysis.tables import PAPER_TABLE, paper_row
 from sitl.experiment.campaign.running import run_settings
-from sitl.experiment.plan import flat, said
+from sitl.experiment.plan import flat, value_text
 from sitl.experiment.plan_file import load_experiment
 
 DRAWN = Path(__file__).parents[3] / "docs" / "evidence" / "calibration-draws.csv"
@@ -168,5 +168,5 @@ def test_what_predicts_is_what_was_fitted():
     for row in experiment.rows:
         number = int(row.label.partition(",")[0].removeprefix("draw "))
         settings = flat(row.settings)
-        assert {key: said(settings[key]) for key in drawn[0]} == drawn[number - 1]
+        assert {key: value_text(settings[key]) for key in drawn[0]} == drawn[number - 1]
     assert len(experiment.rows) == 12 * len(drawn) == 12 * DRAWS

@@ -33,7 +33,7 @@ class World:
 
     def become(self, state):
         self.state = state
-        self.ages.look()
+        self.ages.update()
         return self
 
     def store(self, robot, header):

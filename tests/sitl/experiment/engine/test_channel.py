@@ -46,10 +46,10 @@ class TestPaper:
         channel = PaperChannel(PaperModel(), 10.0, 3, seed=1)
         far = places((0, 0, 0), (10.0, 0, 60), (30, 0, 0))
         near = places((0, 0, 0), (9.9, 0, 60), (19.8, 0, 0))
-        assert channel.look(0.0, far) == []
-        assert channel.look(1.0, near) == [(0, 1, True), (1, 2, True)]
-        assert channel.look(2.0, near) == []
-        assert channel.look(3.0, far) == [(0, 1, False), (1, 2, False)]
+        assert channel.update(0.0, far) == []
+        assert channel.update(1.0, near) == [(0, 1, True), (1, 2, True)]
+        assert channel.update(2.0, near) == []
+        assert channel.update(3.0, far) == [(0, 1, False), (1, 2, False)]
 
     def test_what_was_cut_waits_or_is_given_up_as_the_reading_says(self):
         cuts = {"hold": math.inf, "drop": 0.0, "timeout": 5.0}
@@ -81,7 +81,7 @@ class TestPathLoss:
             # Along the main street, between antennas near the ground.
             street = places((0, 999, 0.5), (0, 1999, 0.5), (-30, 3, 0.5), (apart_m - 30, 3, 0.5))
             assert channel._radio.building_db(street[2:3, :2], street[3:, :2]) == 0.0
-            return channel.look(now_s, street)
+            return channel.update(now_s, street)
 
         # -75 dBm at 32 m, -78 dBm at 41 m.
         assert changes(0.0, 36.0) == []
@@ -92,7 +92,7 @@ class TestPathLoss:
 
     def test_buildings_cut_contacts(self, channel):
         street = places((-30, 3, 0.5), (-30, 3, 60), (-20, 3, 0.5), (0, 3, 0.5))
-        up = {(change.a, change.b) for change in channel.look(0.0, street)}
+        up = {(change.a, change.b) for change in channel.update(0.0, street)}
         assert (0, 2) in up
         assert (0, 1) in up
         ring = next(ring for ring in TOWN.buildings)
@@ -100,19 +100,19 @@ class TestPathLoss:
         east = max(p.east_m for p in ring)
         north = sum(p.north_m for p in ring) / len(ring)
         blocked = places((0, 0, 0.5), (0, 0, 60), (west - 1, north, 0.5), (east + 1, north, 0.5))
-        down = {(change.a, change.b) for change in channel.look(1.0, blocked) if not change.up}
+        down = {(change.a, change.b) for change in channel.update(1.0, blocked) if not change.up}
         assert (0, 2) in down
         assert channel._radio.building_db(blocked[2:3, :2], blocked[3:, :2]) > 3.0
 
     def test_near_links_are_faster_and_far_ones_do_not_disturb_each_other(self, channel):
         apart = places((-170, 30, 0.5), (-165, 30, 0.5), (60, -100, 0.5), (66, -100, 0.5))
-        channel.look(0.0, apart)
+        channel.update(0.0, apart)
         a, b = Link(0, 1), Link(3, 2)
         assert channel.occupied([a]) == {0, 1}
         assert not channel.occupied([])
         together = apart.copy()
         together[2:, :2] = (-160, 30), (-158, 30)
-        channel.look(1.0, together)
+        channel.update(1.0, together)
         assert channel.occupied([a]) == {0, 1, 2, 3}
         load = Load(Stage.DATA, 1, 100_000, 0)
         assert channel.duration_s(b, load, 1.0) < channel.duration_s(Link(0, 3), load, 1.0)
@@ -125,13 +125,13 @@ class TestPathLoss:
             for air, model in models.items()
         }
         share = {
-            air: np.mean([(1, 2, True) in channel.look(0.0, far) for channel in channels])
+            air: np.mean([(1, 2, True) in channel.update(0.0, far) for channel in channels])
             for air, channels in heard.items()
         }
         assert share["log_distance"] < 0.5
         assert share["umi_av"] == share["uma_av"] == 1.0
         changed = {
-            air: sum(len(channel.look(now_s, far)) for now_s in range(1, 60) for channel in own)
+            air: sum(len(channel.update(now_s, far)) for now_s in range(1, 60) for channel in own)
             for air, own in heard.items()
         }
         assert changed["log_distance"] > 0

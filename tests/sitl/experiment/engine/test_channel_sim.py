@@ -33,7 +33,7 @@ class Script:
         self.patience_s = patience_s
         self.changes = []
 
-    def look(self, now_s, places):
+    def update(self, now_s, places):
         changes, self.changes = self.changes, []
         return changes
 
@@ -83,7 +83,7 @@ class Field:
 
     def contact(self, a, b, *, up):
         self.channel.changes = [Change(a, b, up)]
-        self.channel_sim.look(NOWHERE)
+        self.channel_sim.update(NOWHERE)
 
     def rows(self, *, complete=True):
         rows = [sent for sent in self.airtime.transmissions if sent.complete is complete]
@@ -191,7 +191,7 @@ def test_in_a_contact_that_lasts_robots_pull_again_as_often_as_the_channel_says(
     field.contact(1, 2, up=True)
     for second in range(1, 40):
         field.queue.run(float(second))
-        field.channel_sim.look(NOWHERE)
+        field.channel_sim.update(NOWHERE)
     assert field.airtime.complete == 8
 
 
@@ -200,7 +200,7 @@ def pulled(field, name, until_s):
     times_s = []
     while field.queue.now_s < until_s:
         before = len(field.ended(name, SyncStarted))
-        field.channel_sim.look(NOWHERE)
+        field.channel_sim.update(NOWHERE)
         field.queue.run(field.queue.now_s + 0.5)
         begun = field.ended(name, SyncStarted)[before:]
         times_s += [field.queue.now_s - 0.5] * begun.count("in")
@@ -231,7 +231,7 @@ def test_between_two_pulls_ours_pushes_what_is_new_and_the_original_does_not():
         field.queue.run(1.0)
         field.nodes[2].publish("/claimed_goals", b"new")
         field.channel_sim.settle()
-        field.channel_sim.look(NOWHERE)
+        field.channel_sim.update(NOWHERE)
         field.queue.run(1.5)
         stored[protocol] = ("ugv02", "/claimed_goals") in field.stored("ugv01")
     assert stored == {"original": False, "ours": True}
