@@ -25,8 +25,8 @@ from sitl.mavlink import VehicleSettings
 from sitl.process import (
     HERE,
     Address,
-    End,
     FollowedPace,
+    LinkAddresses,
     Pace,
     PaceServer,
     Ports,
@@ -290,7 +290,7 @@ def _ports(arguments: Options) -> Ports:
     """PX4's, except where the command line names a partner: those links take a free port."""
     named = {"onboard": arguments.api_to, "ground": arguments.gcs_to, "truth": arguments.truth_to}
     ends = {
-        link: End((_listens(arguments.listen, partner[0]), 0), partner)
+        link: LinkAddresses((_listens(arguments.listen, partner[0]), 0), partner)
         for link, partner in named.items()
         if partner is not None
     }

@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = door(
         "px4_process": ("AIRFRAMES", "Px4Process", "Px4Settings"),
         "vehicle": (
             "Address",
-            "End",
+            "LinkAddresses",
             "HERE",
             "PortInUseError",
             "Ports",

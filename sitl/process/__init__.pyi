@@ -14,7 +14,7 @@ from sitl.process.px4_process import Px4Process as Px4Process
 from sitl.process.px4_process import Px4Settings as Px4Settings
 from sitl.process.vehicle import HERE as HERE
 from sitl.process.vehicle import Address as Address
-from sitl.process.vehicle import End as End
+from sitl.process.vehicle import LinkAddresses as LinkAddresses
 from sitl.process.vehicle import PortInUseError as PortInUseError
 from sitl.process.vehicle import Ports as Ports
 from sitl.process.vehicle import VehicleProcess as VehicleProcess

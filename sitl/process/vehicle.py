@@ -110,7 +110,7 @@ class UdpLink:
             _log.debug("sending to %s:%d: %s", *self._partner, error)
 
 
-class End(NamedTuple):
+class LinkAddresses(NamedTuple):
     """Where one link of a vehicle receives (port 0: on a free one), and whom it sends to."""
 
     bind: Address
@@ -126,9 +126,9 @@ class Ports(NamedTuple):
         truth: The truth link, and its receiver.
     """
 
-    onboard: End
-    ground: End | None
-    truth: End
+    onboard: LinkAddresses
+    ground: LinkAddresses | None
+    truth: LinkAddresses
 
 
 HERE: Final = "127.0.0.1"
@@ -143,9 +143,9 @@ def px4_ports(instance: int, listen: str = HERE) -> Ports:
     """
     api = 14540 + instance if instance <= 9 else 14549
     return Ports(
-        End((listen, 14580 + instance), (HERE, api)),
-        End((listen, 18570 + instance), (HERE, 14550)),
-        End((HERE, 19450 + instance), (HERE, 19410 + instance)),
+        LinkAddresses((listen, 14580 + instance), (HERE, api)),
+        LinkAddresses((listen, 18570 + instance), (HERE, 14550)),
+        LinkAddresses((HERE, 19450 + instance), (HERE, 19410 + instance)),
     )
 
 
@@ -224,7 +224,7 @@ class VehicleProcess(Closeable):
             end.close()
         self._links.clear()
 
-    def _open(self, link: MavlinkLink, end: End | None, what: str) -> None:
+    def _open(self, link: MavlinkLink, end: LinkAddresses | None, what: str) -> None:
         if end is not None:
             # On a free port only the partner that was named can mean us; truth has one receiver.
             fixed = link is self.vehicle.truth or end.bind[1] == 0

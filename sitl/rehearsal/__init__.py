@@ -32,7 +32,7 @@ __getattr__, __dir__, __all__ = door(
         "mission_file": ("ANOTHER", "MissionFile", "hurried"),
         "scenario": ("SceneOverError",),
         "simulated_flight": ("SimulatedFlight",),
-        "strangers": ("VehicleState", "false_words"),
+        "strangers": ("ImpersonatedState", "false_messages"),
         "zone_terms": ("with_terms",),
     },
 )

@@ -30,6 +30,6 @@ from sitl.rehearsal.mission_file import MissionFile as MissionFile
 from sitl.rehearsal.mission_file import hurried as hurried
 from sitl.rehearsal.scenario import SceneOverError as SceneOverError
 from sitl.rehearsal.simulated_flight import SimulatedFlight as SimulatedFlight
-from sitl.rehearsal.strangers import VehicleState as VehicleState
-from sitl.rehearsal.strangers import false_words as false_words
+from sitl.rehearsal.strangers import ImpersonatedState as ImpersonatedState
+from sitl.rehearsal.strangers import false_messages as false_messages
 from sitl.rehearsal.zone_terms import with_terms as with_terms

@@ -1,6 +1,6 @@
 """What can happen in a rehearsed flight, one after the other: the courses of its faults.
 
-A course is a list of rows (at what time, what, a value, in which phase), or draws one with dice.
+A course is a list of rows (at what time, what, a value, in which phase), or draws one at random.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class ScheduledFault(NamedTuple):
         value: As it needs.
         phase: A mission state, "climb" or "landing", counted from when it is entered first;
             "armed": from when the vehicle was armed; "ready": from when the companion starts;
-            empty: the scene says.
+            empty: by the scene.
     """
 
     at_s: float
@@ -126,16 +126,16 @@ def placed(rows: Iterable[Row], phase: str, later_s: float) -> Schedule:
 
 def uniform(low: float, high: float) -> Draw:
     """Any number between these."""
-    return lambda dice: dice.uniform(low, high)
+    return lambda rng: rng.uniform(low, high)
 
 
 def choice(*options: object) -> Draw:
     """One of these."""
-    return lambda dice: dice.choice(options)
+    return lambda rng: rng.choice(options)
 
 
-def _drawn(row: Row, dice: random.Random) -> Row:
-    return tuple(part(dice) if callable(part) else part for part in row)
+def _drawn(row: Row, rng: random.Random) -> Row:
+    return tuple(part(rng) if callable(part) else part for part in row)
 
 
 # Courses of every kind.
@@ -143,16 +143,16 @@ def _drawn(row: Row, dice: random.Random) -> Row:
 
 def steps(*rows: Row) -> Course:
     """These, each so many seconds after the beginning."""
-    return lambda dice: [_drawn(row, dice) for row in rows]
+    return lambda rng: [_drawn(row, rng) for row in rows]
 
 
 def chain(*rows: Row) -> Course:
     """These, each so many seconds after the one before."""
 
-    def course(dice: random.Random) -> Iterator[Row]:
+    def course(rng: random.Random) -> Iterator[Row]:
         at_s = 0.0
         for row in rows:
-            delay_s, *what = _drawn(row, dice)
+            delay_s, *what = _drawn(row, rng)
             at_s += delay_s
             yield at_s, *what
 
@@ -167,23 +167,23 @@ def one(what: str, value: object = None) -> Course:
 def often(what: str, times: int, every: Draw, value: Draw) -> Course:
     """Again and again, each a while after the one before."""
 
-    def course(dice: random.Random) -> Iterator[Row]:
+    def course(rng: random.Random) -> Iterator[Row]:
         at_s = 0.0
         for _ in range(times):
-            yield at_s, what, value(dice)
-            at_s += every(dice)
+            yield at_s, what, value(rng)
+            at_s += every(rng)
 
     return course
 
 
-def spells(times: int, within_s: float, begin: Row, end: Row, lasts_s: Draw) -> Course:
+def intervals(times: int, within_s: float, begin: Row, end: Row, lasts_s: Draw) -> Course:
     """Something that begins some times within so long, and each time ends after a while."""
 
-    def course(dice: random.Random) -> Iterator[Row]:
+    def course(rng: random.Random) -> Iterator[Row]:
         for _ in range(times):
-            at_s = dice.uniform(0.0, within_s)
-            yield at_s, *_drawn(begin, dice)
-            yield at_s + lasts_s(dice), *end
+            at_s = rng.uniform(0.0, within_s)
+            yield at_s, *_drawn(begin, rng)
+            yield at_s + lasts_s(rng), *end
 
     return course
 
@@ -191,16 +191,16 @@ def spells(times: int, within_s: float, begin: Row, end: Row, lasts_s: Draw) -> 
 def stream(*names: str) -> Course:
     """One stream, in one of the ways."""
     kinds = tuple(StreamFault)
-    return one("stream", lambda dice: (names, dice.choice(kinds), dice.choice(SECONDS)))
+    return one("stream", lambda rng: (names, rng.choice(kinds), rng.choice(SECONDS)))
 
 
 def on_board(what: str, value: object, *, back: float = 0.5) -> Course:
     """A station changes what is on board; perhaps the operator puts our plan there again."""
 
-    def course(dice: random.Random) -> Iterator[Row]:
-        yield _drawn((0.0, what, value), dice)
-        if dice.random() < back:
-            yield dice.uniform(4.0, 15.0), "take back"
+    def course(rng: random.Random) -> Iterator[Row]:
+        yield _drawn((0.0, what, value), rng)
+        if rng.random() < back:
+            yield rng.uniform(4.0, 15.0), "take back"
 
     return course
 
@@ -208,9 +208,9 @@ def on_board(what: str, value: object, *, back: float = 0.5) -> Course:
 def drift(sideways: float, up: float) -> Course:
     """The estimate drifts by so many metres a second."""
 
-    def course(dice: random.Random) -> Iterator[Row]:
-        angle_rad, sign = dice.uniform(0.0, 2 * math.pi), dice.choice((-1.0, 1.0))
-        for second in range(dice.choice((15, 30))):
+    def course(rng: random.Random) -> Iterator[Row]:
+        angle_rad, sign = rng.uniform(0.0, 2 * math.pi), rng.choice((-1.0, 1.0))
+        for second in range(rng.choice((15, 30))):
             yield float(second), "drift", (sideways, angle_rad, sign * up)
 
     return course
@@ -224,7 +224,7 @@ pushed: Final = often("push", 5, uniform(15.0, 35.0), uniform(22.0, 40.0))
 neared: Final = often("near", 4, uniform(25.0, 40.0), uniform(1.5, 3.0))
 """The estimate jumps until only so many metres are left to what is near."""
 
-jumps: Final = spells(
+jumps: Final = intervals(
     4, 150.0, ("jump", uniform(0.0, 2 * math.pi)), ("jump back",), uniform(3.0, 15.0)
 )
 silence: Final = steps((0.0, "silent", True), (choice(0.5, 2, 5, 20, 55), "silent", False))
@@ -248,78 +248,78 @@ sticks_lost: Final = steps(
 altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math.inf)), MISSION))
 """Which item, for how long its place is altered on the way, and of which list it is."""
 
-busy: Final = spells(6, 160.0, ("busy", True), ("busy", False), uniform(1.0, 8.0))
+busy: Final = intervals(6, 160.0, ("busy", True), ("busy", False), uniform(1.0, 8.0))
 home_moved: Final = one("home", choice((0.0, -25.0), (30.0, 15.0)))
 restart: Final = chain((0.0, "kill"), (uniform(2.0, 40.0), "restart"))
 lie: Final = steps((0.0, "fuller", choice(0.2, 0.5, 1.0)), (0.0, "battery", uniform(150.0, 400.0)))
-"""The battery says that it is fuller than it is, while it empties fast."""
+"""The battery reports more charge than it has, while it empties fast."""
 
 glitches: Final = often("glitch", 4, uniform(12.0, 30.0), choice((0, 0.4), (0, 1.2), (20, 2.0)))
-"""So many percent are said to be left, for so many seconds."""
+"""So many percent are reported as left, for so many seconds."""
 
 mad_robots: Final = one("mad", choice("future", "nan", "jump", "zone", "far", "stamp"))
 zones_across: Final = often("zone across", 3, uniform(25.0, 50.0), uniform(0.0, 6.0))
 
 
-def brief(dice: random.Random) -> Iterator[Row]:
+def brief(rng: random.Random) -> Iterator[Row]:
     """Any one stream, for a moment."""
-    names, kind = dice.choice(tuple(WRONG_STREAMS)), dice.choice(tuple(StreamFault))
+    names, kind = rng.choice(tuple(WRONG_STREAMS)), rng.choice(tuple(StreamFault))
     yield 0.0, "stream", (names, kind, BRIEF_S)
 
 
-def height(dice: random.Random) -> Iterator[Row]:
+def height(rng: random.Random) -> Iterator[Row]:
     """The altitude estimate jumps, and perhaps comes back."""
-    off_m = dice.choice((-1.0, 1.0)) * dice.uniform(3.0, 8.0)
+    off_m = rng.choice((-1.0, 1.0)) * rng.uniform(3.0, 8.0)
     yield 0.0, "off", off_m
-    yield dice.choice((5.0, 20.0, math.inf)), "off", -off_m
+    yield rng.choice((5.0, 20.0, math.inf)), "off", -off_m
 
 
-def no_fix(dice: random.Random) -> Iterator[Row]:
-    """Too few satellites, or a receiver that has none, or a fix that is flat, as it says."""
-    lasts_s, kind = dice.uniform(2.0, 20.0), dice.randrange(3)
+def no_fix(rng: random.Random) -> Iterator[Row]:
+    """Too few satellites, or a receiver that has none, or a fix that is reported as flat."""
+    lasts_s, kind = rng.uniform(2.0, 20.0), rng.randrange(3)
     if kind:
         yield 0.0, "fix", (kind, lasts_s)
     else:
         yield from ((0.0, "satellites", 0), (lasts_s, "satellites", 12))
 
 
-def no_fix_on_a_leg(dice: random.Random) -> Iterator[Row]:
-    """The receiver says that it has no fix, or a flat one, as soon as a leg has begun."""
-    yield dice.uniform(0.3, 1.0), "fix", (dice.choice((1, 2)), dice.uniform(20.0, 25.0))
+def no_fix_on_a_leg(rng: random.Random) -> Iterator[Row]:
+    """The receiver reports no fix, or a flat one, as soon as a leg has begun."""
+    yield rng.uniform(0.3, 1.0), "fix", (rng.choice((1, 2)), rng.uniform(20.0, 25.0))
 
 
-def zone_in_haste(dice: random.Random) -> Iterator[Row]:
+def zone_in_haste(rng: random.Random) -> Iterator[Row]:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
-    at_s = dice.uniform(4.0, 6.0)
+    at_s = rng.uniform(4.0, 6.0)
     yield 0.0, "send", at_s
     yield at_s - 0.1, "deaf", True
     yield at_s + 0.4, "send again"
-    yield at_s + 1.0, "zone over", dice.uniform(1.0, 3.0)
+    yield at_s + 1.0, "zone over", rng.uniform(1.0, 3.0)
     yield at_s + 1.5, "deaf", False
 
 
-def zones(dice: random.Random) -> Iterator[Row]:
+def zones(rng: random.Random) -> Iterator[Row]:
     """Zones are drawn near the vehicle, or over it."""
-    for again in range(dice.randrange(1, 4)):
-        yield 40.0 * again, "reload", dice.uniform(-5.0, 40.0)
+    for again in range(rng.randrange(1, 4)):
+        yield 40.0 * again, "reload", rng.uniform(-5.0, 40.0)
 
 
-def walls(dice: random.Random) -> Iterator[Row]:
+def walls(rng: random.Random) -> Iterator[Row]:
     """Walls on all sides, one after the other or at once; perhaps one is taken away again."""
-    yield 0.0, "battery", dice.uniform(250.0, 500.0)
-    if dice.randrange(2):
-        yield dice.uniform(40.0, 120.0), "open"
-    if dice.randrange(2):
+    yield 0.0, "battery", rng.uniform(250.0, 500.0)
+    if rng.randrange(2):
+        yield rng.uniform(40.0, 120.0), "open"
+    if rng.randrange(2):
         yield 0.0, "enclose"
     else:
         yield from ((6.0 * side, "wall", side) for side in range(4))
 
 
-def refused(dice: random.Random) -> Iterator[Row]:
+def refused(rng: random.Random) -> Iterator[Row]:
     """For a while or for good, and a zone is drawn near the vehicle."""
-    for_good = dice.randrange(2)
-    if dice.randrange(2):
+    for_good = rng.randrange(2)
+    if rng.randrange(2):
         yield 0.0, "reject", for_good
     else:
-        yield 0.0, "alter", (dice.randrange(12), math.inf if for_good else 6.0, FENCE)
-    yield 1.0, "reload", dice.uniform(15.0, 40.0)
+        yield 0.0, "alter", (rng.randrange(12), math.inf if for_good else 6.0, FENCE)
+    yield 1.0, "reload", rng.uniform(15.0, 40.0)

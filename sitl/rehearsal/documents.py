@@ -1,6 +1,6 @@
 """Mission files of special scenes: zones from map files, other coordinates, hours, a second UAV.
 
-Each takes a mission as its YAML has it, a folder for further files, and dice.
+Each takes a mission as its YAML has it, a folder for further files, and random numbers.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ def _at_home(document: Document) -> Document:
     return {**document, "home": home, "planner": planner}
 
 
-def clear_sites(mission: RawMission, dice: random.Random, radius_m: float) -> Iterator[Pair]:
+def clear_sites(mission: RawMission, rng: random.Random, radius_m: float) -> Iterator[Pair]:
     """Places for circles of such a radius that no waypoint is in, or cut off by."""
     places = [(0.0, 0.0), *mission.waypoints, *mission.rally]
     west, south, east, north = shapely.MultiPoint(places).bounds
     kept_m = radius_m + mission.clearance_m + mission.tracking_margin_m + _SPARE_M
     drawn = list(mission.zones)
     for _ in range(_TRIES):
-        place = dice.uniform(west, east), dice.uniform(south, north)
+        place = rng.uniform(west, east), rng.uniform(south, north)
         if min(math.dist(place, other) for other in places) < kept_m:
             continue
         outline = shapely.Point(place)
@@ -77,16 +77,16 @@ def clear_sites(mission: RawMission, dice: random.Random, radius_m: float) -> It
             yield place
 
 
-def as_it_is(document: Document, folder: Path, dice: random.Random) -> Document:
+def as_it_is(document: Document, folder: Path, rng: random.Random) -> Document:
     """Among the zones of its file alone: far from these nothing is near at any height."""
-    del folder, dice
+    del folder, rng
     return document
 
 
 # Units
 
 
-def of_map_files(document: Document, folder: Path, dice: random.Random) -> Document:
+def of_map_files(document: Document, folder: Path, rng: random.Random) -> Document:
     """Its zones in map files, limits in feet and flight levels, some of which it flies over.
 
     A flight that reads them right keeps from some, and goes over or under others: on these are
@@ -101,28 +101,28 @@ def of_map_files(document: Document, folder: Path, dice: random.Random) -> Docum
         if sum(map(len, rings)) + len(zone["polygon"]) <= _CORNERS:
             rings.append(zone["polygon"])
     writers = [*_WRITERS]
-    dice.shuffle(writers)
+    rng.shuffle(writers)
     landings = shapely.MultiPoint([(0.0, 0.0), *mission.rally])
     over = [
         place
         for place in mission.waypoints
         if shapely.Point(place).distance(landings) > _FROM_LANDINGS_M
     ][:_FLOWN]
-    sites = clear_sites(mission, dice, _SITE_M)
+    sites = clear_sites(mission, rng, _SITE_M)
     files = []
     for number, ring in enumerate(rings):
         writer = writers[number % len(writers)]
-        zones = [_Zone(f"zone {number}", ring, *_around(low_m, high_m, dice))]
+        zones = [_Zone(f"zone {number}", ring, *_around(low_m, high_m, rng))]
         if number < len(writers):
-            passed = _around(*_passed(low_m, high_m, dice), dice, wider_m=0.0)
-            box = _box(mission, dice.choice(over), 4.0)
+            passed = _around(*_passed(low_m, high_m, rng), rng, wider_m=0.0)
+            box = _box(mission, rng.choice(over), 4.0)
             zones.append(_Zone(f"passed {number}", box, *passed))
             site = next(sites, None)
             if site is not None:
-                limits = _around(low_m, high_m, dice)
+                limits = _around(low_m, high_m, rng)
                 zones.append(_Zone(f"site {number}", [_degrees(mission, site)], *limits))
         path = folder / f"zones {number}{writer[0]}"
-        path.write_text(writer[1](zones, dice), encoding="utf-8")
+        path.write_text(writer[1](zones, rng), encoding="utf-8")
         files.append(str(path))
     rest = [zone for zone in document["no_fly_zones"] if zone not in own]
     return {**document, "no_fly_zones": rest, "no_fly_files": files}
@@ -140,16 +140,16 @@ class _Zone:
 
 
 def _around(
-    low_m: float, high_m: float, dice: random.Random, wider_m: float = 1.0
+    low_m: float, high_m: float, rng: random.Random, wider_m: float = 1.0
 ) -> tuple[float, float]:
-    return low_m - wider_m * dice.uniform(1.0, 4.0), high_m + wider_m * dice.uniform(2.0, 20.0)
+    return low_m - wider_m * rng.uniform(1.0, 4.0), high_m + wider_m * rng.uniform(2.0, 20.0)
 
 
-def _passed(low_m: float, high_m: float, dice: random.Random) -> tuple[float, float]:
+def _passed(low_m: float, high_m: float, rng: random.Random) -> tuple[float, float]:
     """Limits under, or over, where it cruises, that are not so in metres if they are in feet."""
-    if dice.randrange(2):
-        return low_m - 25.0, low_m - dice.uniform(1.5, 6.0)
-    return high_m + dice.uniform(1.5, 6.0), high_m + 60.0
+    if rng.randrange(2):
+        return low_m - 25.0, low_m - rng.uniform(1.5, 6.0)
+    return high_m + rng.uniform(1.5, 6.0), high_m + 60.0
 
 
 def _degrees(mission: RawMission, place: Pair) -> list[float]:
@@ -190,9 +190,9 @@ def _feet(metres: float) -> float:
     return round(metres / _FOOT_M, 1)
 
 
-def _openaip(zones: list[_Zone], dice: random.Random) -> str:
+def _openaip(zones: list[_Zone], rng: random.Random) -> str:
     """GeoJSON with openAIP's limits: unit 1 is feet, datum 1 the sea."""
-    del dice
+    del rng
 
     def limit(metres: float) -> dict[str, Any]:
         return {"value": _feet(metres), "unit": 1, "referenceDatum": 1}
@@ -202,9 +202,9 @@ def _openaip(zones: list[_Zone], dice: random.Random) -> str:
     )
 
 
-def _faa(zones: list[_Zone], dice: random.Random) -> str:
+def _faa(zones: list[_Zone], rng: random.Random) -> str:
     """GeoJSON with the FAA's properties."""
-    del dice
+    del rng
 
     def limits(zone: _Zone) -> dict[str, Any]:
         ends = (("LOWER", zone.lower_m), ("UPPER", zone.upper_m))
@@ -217,9 +217,9 @@ def _faa(zones: list[_Zone], dice: random.Random) -> str:
     return _features(zones, limits)
 
 
-def _plain(zones: list[_Zone], dice: random.Random) -> str:
+def _plain(zones: list[_Zone], rng: random.Random) -> str:
     """GeoJSON with the names of the mission file, in metres above home or the sea."""
-    own = dice.randrange(2)
+    own = rng.randrange(2)
     above_m, reference = (_HOME_AMSL_M, "home") if own else (0.0, "amsl")
     return _features(
         zones,
@@ -231,7 +231,7 @@ def _plain(zones: list[_Zone], dice: random.Random) -> str:
     )
 
 
-def _openair(zones: list[_Zone], dice: random.Random) -> str:
+def _openair(zones: list[_Zone], rng: random.Random) -> str:
     """OpenAir: feet above the sea, degrees and minutes, nautical miles; a flight level below.
 
     Limits of circles are in metres, and say so.
@@ -239,7 +239,7 @@ def _openair(zones: list[_Zone], dice: random.Random) -> str:
     lines = []
     for zone in zones:
         lower = f"{_feet(zone.lower_m)} ft MSL"
-        if zone.name.startswith("zone") and dice.randrange(2):
+        if zone.name.startswith("zone") and rng.randrange(2):
             lower = "FL40"  # 1219 m at most, 497 m where the pressure is low: it applies
         upper = f"{_feet(zone.upper_m)}ft MSL"
         if zone.round:
@@ -263,9 +263,9 @@ def _angles(latitude_deg: float, longitude_deg: float) -> str:
     return " ".join(parts)
 
 
-def _kml(zones: list[_Zone], dice: random.Random) -> str:
+def _kml(zones: list[_Zone], rng: random.Random) -> str:
     """KML: polygons down to the ground, in metres above the sea; circles by their own data."""
-    del dice
+    del rng
     marks = []
     for zone in zones:
         if zone.round:
@@ -292,9 +292,9 @@ def _kml(zones: list[_Zone], dice: random.Random) -> str:
     return f"{head}<Document>{''.join(marks)}</Document></kml>"
 
 
-def _ed269(zones: list[_Zone], dice: random.Random) -> str:
+def _ed269(zones: list[_Zone], rng: random.Random) -> str:
     """The JSON of authorities, in feet or metres above the sea."""
-    feet = dice.randrange(3) > 0
+    feet = rng.randrange(3) > 0
     features = []
     for zone in zones:
         limits_m = zone.lower_m, zone.upper_m
@@ -336,11 +336,11 @@ _WRITERS: Final = (
 )
 
 
-def in_local_metres(document: Document, folder: Path, dice: random.Random) -> Document:
+def in_local_metres(document: Document, folder: Path, rng: random.Random) -> Document:
     """The same mission in metres east and north of an origin that is not home."""
     del folder
     mission = _read(document)
-    off = dice.uniform(80.0, 300.0), dice.uniform(-700.0, -400.0)
+    off = rng.uniform(80.0, 300.0), rng.uniform(-700.0, -400.0)
     origin = _degrees(mission, off)
     frame = Frame((origin[0], origin[1]))
 
@@ -400,18 +400,18 @@ _DOES_NOT: Final[tuple[list[dict[str, Any]], ...]] = (
 )
 
 
-def with_daily_hours(document: Document, folder: Path, dice: random.Random) -> Document:
+def with_daily_hours(document: Document, folder: Path, rng: random.Random) -> Document:
     """Its zones in hours that the flight is in; over waypoints such as it is not in."""
     del folder
     document = _at_home(document)
     mission = _read(document)
-    begin = dice.randrange(len(_APPLIES))
+    begin = rng.randrange(len(_APPLIES))
     zones = [
         {**zone, "active": _APPLIES[(begin + number) % len(_APPLIES)]}
         for number, zone in enumerate(document["no_fly_zones"])
     ]
     first = [place for place in mission.waypoints if math.hypot(*place) > _HOMES_M][:_FLOWN]
-    for number, hours in enumerate(dice.sample(_DOES_NOT, 4)):
+    for number, hours in enumerate(rng.sample(_DOES_NOT, 4)):
         circle = {"centre": _degrees(mission, first[number]), "radius_m": 4.0}
         zones.append({"name": f"closed {number}", "circle": circle, "active": hours})
     return {**document, "no_fly_zones": zones}
@@ -420,7 +420,7 @@ def with_daily_hours(document: Document, folder: Path, dice: random.Random) -> D
 # Heights
 
 
-def over_low_zones(document: Document, folder: Path, dice: random.Random) -> Document:
+def over_low_zones(document: Document, folder: Path, rng: random.Random) -> Document:
     """It may be sent to other altitudes; under waypoints are zones that end below all of them."""
     del folder
     document = {**_at_home(document), "altitudes_m": [30, 60]}
@@ -432,21 +432,21 @@ def over_low_zones(document: Document, folder: Path, dice: random.Random) -> Doc
     for number, place in enumerate(first):
         if number % 3 == 2 or shapely.Point(place).distance(landings) < _FROM_LANDINGS_M:
             continue
-        circle = {"centre": _degrees(mission, place), "radius_m": dice.uniform(2.0, 9.0)}
-        upper_m = dice.uniform(3.0, below_m - 1.0)
+        circle = {"centre": _degrees(mission, place), "radius_m": rng.uniform(2.0, 9.0)}
+        upper_m = rng.uniform(3.0, below_m - 1.0)
         zones.append({"name": f"low {number}", "circle": circle, "altitude": {"upper_m": upper_m}})
     return {**document, "no_fly_zones": zones}
 
 
-def of_second_uav(document: Document, folder: Path, dice: random.Random) -> Document:
+def of_second_uav(document: Document, folder: Path, rng: random.Random) -> Document:
     """A mission of two UAVs, of which the second is judged: above or below, from a higher home.
 
     Zones have limits above the sea, that hold for its layer by a metre: counted from the home of
     the first, as much higher or lower as they are, one or the other would not.
     """
     uav = document["uav"]
-    document = with_another_uav(document, folder, dice)
-    higher_m = dice.choice((7.0, 12.0, -7.0))
+    document = with_another_uav(document, folder, rng)
+    higher_m = rng.choice((7.0, 12.0, -7.0))
     homes = {uav: document["home"], ANOTHER: document["uavs"][ANOTHER]["home"]}
     places = {name: h["position"] if isinstance(h, dict) else h for name, h in homes.items()}
     second = document["uavs"][ANOTHER]
@@ -480,7 +480,7 @@ def _in_layer(document: Document, level_m: float) -> Document:
     return {**document, "no_fly_zones": zones}
 
 
-def with_way_home(document: Document, folder: Path, dice: random.Random) -> Document:
+def with_way_home(document: Document, folder: Path, rng: random.Random) -> Document:
     """A mission whose battery lasts for the way home and not for much more."""
-    del folder, dice
+    del folder, rng
     return {**_at_home(document), "endurance_s": 400}

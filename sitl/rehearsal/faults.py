@@ -43,7 +43,7 @@ OLDER: Final = 0.375
 """Share of the flights with an older version of PX4 than the newest, of each as many."""
 
 ROUTED: Final = 0.5
-"""Share of the flights in which PX4's answers to other stations come over the companion's link: a
+"""Share of the flights in which PX4's replies to other stations come over the companion's link: a
 MAVLink router has them all on one."""
 
 RESULT_FIRST: Final = 0.5
@@ -64,13 +64,13 @@ class Kind(NamedTuple):
         phase: Where it begins, if that is not to be drawn.
         loss: Share of packets that are lost.
         late_s: By so much commands come late, from arming on.
-        old_s: By so much what the vehicle says comes late, from arming on.
+        old_s: By so much the vehicle's messages come late, from arming on.
         mission: Keys of the mission file that it flies with.
         waypoints: Of how many it has the first; 0: of all.
         records: Whether the companion keeps a record of the flight.
         document: Makes its mission file of the one in a hurry; None: zones get terms.
         terms: It makes it of one whose zones have got terms.
-        streams: Messages that the companion hears beside the usual ones, and how often, Hz.
+        streams: Messages that the companion receives beside the usual ones, and how often, Hz.
         parameters: Of the vehicle.
     """
 
@@ -546,14 +546,14 @@ class Scene:
 
     @property
     def routed(self) -> bool:
-        """Whether the companion's link carries PX4's answers to other stations, too."""
+        """Whether the companion's link carries PX4's replies to other stations, too."""
         return self.chance("router").random() < ROUTED
 
     @property
     def px4(self) -> Version:
         """The version of PX4 that it is flown with."""
-        dice = self.chance("PX4")
-        return dice.choice(FLOWN[:-1]) if dice.random() < OLDER else NEWEST
+        rng = self.chance("PX4")
+        return rng.choice(FLOWN[:-1]) if rng.random() < OLDER else NEWEST
 
     def most(self, what: str) -> float:
         """The most that its faults have of `loss`, `late_s` or `old_s`."""
@@ -563,25 +563,25 @@ class Scene:
         """What happens when."""
         happen: Schedule = []
         for fault in sorted(self.faults, key=lambda fault: fault.name):
-            dice = self.chance(f"when {fault.name}")
-            phase, later_s = self._begin(fault, dice)
+            rng = self.chance(f"when {fault.name}")
+            phase, later_s = self._begin(fault, rng)
             turns = fault.value.turns
             course = turns[self.seed % len(turns)] if turns else fault.value.course
-            happen += placed(course(dice), phase, later_s)
+            happen += placed(course(rng), phase, later_s)
         return happen
 
-    def _begin(self, fault: Fault, dice: random.Random) -> tuple[str, float]:
+    def _begin(self, fault: Fault, rng: random.Random) -> tuple[str, float]:
         """Its phase, by turns so that each gets its share, and how long after its beginning."""
         if fault.value.phase:
             at_once = fault.value.phase in _AT_ONCE
-            return fault.value.phase, 0.0 if at_once else dice.uniform(0.0, 10.0)
+            return fault.value.phase, 0.0 if at_once else rng.uniform(0.0, 10.0)
         turn = self.seed % (len(PHASES) * 3 // 2)
         if turn >= len(PHASES):
-            return "armed", dice.uniform(0.0, FLIGHT_S)
-        return PHASES[turn], dice.choice((0.0, dice.uniform(0.0, 8.0)))
+            return "armed", rng.uniform(0.0, FLIGHT_S)
+        return PHASES[turn], rng.choice((0.0, rng.uniform(0.0, 8.0)))
 
     def chance(self, what: str) -> random.Random:
-        """Dice of their own for everything that is drawn."""
+        """A random generator of its own for everything that is drawn."""
         return random.Random(f"{self.fault.name} {self.seed} {what}")  # noqa: S311 - rehearsal
 
     def __str__(self) -> str:
@@ -591,16 +591,16 @@ class Scene:
 
 def wind_of(scene: Scene) -> WindSettings:
     """The wind that blows in it."""
-    dice = scene.chance("wind")
+    rng = scene.chance("wind")
     if Fault.STORM in scene.faults:
-        return WindSettings(dice.uniform(12.0, 25.0), dice.uniform(0.0, 360.0), 3.0)
+        return WindSettings(rng.uniform(12.0, 25.0), rng.uniform(0.0, 360.0), 3.0)
     if scene.fault is Fault.WINDY:
-        side_deg = 90.0 * scene.seed + dice.uniform(-8.0, 8.0)
-        return WindSettings(dice.uniform(5.0, 7.0), side_deg % 360.0, 0.3)
+        side_deg = 90.0 * scene.seed + rng.uniform(-8.0, 8.0)
+        return WindSettings(rng.uniform(5.0, 7.0), side_deg % 360.0, 0.3)
     if Fault.GUSTS not in scene.faults:
         return WindSettings()
-    mean_m_s = dice.uniform(3.0, 7.0)
-    return WindSettings(mean_m_s, dice.uniform(0.0, 360.0), (10.0 - mean_m_s) / 2.0)
+    mean_m_s = rng.uniform(3.0, 7.0)
+    return WindSettings(mean_m_s, rng.uniform(0.0, 360.0), (10.0 - mean_m_s) / 2.0)
 
 
 def scenes(share: float = 1.0, seed: int | None = None) -> list[Scene]:

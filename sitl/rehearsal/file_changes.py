@@ -25,12 +25,12 @@ class FileChanges:
     Args:
         flight: Whose file.
         zones: What is read again, and taken out again if it was not taken.
-        operator: Who asks.
+        operator: Who sends the requests.
     """
 
     def __init__(self, flight: Scenario, zones: ZoneDrawing, operator: Operator) -> None:
         self._flight, self._zones, self._operator = flight, zones, operator
-        self._dice = flight.scene.chance("file")
+        self._rng = flight.scene.chance("file")
         self._moved: str | None = None  # the zone that is moved about
 
     def do_change(self, what: tuple[str, bool]) -> None:
@@ -116,8 +116,8 @@ class FileChanges:
         self, document: dict[str, Any], *, corners: int | None = None, low: bool = False
     ) -> None:
         """Where the vehicle is not, nor home."""
-        dice = self._dice
-        radius_m = dice.uniform(*_RADIUS_M)
+        rng = self._rng
+        radius_m = rng.uniform(*_RADIUS_M)
         place = self._place(radius_m, clear=corners is not None)
         name = self._moved = f"drawn {len(document['no_fly_zones'])} {self._flight.now_s:.0f}"
         zone: dict[str, Any] = {"name": name, "crosses_fence": True}
@@ -136,10 +136,10 @@ class FileChanges:
 
     def _place(self, radius_m: float, *, clear: bool) -> tuple[float, float]:
         """Near the vehicle, not at home; `clear`: where no waypoint is kept from, if there is."""
-        dice, mission = self._dice, self._operator.space.mission
+        rng, mission = self._rng, self._operator.space.mission
         kept_m = radius_m + mission.clearance_m + mission.tracking_margin_m + 1.0
         for turn in range(_TRIES):
-            away_m, angle_rad = dice.uniform(*_AWAY_M), dice.uniform(0.0, 2 * math.pi)
+            away_m, angle_rad = rng.uniform(*_AWAY_M), rng.uniform(0.0, 2 * math.pi)
             here = self._operator.here
             off = away_m * math.sin(angle_rad), away_m * math.cos(angle_rad)
             place = here[0] + off[0], here[1] + off[1]

@@ -1,4 +1,4 @@
-"""An operator who has the vehicle look at everything, and a station that moves its fence."""
+"""An operator who has the vehicle inspect everything, and a station that moves its fence."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Inspector:
 
     Args:
         flight: Where.
-        operator: Who asks.
+        operator: Who sends the requests.
     """
 
     def __init__(self, flight: Scenario, operator: Operator) -> None:
         self._flight, self._operator = flight, operator
-        self._dice = flight.scene.chance("inspector")
+        self._rng = flight.scene.chance("inspector")
         self._robots = ("callisto", "europa", "io")
 
     # Past everything
@@ -76,7 +76,7 @@ class Inspector:
 
         def set_out() -> bool:
             space = operator.space
-            turn = space.turn(operator.here, space.mission.speed_m_s, 0.0, self._dice)
+            turn = space.turn(operator.here, space.mission.speed_m_s, 0.0, self._rng)
             if turn is None:
                 return True
             self._send([turn.towards])
@@ -109,27 +109,27 @@ class Inspector:
         low_m = mission.cruise_m[0]
         low = [zone for zone in mission.zones if zone.upper_m < low_m and zone.radius_m]
         if low:
-            place = self._dice.choice(low).outline.centroid
-            off_m = self._dice.choice((0.0, 0.0, 6.0, 14.0))
+            place = self._rng.choice(low).outline.centroid
+            off_m = self._rng.choice((0.0, 0.0, 6.0, 14.0))
             self._send([(place.x + off_m, place.y)])
 
     def do_to_other_home(self, _: object) -> None:
         """Send it over the other UAV's home, or beside it."""
         if self._mission.others:
             place = self._mission.others[0][0]
-            self._send([(place[0] + self._dice.choice((0.0, 8.0, 16.0)), place[1])])
+            self._send([(place[0] + self._rng.choice((0.0, 8.0, 16.0)), place[1])])
 
     def do_low_away(self, on_m: float) -> None:
         """The pilot has it fly on to a place so far away, as low as it is."""
         autopilot, operator = self._flight.autopilot, self._operator
         if not (operator.pilot and operator.flies):
             return
-        here, dice = operator.here, self._dice
+        here, rng = operator.here, self._rng
         mission = self._mission
         low = (area for area in mission.areas if area.lower_m <= mission.cruise_m[1])
         clear = open_space(low, mission.tracking_margin_m + _BESIDE_M)
         for _ in range(_TRIES):
-            turn = dice.uniform(0.0, 2 * math.pi)
+            turn = rng.uniform(0.0, 2 * math.pi)
             off = on_m * math.sin(turn), on_m * math.cos(turn)
             way = shapely.LineString([here, (here[0] + off[0], here[1] + off[1])])
             if clear.covers(way):
@@ -156,18 +156,18 @@ class Inspector:
 
     def do_ask_for(self, verb: str) -> None:
         """Ask for something by its verb."""
-        dice, operator = self._dice, self._operator
+        rng, operator = self._rng, self._operator
         if operator.pilot:
             return
         match verb:
             case "seek":
-                operator.do_ask(f"seek {dice.choice(self._robots)}")
+                operator.do_ask(f"seek {rng.choice(self._robots)}")
             case "goto":
-                place = operator.space.in_sight(operator.here, dice)
+                place = operator.space.in_sight(operator.here, rng)
                 if place is not None:
                     operator.do_ask(goto(self._flight.mission, [operator.point(place)]), 3.0)
             case "altitude":
-                operator.do_ask(f"altitude {dice.uniform(35.0, 50.0):.1f}")
+                operator.do_ask(f"altitude {rng.uniform(35.0, 50.0):.1f}")
             case _:
                 operator.do_ask(verb)
 
@@ -177,7 +177,7 @@ class Inspector:
         """A station stores a fence of as many points: one area of it is elsewhere."""
         if not self._operator.flies:
             return
-        self._flight.stations.move_fence(off_m, self._dice)
+        self._flight.stations.move_fence(off_m, self._rng)
         self._flight.happened(SceneEventKind.FENCE_CHANGED, "moved")
 
     @property

@@ -91,7 +91,7 @@ def with_room(document: dict[str, Any]) -> dict[str, Any]:
     return {**document, "no_fly_zones": zones}
 
 
-def with_another_uav(document: dict[str, Any], folder: Path, dice: random.Random) -> dict[str, Any]:
+def with_another_uav(document: dict[str, Any], folder: Path, rng: random.Random) -> dict[str, Any]:
     """A mission that a second UAV flies as well: mostly above the first, from a home in the middle.
 
     Waypoints beside that home are taken out, and the team gets the UAV.
@@ -101,8 +101,8 @@ def with_another_uav(document: dict[str, Any], folder: Path, dice: random.Random
     uav, layer_m = document["uav"], float(document["altitude_m"])
     own = Frame(tuple(document["home"]["position"]))
     far = [p for p in document["waypoints"] if math.hypot(*own.metres(*p)) > _HOMES_M]
-    home = dice.choice(far)
-    above_m = dice.choice((_APART_M, _APART_M, _APART_M, -_APART_M))
+    home = rng.choice(far)
+    above_m = rng.choice((_APART_M, _APART_M, _APART_M, -_APART_M))
     around = (own, Frame(tuple(home)))
     kept = [
         place
@@ -282,26 +282,26 @@ class FlyableSpace:
         away_m = max(float(point.distance(near)), 1e-6)
         return away_m, ((to[0] - here[0]) / away_m, (to[1] - here[1]) / away_m)
 
-    def around_a_corner(self, here: Pair, velocity_m_s: Pair, dice: random.Random) -> Pair | None:
+    def around_a_corner(self, here: Pair, velocity_m_s: Pair, rng: random.Random) -> Pair | None:
         """A place that is clear from here, and not from where it can stop; None: none found."""
         seconds = _BRAKES_LATER_S + math.hypot(*velocity_m_s) / (2 * _BRAKING_M_S2)
         stands = here[0] + velocity_m_s[0] * seconds, here[1] + velocity_m_s[1] * seconds
         if not self._legal.covers(shapely.LineString([here, stands])):
             return None
-        places = _around(here, dice, 6.0, 45.0)
+        places = _around(here, rng, 6.0, 45.0)
         swept = shapely.polygons([[here, stands, place] for place in places])
         short = ~shapely.covers(self._legal, swept)
         return self._first(here, [p for p, is_short in zip(places, short, strict=True) if is_short])
 
     def turn(
-        self, here: Pair, speed_m_s: float, brakes_s: float, dice: random.Random
+        self, here: Pair, speed_m_s: float, brakes_s: float, rng: random.Random
     ) -> Turn | None:
         """A straight way, and a place on it where it is too fast for another; None: none found.
 
         Too fast, having braked for so long, with a jerk of 4 m/s3, since it was there.
         """
         left_m_s = speed_m_s - 2.0 * brakes_s**2
-        for towards in _around(here, dice, 30.0, 70.0):
+        for towards in _around(here, rng, 30.0, 70.0):
             if self._first(here, [towards]) is None:
                 continue
             away_m = math.dist(here, towards)
@@ -310,14 +310,14 @@ class FlyableSpace:
                 at = here[0] + along_m * east, here[1] + along_m * north
                 on_m = speed_m_s * brakes_s
                 from_ = at[0] + on_m * east, at[1] + on_m * north
-                off_to = self.around_a_corner(from_, (left_m_s * east, left_m_s * north), dice)
+                off_to = self.around_a_corner(from_, (left_m_s * east, left_m_s * north), rng)
                 if off_to is not None:
                     return Turn(towards, at, off_to)
         return None
 
-    def in_sight(self, here: Pair, dice: random.Random) -> Pair | None:
+    def in_sight(self, here: Pair, rng: random.Random) -> Pair | None:
         """A place that a straight way leads to; None: none found."""
-        return self._first(here, _around(here, dice, 25.0, 60.0))
+        return self._first(here, _around(here, rng, 25.0, 60.0))
 
     def _first(self, here: Pair, places: list[Pair]) -> Pair | None:
         """The first of these that is clear, and on a way that may be left on."""
@@ -328,8 +328,8 @@ class FlyableSpace:
         return None
 
 
-def _around(here: Pair, dice: random.Random, least_m: float, most_m: float) -> list[Pair]:
-    ways = [(dice.uniform(0.0, 2 * math.pi), dice.uniform(least_m, most_m)) for _ in range(_TRIES)]
+def _around(here: Pair, rng: random.Random, least_m: float, most_m: float) -> list[Pair]:
+    ways = [(rng.uniform(0.0, 2 * math.pi), rng.uniform(least_m, most_m)) for _ in range(_TRIES)]
     return [(here[0] + away * math.sin(a), here[1] + away * math.cos(a)) for a, away in ways]
 
 

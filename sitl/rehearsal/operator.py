@@ -1,6 +1,6 @@
-"""The operator of a rehearsed flight: asks for things, and draws into the mission file.
+"""The operator of a rehearsed flight: sends requests, and draws into the mission file.
 
-Some ask, or draw, at the worst moment: they wait for it.
+Some act at the worst moment: they wait for it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sitl.rehearsal.requests import goto, request_of
 from sitl.rehearsal.scenario import Scenario
 
 _RESUME_S: Final = 2.0
-"""So often an operator asks for what was refused."""
+"""So often an operator repeats a refused request."""
 
 _PATIENCE_S: Final = 60.0
 
@@ -43,18 +43,18 @@ class Operator:
 
     Args:
         flight: Where.
-        dice: Of the flight; what is asked at the worst moment has dice of its own.
+        rng: Of the flight; requests at the worst moment have a generator of their own.
 
     Attributes:
-        haste: Dice of what is asked, or drawn, at the worst moment.
+        haste: Generator of requests and drawings at the worst moment.
         sent: Where it was sent last, east and north; None: nowhere.
         pilot: Whether a pilot or station has taken the vehicle, which is left to them.
     """
 
-    def __init__(self, flight: Scenario, dice: random.Random) -> None:
+    def __init__(self, flight: Scenario, rng: random.Random) -> None:
         self._flight = flight
-        self._dice, self.haste = dice, flight.scene.chance("haste")
-        self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
+        self._rng, self.haste = rng, flight.scene.chance("haste")
+        self._resumes_s = self._resumes_until_s = math.inf  # requested next, given up at
         self._upload = False  # our plan is wanted on board, too
         self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
         self.sent: Pair | None = None
@@ -72,7 +72,7 @@ class Operator:
         return not autopilot.situation.landed and not autopilot.failsafe.acting
 
     def step(self, now_s: float) -> None:
-        """Do what waits for its moment, and ask again."""
+        """Do what waits for its moment, and repeat requests."""
         waiting, self._waiting = self._waiting, []
         self._waiting += [
             (until_s, moment) for until_s, moment in waiting if now_s < until_s and not moment()
@@ -100,10 +100,10 @@ class Operator:
         self._flight.call(lambda: companion.flight.commands.ask(request))
 
     def do_request(self, choice: float) -> None:
-        """An operator asks for something, but never for the pilot's vehicle."""
+        """An operator sends a request, but never for the pilot's vehicle."""
         if not self.pilot:
             mission, here = self._flight.mission, self._flight.place
-            text, hold_s, waits = request_of(choice, self._dice, mission, here)
+            text, hold_s, waits = request_of(choice, self._rng, mission, here)
             self.do_ask(text, hold_s, waits=waits)
 
     def do_tour(self, tour: tuple[int, float | None]) -> None:
@@ -116,7 +116,7 @@ class Operator:
             self.do_ask(goto(self._flight.mission, map(self.point, places[1:])), hold_s)
 
     def do_send(self, seconds: float) -> None:
-        """Send it somewhere that it sees, some seconds after it was told to stop."""
+        """Send it somewhere that it sees, some seconds after a hold."""
         self.do_ask("hold")
         self.later(seconds, self._send)
 
@@ -143,7 +143,7 @@ class Operator:
         self._resumes_until_s = self._flight.now_s + _PATIENCE_S
 
     def _go_on_asking(self, now_s: float) -> None:
-        """The operator asks until it is ours again: it may still be too low, or in a zone."""
+        """The operator repeats it until the vehicle is ours: it may be too low, or in a zone."""
         companion = self._flight.companion
         if now_s < self._resumes_s:
             return

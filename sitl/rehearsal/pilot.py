@@ -39,7 +39,7 @@ _TWIN: Final[Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]]] = {
         "system_status": 3,
     },
 }
-"""What another vehicle on the ground says otherwise: it stands 55 m north, switched on earlier."""
+"""How another vehicle on the ground differs: it stands 55 m north, switched on earlier."""
 
 
 class Pilot:
@@ -47,18 +47,18 @@ class Pilot:
 
     Args:
         flight: Where.
-        operator: Who is asked to go on, and leaves the vehicle to the pilot meanwhile.
-        dice: Of the flight.
+        operator: Who resumes the flight, and leaves the vehicle to the pilot meanwhile.
+        rng: Of the flight.
     """
 
-    def __init__(self, flight: Scenario, operator: Operator, dice: random.Random) -> None:
-        self._flight, self._operator, self._dice = flight, operator, dice
-        self._sticks_from_s = self._moved_until_s = math.inf  # heard from, moved until
+    def __init__(self, flight: Scenario, operator: Operator, rng: random.Random) -> None:
+        self._flight, self._operator, self._rng = flight, operator, rng
+        self._sticks_from_s = self._moved_until_s = math.inf  # received from, moved until
         self._moved_from_s = math.inf
         self._overrides = False  # the sticks are moved, and to take the vehicle over
 
     def step(self, now_s: float) -> None:
-        """The transmitter says where the sticks are."""
+        """The transmitter sends the sticks' positions."""
         if now_s < self._sticks_from_s:
             return
         moved = 0.0
@@ -86,7 +86,7 @@ class Pilot:
             self._taken("armed" if how == "arm" else how)
 
     def do_airframe(self, kind: int) -> None:
-        """What is on the link says from now on that it is another type of vehicle (MAV_TYPE)."""
+        """The vehicle on the link reports another type from now on (MAV_TYPE)."""
         flight = self._flight
         flight.autopilot.parameters.change("MAV_TYPE", kind)
         if flight.companion is not None and self._operator.flies:
@@ -95,7 +95,7 @@ class Pilot:
     def do_autopilot(self, number: int) -> None:
         """Its HEARTBEATs name another autopilot from now on (MAV_AUTOPILOT)."""
 
-        def name(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
+        def name(fields: dict[str, Any], _rng: object) -> dict[str, Any]:
             return {**fields, "autopilot": number}
 
         self._flight.link.trouble(Way.DOWN, "HEARTBEAT", StreamFault.WRONG, math.inf, wrong=name)
@@ -108,7 +108,7 @@ class Pilot:
 
             def take_turns(
                 fields: dict[str, Any],
-                _dice: object,
+                _rng: object,
                 turns: Iterator[int] = turns,
                 others: Callable[[dict[str, Any]], dict[str, Any]] = others,
             ) -> dict[str, Any]:
@@ -185,7 +185,7 @@ class Pilot:
             self._sticks_from_s = math.inf
 
     def do_hand_back(self, _: None) -> None:
-        """The pilot lets it hold, and the operator asks for it."""
+        """The pilot lets it hold, and the operator requests it."""
         if self._operator.pilot and self._operator.flies:
             self._flight.stations.first.choose(FlightMode.AUTO_LOITER)
             self._operator.resume(after_s=_RESUME_S)
@@ -202,10 +202,10 @@ class Pilot:
         autopilot.reposition(place, autopilot.situation.home_altitude_m + above_m)
 
     def do_too_early(self, _: None) -> None:
-        """The operator asks for the vehicle while the pilot still flies it in another mode."""
+        """The operator requests the vehicle while the pilot still flies it in another mode."""
         free = self._flight.autopilot.mode in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
         if self._operator.pilot and self._operator.flies and not free:
-            self._operator.do_ask(self._dice.choice(("resume", "home", "explore")))
+            self._operator.do_ask(self._rng.choice(("resume", "home", "explore")))
 
     def do_take_back(self, _: None) -> None:
         """The operator has our plan put on board again, and the flight resumed."""
@@ -214,7 +214,7 @@ class Pilot:
 
     def do_pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
-        autopilot, companion, dice = self._flight.autopilot, self._flight.companion, self._dice
+        autopilot, companion, rng = self._flight.autopilot, self._flight.companion, self._rng
         if companion is None or self._operator.pilot or not self._operator.flies:
             return
         pending = companion.flight.controller.pending
@@ -225,7 +225,7 @@ class Pilot:
             if self._flight.stations.divert():
                 self._taken("item")
         elif autopilot.mode is FlightMode.AUTO_LOITER and (divert or moving):
-            away_m, angle_rad = dice.uniform(10.0, 38.0), dice.uniform(0.0, 2 * math.pi)
+            away_m, angle_rad = rng.uniform(10.0, 38.0), rng.uniform(0.0, 2 * math.pi)
             north_m, east_m = away_m * math.cos(angle_rad), away_m * math.sin(angle_rad)
             here = autopilot.situation
             place = (here.north_m + north_m, here.east_m + east_m)
@@ -260,7 +260,7 @@ class Pilot:
 
     def do_divert_now(self, away_m: float) -> None:
         """A station sends it elsewhere in Hold, whatever of ours waits meanwhile."""
-        autopilot, angle_rad = self._flight.autopilot, self._dice.uniform(0.0, 2 * math.pi)
+        autopilot, angle_rad = self._flight.autopilot, self._rng.uniform(0.0, 2 * math.pi)
         if self._operator.ours and autopilot.mode is FlightMode.AUTO_LOITER:
             here = autopilot.situation
             north_m, east_m = away_m * math.cos(angle_rad), away_m * math.sin(angle_rad)
@@ -270,7 +270,7 @@ class Pilot:
     def do_fly_off(self, above_m: float) -> None:
         """The pilot, who took off, flies away at a height above home, where nothing is beside."""
         here = self._operator.here
-        place = self._operator.space.in_sight(here, self._dice)
+        place = self._operator.space.in_sight(here, self._rng)
         if place is not None and self._operator.flies:
             situation = self._flight.autopilot.situation
             east_m, north_m = (a - b for a, b in zip(place, here, strict=True))
@@ -345,7 +345,7 @@ class Pilot:
                 case MissionType.MISSION:
                     stations.other_plan()
                 case MissionType.FENCE:
-                    stations.add_zone(self._dice.uniform(10.0, 40.0))
+                    stations.add_zone(self._rng.uniform(10.0, 40.0))
                 case _:
                     stations.delete(theirs)
             self._flight.happened(SceneEventKind.LIST_STORED, theirs.name.lower())

@@ -1,4 +1,4 @@
-"""What operators type: requests drawn with dice, and flights in which nothing else happens."""
+"""What operators type: requests drawn at random, and flights in which nothing else happens."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def goto(mission: Mission, points: Iterable[Point]) -> str:
 
 
 def request_of(
-    choice: float, dice: random.Random, mission: Mission, here: Point
+    choice: float, rng: random.Random, mission: Mission, here: Point
 ) -> tuple[str, float | None, bool]:
     """A request by a number from 0 to 1: all verbs, points near waypoints and the vehicle.
 
@@ -33,88 +33,88 @@ def request_of(
     """
     verb = next((verb for limit, verb in _VERBS if choice < limit), "goto")
     if verb != "goto":
-        return f"seek {dice.choice(_ROBOTS)}" if verb == "seek" else verb, None, False
-    count, waits = dice.choice((1, 1, 2, 5)), dice.random() < 0.2
-    points = [_place(dice, mission, here) for _ in range(count)]
-    return goto(mission, points), dice.choice((None, 0.0, 5.0)), waits
+        return f"seek {rng.choice(_ROBOTS)}" if verb == "seek" else verb, None, False
+    count, waits = rng.choice((1, 1, 2, 5)), rng.random() < 0.2
+    points = [_place(rng, mission, here) for _ in range(count)]
+    return goto(mission, points), rng.choice((None, 0.0, 5.0)), waits
 
 
-def _place(dice: random.Random, mission: Mission, here: Point) -> Point:
-    beside = (dice.uniform(-_BESIDE_M, _BESIDE_M), dice.uniform(-_BESIDE_M, _BESIDE_M))
-    east_m, north_m = dice.choice((here, dice.choice(mission.waypoints).position))
+def _place(rng: random.Random, mission: Mission, here: Point) -> Point:
+    beside = (rng.uniform(-_BESIDE_M, _BESIDE_M), rng.uniform(-_BESIDE_M, _BESIDE_M))
+    east_m, north_m = rng.choice((here, rng.choice(mission.waypoints).position))
     return Point(east_m + beside[0], north_m + beside[1])
 
 
 # Courses.
 
 corners: Final = often("corner", 4, uniform(20.0, 35.0), choice(None, 0.0, 0.6, 0.7))
-"""Around a corner at once, or so long after it was told to stop."""
+"""Around a corner at once, or so long after the hold."""
 
 at_random: Final = often("request", 25, uniform(1.0, 12.0), lambda d: d.random())
 
 
-def sent(dice: random.Random) -> Iterator[Row]:
+def sent(rng: random.Random) -> Iterator[Row]:
     """To several points, held on the way or at the last, and on; then a robot or exploring.
 
     Robots carry each other's poses meanwhile: those move a search, and end none.
     """
     yield 0.0, "carry"
-    yield 0.0, "tour", (dice.choice((2, 3, 4)), dice.choice((None, 5.0, 12.0)))
-    held_s = dice.choice((6.0, 20.0, 50.0, 500.0))
+    yield 0.0, "tour", (rng.choice((2, 3, 4)), rng.choice((None, 5.0, 12.0)))
+    held_s = rng.choice((6.0, 20.0, 50.0, 500.0))
     yield held_s, "ask", "hold"
-    yield held_s + dice.uniform(3.0, 8.0), "ask", "resume"
-    yield 100.0, "request", dice.choice((0.5, 0.6))
+    yield held_s + rng.uniform(3.0, 8.0), "ask", "resume"
+    yield 100.0, "request", rng.choice((0.5, 0.6))
     yield 104.0, "ask", "hold"
     yield 110.0, "ask", "resume"
 
 
-def explored(dice: random.Random) -> Iterator[Row]:
+def explored(rng: random.Random) -> Iterator[Row]:
     """No robot, few waypoints; the companion may be killed, and started with --resume."""
     yield 0.0, "vanish"
-    if dice.randrange(5):
-        kill_s = dice.uniform(25.0, 90.0)
+    if rng.randrange(5):
+        kill_s = rng.uniform(25.0, 90.0)
         yield kill_s, "kill"
-        yield kill_s + dice.choice((0.5, 1.0, dice.uniform(2.0, 15.0))), "restart"
+        yield kill_s + rng.choice((0.5, 1.0, rng.uniform(2.0, 15.0))), "restart"
 
 
-def landed_here(dice: random.Random) -> Iterator[Row]:
-    """Told to hold, and to land: at first while it still moves, then while it hovers."""
-    at_s = dice.uniform(4.0, 60.0)
+def landed_here(rng: random.Random) -> Iterator[Row]:
+    """Requests to hold, and to land: at first while it still moves, then while it hovers."""
+    at_s = rng.uniform(4.0, 60.0)
     yield at_s, "ask", "hold"
-    for later_s in (0.3, dice.uniform(0.5, 1.2), 8.0, 11.0):
+    for later_s in (0.3, rng.uniform(0.5, 1.2), 8.0, 11.0):
         yield at_s + later_s, "ask", "land"
 
 
-def landed_on(dice: random.Random) -> Iterator[Row]:
-    """Told to hold, and to land, and a zone is drawn below it; the pilot takes it in the end."""
-    at_s = dice.uniform(4.0, 60.0)
+def landed_on(rng: random.Random) -> Iterator[Row]:
+    """Requests to hold, and to land; a zone is drawn below it, and the pilot takes it at last."""
+    at_s = rng.uniform(4.0, 60.0)
     yield at_s, "ask", "hold"
     yield at_s + 8.0, "ask", "land"
-    yield at_s + dice.uniform(14.0, 22.0), "zone below", dice.uniform(8.0, 12.0)
+    yield at_s + rng.uniform(14.0, 22.0), "zone below", rng.uniform(8.0, 12.0)
     yield at_s + 52.0, "pilot", "AUTO_RTL"
 
 
-def altitudes(dice: random.Random) -> Iterator[Row]:
+def altitudes(rng: random.Random) -> Iterator[Row]:
     """Held, and sent up and down: as it may be, out of that, again before it is there, and on.
 
     Held on its way down, too.
     """
-    at_s = dice.uniform(4.0, 60.0)
+    at_s = rng.uniform(4.0, 60.0)
     yield at_s, "ask", "hold"
-    for altitude_m in (dice.uniform(30.0, 60.0), 70.0, dice.uniform(30.0, 60.0), 25.0, 58.0):
-        at_s += dice.uniform(6.0, 30.0)
+    for altitude_m in (rng.uniform(30.0, 60.0), 70.0, rng.uniform(30.0, 60.0), 25.0, 58.0):
+        at_s += rng.uniform(6.0, 30.0)
         yield at_s, "ask", f"altitude {altitude_m}"
     yield at_s + 25.0, "ask", "altitude 32"
     yield at_s + 31.0, "ask", "hold"  # on its way down
     yield at_s + 45.0, "ask", "resume"
 
 
-def home_for_good(dice: random.Random) -> Iterator[Row]:
-    """Something ends the mission, and the operator asks for other things on the way home."""
-    names, ends_s = dice.choice(((BATTERY, 30.0), (SATELLITES, 30.0), (ITEM, 60.0), ((), 25.0)))
+def home_for_good(rng: random.Random) -> Iterator[Row]:
+    """Something ends the mission, and the operator sends other requests on the way home."""
+    names, ends_s = rng.choice(((BATTERY, 30.0), (SATELLITES, 30.0), (ITEM, 60.0), ((), 25.0)))
     if names:
         yield 0.0, "stream", (names, StreamFault.LOST, 600.0)
     else:
         yield from ((float(second), "drift", (0.0, 0.0, 0.3)) for second in range(30))
     for again in range(12):
-        yield ends_s + 2.0 + 2.5 * again, "request", dice.choice((0.1, 0.3, 0.5, 0.6, 0.8, 0.9))
+        yield ends_s + 2.0 + 2.5 * again, "request", rng.choice((0.1, 0.3, 0.5, 0.6, 0.8, 0.9))

@@ -25,9 +25,9 @@ from sitl.rehearsal.fakes import Burst, Link, Robots, Stations, Way, anywhere
 from sitl.rehearsal.faults import BY_HAND, OF_SECOND, WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge import (
     COMPANION,
+    AnnouncedLine,
     Evidence,
     FlightRecord,
-    Line,
     SceneEventKind,
     WireMessage,
 )
@@ -48,7 +48,7 @@ STEP_S: Final = 0.04
 TICK_S: Final = 0.1
 REACTION_S: Final = 0.004
 """Less than the least delay of the link: a companion whose machine takes no time, and which has
-heard of a choice, sends nothing more."""
+received a choice, sends nothing more."""
 
 BOOT_S: Final = 5.0
 SOCKET_S: Final = 0.63
@@ -111,7 +111,7 @@ class Scenario(World, ABC):
         self._uav = ANOTHER if scene.fault in OF_SECOND else None
         self.companion: Companion | None = None
         self.after_order: Callable[[], object] = _nothing
-        self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
+        self._rng = scene.chance("stage")  # the generator's name: another would be other flights
         self._speaker = Sender(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
         self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
@@ -188,7 +188,7 @@ class Scenario(World, ABC):
                 start_unix_s=EPOCH_S,
                 parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0, **kind.parameters},
                 wind=self._wind,
-                ground_link=False,  # it is listened to, and says nothing
+                ground_link=False,  # it is received from, and sends nothing
                 truth_link=False,
                 step_s=STEP_S,
                 onboard_rates_hz={**RATES_HZ, **kind.streams},
@@ -197,13 +197,13 @@ class Scenario(World, ABC):
         )
         self.stations = Stations(self.vehicle, self._record, self._answered)
         waypoints = [waypoint.position for waypoint in mission.waypoints]
-        places = {name: anywhere(self._dice, waypoints) for name in self.seek}
+        places = {name: anywhere(self._rng, waypoints) for name in self.seek}
         weak = scene.chance("links") if scene.fault is Fault.WEAK_LINKS else None
         self.robots = Robots(mission, places, lambda: EPOCH_S + self.now_s, self.happened, weak)
         link = self.link
         link.loss = scene.most("loss")
         if Fault.BURSTS in scene.faults:
-            link.burst = Burst(self._dice.uniform(5, 20), self._dice.choice((0.5, 2.0, 5.0)), 1.0)
+            link.burst = Burst(self._rng.uniform(5, 20), self._rng.choice((0.5, 2.0, 5.0)), 1.0)
 
     def _fly(self) -> tuple[int | None, str]:
         exit_code: int | None = None
@@ -320,10 +320,10 @@ class Scenario(World, ABC):
             self._tick()
 
     def _collect(self) -> None:
-        """What the vehicle has said goes over the link."""
+        """The vehicle's messages go over the link."""
         for message in self.vehicle.onboard.take_queue():
             if isinstance(message, bytes):
-                continue  # passed on from a station: nothing that a companion looks at
+                continue  # passed on from a station: nothing that a companion reads
             name, fields = message.name, message.fields
             arrive = functools.partial(self._arrived, name)
             arrives = self.link.send(Way.DOWN, name, fields, self.now_s, arrive)
@@ -348,13 +348,13 @@ class Scenario(World, ABC):
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
     def hears_foreign(self, sender: tuple[int, int], name: str, fields: Mapping[str, Any]) -> None:
-        """What is not the autopilot says something on the companion's link."""
+        """Another component sends on the companion's link."""
         companion = self.companion
         if companion is not None and not self._stalls:
             self.call(lambda: companion.receive(name, fields, sender))
 
     def _answered(self, receiver: Sender, kind: int, plan_id: int) -> None:
-        """PX4 answers another station that its list is stored: a router passes that on to all."""
+        """PX4 acknowledges another station's list: a router passes that on to all."""
         if self.scene.routed:
             target = {
                 "target_system": receiver.system_id,
@@ -371,7 +371,7 @@ class Scenario(World, ABC):
         if companion is not None and not self._stalls:
             node, place = companion.node, self.place
             self.call(lambda: self.robots.step(node, place, self.now_s))
-        self._look_at_the_estimate()
+        self._check_the_estimate()
         if autopilot.armed and not self._ending.flown:
             self.link.late_s, self.link.old_s = map(self.scene.most, ("late_s", "old_s"))
         in_charge = None if companion is None else companion.in_charge
@@ -428,7 +428,7 @@ class Scenario(World, ABC):
         return self.mission.frame.to_local(*true_degrees(self.autopilot))
 
     def _say(self, text: str) -> None:
-        self._seen.lines.append(Line(self.now_s, text))
+        self._seen.lines.append(AnnouncedLine(self.now_s, text))
 
     def _record(
         self, sender: Sender, name: str, fields: Mapping[str, Any], *, delivered: bool = True
@@ -440,7 +440,7 @@ class Scenario(World, ABC):
             )
         )
 
-    def _look_at_the_estimate(self) -> None:
+    def _check_the_estimate(self) -> None:
         errors = self.autopilot.errors
         off_m = math.hypot(errors.north_m, errors.east_m)
         if abs(off_m - self._off_m) > 1.0:

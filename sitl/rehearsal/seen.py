@@ -9,17 +9,17 @@ from sitl.px4sim import Autopilot, FlightMode
 from sitl.rehearsal.companion import Companion
 from sitl.rehearsal.judge import Sample
 
-_HEARD: Final = (
+_RECEIVED: Final = (
     *("HEARTBEAT", "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "GLOBAL_POSITION_INT"),
     *("HOME_POSITION", "EXTENDED_SYS_STATE", "CURRENT_MODE", "POSITION_TARGET_GLOBAL_INT"),
 )
 _FEWER_HZ: Final = {"GLOBAL_POSITION_INT": 10.0, "POSITION_TARGET_GLOBAL_INT": 2.0}
-RATES_HZ: Final = {name: ONBOARD_RATES_HZ[name] for name in _HEARD} | _FEWER_HZ
-"""PX4's, of what a companion listens to; positions as it asks for them."""
+RATES_HZ: Final = {name: ONBOARD_RATES_HZ[name] for name in _RECEIVED} | _FEWER_HZ
+"""PX4's rates, of the messages that a companion reads; positions as it requests them."""
 
 MOST_S: Final = 600.0
 LANDS: Final = frozenset({FlightMode.AUTO_LAND, FlightMode.AUTO_RTL})
-"""Modes that end on the ground: what a companion then says of the flight is waited for."""
+"""Modes that end on the ground: the companion's last announcements are waited for."""
 
 PILOT_S: Final = 25.0
 """For so long a pilot (or nothing) is watched after the vehicle was given away."""
@@ -51,7 +51,7 @@ def true_state(autopilot: Autopilot, now_s: float) -> Sample:
 
 
 def phases(autopilot: Autopilot, companion: Companion | None) -> list[str]:
-    """The phases of its flight that a vehicle is in, by the words of `faults.PHASES`."""
+    """The phases of its flight that a vehicle is in, by the names of `faults.PHASES`."""
     found = ["armed"] if autopilot.armed else []
     if autopilot.taking_off:
         found.append("climb")

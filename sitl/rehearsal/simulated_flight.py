@@ -44,17 +44,17 @@ class SimulatedFlight(Scenario):
 
     def __init__(self, scene: Scene, path: Path, **more: Any) -> None:
         super().__init__(scene, path, **more)
-        self._fault_dice = scene.chance("script")
-        self._operator = Operator(self, self._fault_dice)
-        self._zones = ZoneDrawing(self, self._operator, self._fault_dice)
-        self._pilot = Pilot(self, self._operator, self._fault_dice)
+        self._fault_rng = scene.chance("script")
+        self._operator = Operator(self, self._fault_rng)
+        self._zones = ZoneDrawing(self, self._operator, self._fault_rng)
+        self._pilot = Pilot(self, self._operator, self._fault_rng)
         self._more = (
             Strangers(self),
             FileChanges(self, self._zones, self._operator),
             Inspector(self, self._operator),
         )
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
-        self._other_until_s = -math.inf  # so long another UAV is heard
+        self._other_until_s = -math.inf  # so long another UAV is received
         self._foreign_until_s = -math.inf  # so long others speak on the link
 
     def let_happen(self) -> bool:
@@ -68,7 +68,7 @@ class SimulatedFlight(Scenario):
         self._zones.step(now_s)
         self._pilot.step(now_s)
         if now_s < self._other_until_s:
-            self._tell_of_the_other()
+            self._announce_the_other()
         if now_s < self._foreign_until_s:
             for sender, name, fields in foreign_messages(now_s):
                 self.hears_foreign(sender, name, fields)
@@ -78,7 +78,7 @@ class SimulatedFlight(Scenario):
 
     def do_jump(self, angle_rad: float) -> None:
         """The position estimate is off by some metres into a direction."""
-        size_m = self._fault_dice.uniform(1.0, 4.0)
+        size_m = self._fault_rng.uniform(1.0, 4.0)
         north_m, east_m = self._jump
         self._shift(size_m * math.cos(angle_rad) - north_m, size_m * math.sin(angle_rad) - east_m)
 
@@ -140,7 +140,7 @@ class SimulatedFlight(Scenario):
         self.happened(SceneEventKind.ESTIMATE_OFF, size_m)
 
     def do_home_itself(self, up_m: float) -> None:
-        """PX4 sets home anew, so much higher: no station has asked for it."""
+        """PX4 sets home anew, so much higher: no station has requested it."""
         situation = self.autopilot.situation
         if situation.home is not None:
             self.autopilot.set_home(situation.home, situation.home_altitude_m + up_m)
@@ -173,7 +173,7 @@ class SimulatedFlight(Scenario):
         self.autopilot.parameters.change("SIM_GPS_USED", number)
 
     def do_fix(self, what: tuple[int, float]) -> None:
-        """The receiver says that its fix is of this kind, for so long."""
+        """The receiver reports a fix of this kind, for so long."""
         kind, seconds = what
         self.link.trouble(
             *(Way.DOWN, "GPS_RAW_INT", StreamFault.WRONG, self.now_s + seconds),
@@ -181,7 +181,7 @@ class SimulatedFlight(Scenario):
         )
 
     def do_accuracy(self, what: tuple[float, float]) -> None:
-        """The receiver says that its position is good to so many metres, for so long."""
+        """The receiver reports a position good to so many metres, for so long."""
         accuracy_m, seconds = what
         self.link.trouble(
             *(Way.DOWN, "GPS_RAW_INT", StreamFault.WRONG, self.now_s + seconds),
@@ -194,9 +194,9 @@ class SimulatedFlight(Scenario):
         self.happened(SceneEventKind.BATTERY, drain_s)
 
     def do_fuller(self, share: float) -> None:
-        """The battery says that so much more is left."""
+        """The battery reports so much more charge."""
 
-        def lie(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
+        def lie(fields: dict[str, Any], _rng: object) -> dict[str, Any]:
             said = min(100, fields["battery_remaining"] + round(share * 100))
             return {**fields, "battery_remaining": said}
 
@@ -230,9 +230,9 @@ class SimulatedFlight(Scenario):
         """Something is the matter with these messages for so long."""
         names, kind, seconds = what
         until_s = self.now_s + seconds
-        late_s = self._fault_dice.choice((1.0, 3.0, 8.0))
+        late_s = self._fault_rng.choice((1.0, 3.0, 8.0))
         for name in names:
-            wrong = wrong_of(name, self._fault_dice)
+            wrong = wrong_of(name, self._fault_rng)
             self.link.trouble(Way.DOWN, name, kind, until_s, late_s=late_s, wrong=wrong)
 
     def do_foreign(self, seconds: float) -> None:
@@ -251,7 +251,7 @@ class SimulatedFlight(Scenario):
         """One item of every mission, or fence, that is put on board arrives with another place."""
         number, seconds, kind = what
 
-        def alter(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
+        def alter(fields: dict[str, Any], _rng: object) -> dict[str, Any]:
             it = fields["mission_type"] == kind and fields["seq"] == number
             return {**fields, "x": fields["x"] + (_ALTERED if it else 0)}
 
@@ -272,7 +272,7 @@ class SimulatedFlight(Scenario):
     def do_mad(self, how: str) -> None:
         """Robots tell nonsense."""
         self.robots.hostile = how == "sway"
-        self.robots.prank = prank_of(how, self.mission, self._fault_dice, self._unix_s)
+        self.robots.prank = prank_of(how, self.mission, self._fault_rng, self._unix_s)
 
     def do_other_uav(self, seconds: float) -> None:
         """Another UAV is heard of for so long."""
@@ -281,7 +281,7 @@ class SimulatedFlight(Scenario):
     def _unix_s(self) -> float:
         return EPOCH_S + self.now_s
 
-    def _tell_of_the_other(self) -> None:
+    def _announce_the_other(self) -> None:
         sought = self.seek[int(self.now_s / 20.0) % len(self.seek)]
         seek = SeekMessage(stamp_s=self._unix_s(), robot=sought)
         place = pose(self.mission.frame, self.mission.home, self._unix_s())

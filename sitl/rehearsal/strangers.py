@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 from air_router.messages import POSE_TOPIC
 from geo.frame import Point
-from sitl.rehearsal.fakes import Told, pose
+from sitl.rehearsal.fakes import CarriedMessage, pose
 from sitl.rehearsal.scenario import Scenario
 
 _RETURN, _LAND, _HOLD = 0x05040000, 0x06040000, 0x03040000  # HEARTBEAT.custom_mode
@@ -21,7 +21,7 @@ _BEATS: Final = 3
 """So often it is said, one after the other: what is heard once may be taken for noise."""
 
 
-class VehicleState(NamedTuple):
+class ImpersonatedState(NamedTuple):
     """Of the vehicle that is spoken of.
 
     Attributes:
@@ -39,7 +39,7 @@ class VehicleState(NamedTuple):
     mode: int
 
 
-def false_words(state: VehicleState) -> dict[str, tuple[str, Mapping[str, Any]]]:
+def false_messages(state: ImpersonatedState) -> dict[str, tuple[str, Mapping[str, Any]]]:
     """Messages of a vehicle that is elsewhere, and does something else, by what they say."""
     there = {"lat": state.latitude_e7 + _ELSEWHERE_E7, "lon": state.longitude_e7 - _ELSEWHERE_E7}
     boot, high = {"time_boot_ms": state.boot_ms}, state.amsl_mm - _LOWER_MM
@@ -88,7 +88,7 @@ class Strangers:
 
     def __init__(self, flight: Scenario) -> None:
         self._flight = flight
-        self._dice = flight.scene.chance("strangers")
+        self._rng = flight.scene.chance("strangers")
 
     def do_claim(self, what: tuple[str, tuple[int, int]]) -> None:
         """Another system or component speaks as the vehicle's autopilot does."""
@@ -96,7 +96,7 @@ class Strangers:
         autopilot = self._flight.autopilot
         latitude_deg, longitude_deg = self._flight.mission.frame.to_geodetic(self._flight.place)
         amsl_m = autopilot.place.altitude_m + autopilot.airframe.up_m
-        state = VehicleState(
+        state = ImpersonatedState(
             latitude_e7=round(latitude_deg * 1e7),
             longitude_e7=round(longitude_deg * 1e7),
             amsl_mm=round(amsl_m * 1e3),
@@ -104,23 +104,23 @@ class Strangers:
             mode=autopilot.mode.custom_mode,
         )
         for _ in range(_BEATS):
-            self._flight.hears_foreign(sender, *false_words(state)[words])
+            self._flight.hears_foreign(sender, *false_messages(state)[words])
 
-    def do_hard_to_hear(self, heard_m: float) -> None:
+    def do_hard_to_hear(self, radio_range_m: float) -> None:
         """Robots are heard from so near only: a search lasts as long as it may."""
-        self._flight.robots.heard_m = heard_m
+        self._flight.robots.radio_range_m = radio_range_m
 
     def do_forge(self, how: str) -> None:
         """Robots hand over poses under the names of others: new, old, ours, of no robot."""
-        flight, dice = self._flight, self._dice
+        flight, rng = self._flight, self._rng
         frame, unix_s = flight.mission.frame, flight.robots.unix_s
         old_s = _OLD_S if how == "old" else 0.0
         of_other = {"own": str(flight.mission.uav), "unknown": "phantom"}.get(how)
 
-        def forged(name: str, place: Point) -> Callable[[], Told]:
+        def forged(name: str, place: Point) -> Callable[[], CarriedMessage]:
             return lambda: (name, POSE_TOPIC, pose(frame, place, unix_s() - old_s))
 
         flight.robots.forged = [
-            forged(of_other or name, Point(place.east_m + dice.uniform(25.0, 60.0), place.north_m))
+            forged(of_other or name, Point(place.east_m + rng.uniform(25.0, 60.0), place.north_m))
             for name, place in flight.robots.places.items()
         ]

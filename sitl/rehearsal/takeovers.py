@@ -147,39 +147,39 @@ hand_back_high: Final = steps(
 )
 
 
-def wrong_vehicle(dice: random.Random) -> Iterator[Row]:
+def wrong_vehicle(rng: random.Random) -> Iterator[Row]:
     """It is no multicopter from the start, or from just before it is armed."""
-    yield dice.choice((0.0, 0.0, 6.0)), "airframe", dice.choice(NO_MULTICOPTERS)
+    yield rng.choice((0.0, 0.0, 6.0)), "airframe", rng.choice(NO_MULTICOPTERS)
 
 
-def other_autopilot(dice: random.Random) -> Iterator[Row]:
+def other_autopilot(rng: random.Random) -> Iterator[Row]:
     """Its HEARTBEATs name another autopilot, from the start or from just before it is armed."""
-    yield dice.choice((0.0, 6.0)), "autopilot", dice.choice(NO_PX4)
+    yield rng.choice((0.0, 6.0)), "autopilot", rng.choice(NO_PX4)
 
 
-def ready_taken(dice: random.Random) -> Iterator[Row]:
+def ready_taken(rng: random.Random) -> Iterator[Row]:
     """The pilot takes the vehicle on the ground, or arms it before it is looked at."""
-    how, at_s = dice.choice(("POSCTL", "ALTCTL", "arm")), dice.uniform(2.5, 7.5)
-    yield 0.5 if how == "arm" and dice.randrange(2) else at_s, "before us", how
+    how, at_s = rng.choice(("POSCTL", "ALTCTL", "arm")), rng.uniform(2.5, 7.5)
+    yield 0.5 if how == "arm" and rng.randrange(2) else at_s, "before us", how
 
 
-def by_hand(dice: random.Random) -> Iterator[Row]:
+def by_hand(rng: random.Random) -> Iterator[Row]:
     """A zone is drawn when all is ready; its fence is being refused as the pilot takes off."""
     yield 20.0, "stream", (("MISSION_COUNT",), StreamFault.LOST, 8.0)
     yield 20.0, "reject", 1
-    yield 21.0, "reload", dice.uniform(25.0, 40.0)
-    yield dice.uniform(22.5, 23.5), "before us", "AUTO_TAKEOFF"
+    yield 21.0, "reload", rng.uniform(25.0, 40.0)
+    yield rng.uniform(22.5, 23.5), "before us", "AUTO_TAKEOFF"
     yield 110.0, "climb", 0.0
 
 
-def misplaced(dice: random.Random) -> Iterator[Row]:
+def misplaced(rng: random.Random) -> Iterator[Row]:
     """The pilot takes off, flies away low, and chooses Mission mode there.
 
     A station puts the same plan on board, or all is lost that would hold it until it is level.
     """
     yield 20.0, "before us", "AUTO_TAKEOFF"
-    yield 30.0, "fly off", dice.uniform(7.0, 12.0)
-    if dice.randrange(2):
+    yield 30.0, "fly off", rng.uniform(7.0, 12.0)
+    if rng.randrange(2):
         yield 48.0, "hand over"
         yield from ((at_s, "plan", "same") for at_s in (54.0, 68.0))
         yield 90.0, "pilot", "AUTO_LAND"
@@ -188,16 +188,16 @@ def misplaced(dice: random.Random) -> Iterator[Row]:
         yield 48.0, "hand over"
         yield 85.0, "deaf", False
         yield 40.0, "battery", 100.0
-        yield 85.0, "battery", dice.uniform(350.0, 450.0)
+        yield 85.0, "battery", rng.uniform(350.0, 450.0)
 
 
-def silence_taken(dice: random.Random) -> Iterator[Row]:
+def silence_taken(rng: random.Random) -> Iterator[Row]:
     """The pilot chooses while nothing is heard; perhaps the operator draws a zone meanwhile."""
-    lasts_s = dice.choice((8.0, 20.0, 40.0))
+    lasts_s = rng.choice((8.0, 20.0, 40.0))
     yield 0.0, "silent", True
-    yield dice.uniform(0.5, lasts_s - 1.0), "pilot", dice.choice(SURE)
-    if dice.randrange(2):
-        yield dice.uniform(5.0, lasts_s - 1.0), "reload", dice.uniform(0.0, 30.0)
+    yield rng.uniform(0.5, lasts_s - 1.0), "pilot", rng.choice(SURE)
+    if rng.randrange(2):
+        yield rng.uniform(5.0, lasts_s - 1.0), "reload", rng.uniform(0.0, 30.0)
     yield lasts_s, "silent", False
 
 
@@ -205,84 +205,84 @@ SOCKETS_S: Final = (0.63, 20.0)
 """What a socket keeps by default of a PX4's messages, and what it is asked to keep."""
 
 
-def stalled_taken(dice: random.Random) -> Iterator[Row]:
+def stalled_taken(rng: random.Random) -> Iterator[Row]:
     """The companion stands still, the pilot chooses meanwhile, and an order of ours falls due."""
-    lasts_s = dice.uniform(0.2, 2.0)
-    taken_s = dice.uniform(0.0, max(0.0, lasts_s - 0.15))
-    due_s = dice.uniform(0.0, taken_s)
-    yield 0.0, "socket", dice.choice(SOCKETS_S)
+    lasts_s = rng.uniform(0.2, 2.0)
+    taken_s = rng.uniform(0.0, max(0.0, lasts_s - 0.15))
+    due_s = rng.uniform(0.0, taken_s)
+    yield 0.0, "socket", rng.choice(SOCKETS_S)
     yield 0.0, "stall", lasts_s
-    match dice.randrange(5):
+    match rng.randrange(5):
         case 0:
             yield due_s, "fix", (1, 8.0)
         case 1:
-            yield due_s, "reload", dice.uniform(-5.0, 25.0)
+            yield due_s, "reload", rng.uniform(-5.0, 25.0)
         case 2:
             yield due_s, "ask", "hold"
         case 3:
             yield due_s, "ask", "home"
         case _:
             yield due_s, "send again"
-    yield taken_s, "pilot", dice.choice(SURE)
+    yield taken_s, "pilot", rng.choice(SURE)
 
 
-def diverted_close(dice: random.Random) -> Iterator[Row]:
+def diverted_close(rng: random.Random) -> Iterator[Row]:
     """It is sent here and there, and a station sends it towards a zone that it passes."""
     for again in range(8):
         yield 15.0 * again, "send again"
-    yield from ((60.0 * again + dice.uniform(5.0, 20.0), "divert") for again in range(2))
+    yield from ((60.0 * again + rng.uniform(5.0, 20.0), "divert") for again in range(2))
 
 
-def left_behind(dice: random.Random) -> Iterator[Row]:
+def left_behind(rng: random.Random) -> Iterator[Row]:
     """A zone is drawn over it, and left; it comes home without its plan, and seems to be in it."""
     yield 0.0, "reload", 0.0
-    yield dice.uniform(2.5, 3.5), "plan", "other"
+    yield rng.uniform(2.5, 3.5), "plan", "other"
     yield 18.0, "ask", "home"
     yield 18.5, "mislead", 9.0
     yield 45.0, "pilot", "AUTO_RTL"
 
 
-def doubted(dice: random.Random) -> Iterator[Row]:
+def doubted(rng: random.Random) -> Iterator[Row]:
     """Its altitude is in doubt, and the pilot takes it while zones go on board."""
     yield from ((float(second), "drift", (0.0, 0.0, -0.3)) for second in range(30))
     yield 1.0, "zone beyond", 60.0, "HOME"
-    yield dice.uniform(2.0, 5.0), "pilot", dice.choice(("AUTO_LOITER", "POSCTL")), "HOME"
+    yield rng.uniform(2.0, 5.0), "pilot", rng.choice(("AUTO_LOITER", "POSCTL")), "HOME"
 
 
-def doubted_among(dice: random.Random) -> Iterator[Row]:
+def doubted_among(rng: random.Random) -> Iterator[Row]:
     """Its altitude is in doubt, and zones below or above it lie around it and on its way home."""
-    up_m_s = dice.choice((-0.3, 0.3))
+    up_m_s = rng.choice((-0.3, 0.3))
     yield from ((float(second), "drift", (0.0, 0.0, up_m_s)) for second in range(30))
-    yield 1.0, "zone homeward", dice.choice(("below", "above"))
+    yield 1.0, "zone homeward", rng.choice(("below", "above"))
     yield 9.0, "ask", "hold"
-    yield dice.uniform(13.0, 16.0), "zone at", ("hold", dice.choice(("below", "above")))
+    yield rng.uniform(13.0, 16.0), "zone at", ("hold", rng.choice(("below", "above")))
 
 
-def doubted_walled(dice: random.Random) -> Iterator[Row]:
+def doubted_walled(rng: random.Random) -> Iterator[Row]:
     """Its altitude is in doubt, and walls all around begin above it: no way is clear of those."""
     yield 0.0, "enclose above"
     yield from ((25.0 + second, "drift", (0.0, 0.0, -0.3)) for second in range(22))
-    if dice.randrange(2):
+    if rng.randrange(2):
         yield 85.0, "ask", "home"
     else:
-        yield 0.0, "battery", dice.uniform(500.0, 540.0)
+        yield 0.0, "battery", rng.uniform(500.0, 540.0)
 
 
-def two_stations(dice: random.Random) -> Iterator[Row]:
+def two_stations(rng: random.Random) -> Iterator[Row]:
     """Two stations choose different modes, shortly one after the other."""
-    first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
+    first, second = rng.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
     yield 0.0, "pilot", first
-    yield dice.choice((0.0, 0.1, 0.5, 2.0)), "second station", second
+    yield rng.choice((0.0, 0.1, 0.5, 2.0)), "second station", second
 
 
-def taken_in_haste(dice: random.Random) -> Iterator[Row]:
+def taken_in_haste(rng: random.Random) -> Iterator[Row]:
     """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
-    at_s = dice.uniform(2.0, 5.0)
+    at_s = rng.uniform(2.0, 5.0)
     yield 0.0, "send", at_s - 1.5
     yield at_s - 1.6, "deaf", True
-    yield at_s - 0.8, *(("send again",) if dice.randrange(2) else ("ask", "hold"))
-    yield at_s, "pilot", dice.choice(SURE)
-    yield at_s + dice.choice((0.05, 0.5)), "deaf", False
+    yield at_s - 0.8, *(("send again",) if rng.randrange(2) else ("ask", "hold"))
+    yield at_s, "pilot", rng.choice(SURE)
+    yield at_s + rng.choice((0.05, 0.5)), "deaf", False
 
 
 HELD_IN_HASTE: Final[tuple[Course, ...]] = (
@@ -307,20 +307,20 @@ HELD_IN_HASTE: Final[tuple[Course, ...]] = (
 behind one that was lost, or a hold was lost and may leave again."""
 
 
-def start_lost(dice: random.Random) -> Iterator[Row]:
+def start_lost(rng: random.Random) -> Iterator[Row]:
     """Mission mode is lost on its way, and a station stores its plan before it may leave again."""
-    stored_s = dice.uniform(1.4, 2.4)
+    stored_s = rng.uniform(1.4, 2.4)
     yield 0.0, "deaf", True
     yield stored_s, "plan", "other"
     yield stored_s + 0.1, "deaf", False
 
 
-def diverted(dice: random.Random) -> Iterator[Row]:
+def diverted(rng: random.Random) -> Iterator[Row]:
     """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
-    at_s = dice.uniform(40.0, 140.0)
-    later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
+    at_s = rng.uniform(40.0, 140.0)
+    later_s = [at_s + rng.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
     yield at_s, "ask", "hold", "armed"
-    if dice.randrange(2):
-        yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
+    if rng.randrange(2):
+        yield later_s[0], "pilot", rng.choice(("POSCTL", "ALTCTL")), "armed"
     else:
         yield from ((each_s, "pause", True, "armed") for each_s in later_s)

@@ -38,12 +38,12 @@ class ZoneDrawing:
     Args:
         flight: Where.
         operator: Who draws, asks to read it again, and waits for moments.
-        dice: Of the flight; what is drawn at the worst moment has dice of its own.
+        rng: Of the flight; drawings at the worst moment have a generator of their own.
     """
 
-    def __init__(self, flight: Scenario, operator: Operator, dice: random.Random) -> None:
+    def __init__(self, flight: Scenario, operator: Operator, rng: random.Random) -> None:
         self._flight, self._operator = flight, operator
-        self._dice, self._haste = dice, operator.haste
+        self._rng, self._haste = rng, operator.haste
         self._reading: tuple[float, object] | None = None  # until when; zones before
 
     def step(self, now_s: float) -> None:
@@ -64,11 +64,11 @@ class ZoneDrawing:
     def do_reload(self, ahead_m: float) -> None:
         """The operator draws a zone near the vehicle, or over it, and has the file read again."""
         east_m_s, north_m_s = self._operator.velocity_m_s
-        course_rad = math.atan2(east_m_s, north_m_s) + self._dice.uniform(-0.5, 0.5)
+        course_rad = math.atan2(east_m_s, north_m_s) + self._rng.uniform(-0.5, 0.5)
         place = self._flight.place
         east_m = place.east_m + ahead_m * math.sin(course_rad)
         north_m = place.north_m + ahead_m * math.cos(course_rad)
-        self._draw_circle(Point(east_m, north_m), self._dice.uniform(4.0, 12.0))
+        self._draw_circle(Point(east_m, north_m), self._rng.uniform(4.0, 12.0))
 
     def do_zone_across(self, spare_m: float) -> None:
         """Draw a zone across its way, so far beyond where it can stop."""

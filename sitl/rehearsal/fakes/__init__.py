@@ -3,10 +3,11 @@
 from sitl.rehearsal.fakes.link import Burst, Link, StreamFault, Way, wrong_of
 from sitl.rehearsal.fakes.mavsdk import Fields, Send, StandIn
 from sitl.rehearsal.fakes.stations import Station, Stations, foreign_messages, intrusion
-from sitl.rehearsal.fakes.team import NodeStandIn, Robots, Told, anywhere, pose, prank_of
+from sitl.rehearsal.fakes.team import CarriedMessage, NodeStandIn, Robots, anywhere, pose, prank_of
 
 __all__ = [
     "Burst",
+    "CarriedMessage",
     "Fields",
     "Link",
     "NodeStandIn",
@@ -16,7 +17,6 @@ __all__ = [
     "Station",
     "Stations",
     "StreamFault",
-    "Told",
     "Way",
     "anywhere",
     "foreign_messages",

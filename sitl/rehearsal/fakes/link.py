@@ -16,10 +16,10 @@ LEAST_S: Final = 0.005
 
 MOST_S: Final = 0.03
 DELAYED_S: Final = 2.0
-"""How long what the vehicle says keeps coming so late, where it comes late."""
+"""How long the vehicle's messages keep coming so late, where they come late."""
 
 CLOCKS: Final = ("time_boot_ms", "time_usec", "event_time_boot_ms")
-"""Fields that tell the vehicle's clock."""
+"""Fields that carry the vehicle's clock."""
 
 Fields = Mapping[str, Any]
 
@@ -48,12 +48,12 @@ _POSCTL: Final = 3 << 16
 _METRES_E7: Final = 90  # of latitude, about, in 1e-7 degrees
 
 _VALUES: Final[dict[str, Callable[[random.Random], dict[str, Any]]]] = {
-    "SYS_STATUS": lambda dice: {"battery_remaining": dice.choice((-1, 3, 50, 100))},
-    "GPS_RAW_INT": lambda dice: {"fix_type": dice.choice((0, 1, 3)), "satellites_visible": 3},
-    "EXTENDED_SYS_STATE": lambda dice: {"landed_state": dice.choice((0, 1, 2, 4))},
-    "MISSION_CURRENT": lambda dice: {"seq": dice.randrange(0, 60)},
-    "HEARTBEAT": lambda dice: {"custom_mode": dice.choice((_POSCTL, 0x03040000, 0x04040000))},
-    "CURRENT_MODE": lambda dice: {"custom_mode": dice.choice((_POSCTL, 0x03040000, 0x04040000))},
+    "SYS_STATUS": lambda rng: {"battery_remaining": rng.choice((-1, 3, 50, 100))},
+    "GPS_RAW_INT": lambda rng: {"fix_type": rng.choice((0, 1, 3)), "satellites_visible": 3},
+    "EXTENDED_SYS_STATE": lambda rng: {"landed_state": rng.choice((0, 1, 2, 4))},
+    "MISSION_CURRENT": lambda rng: {"seq": rng.randrange(0, 60)},
+    "HEARTBEAT": lambda rng: {"custom_mode": rng.choice((_POSCTL, 0x03040000, 0x04040000))},
+    "CURRENT_MODE": lambda rng: {"custom_mode": rng.choice((_POSCTL, 0x03040000, 0x04040000))},
 }
 
 
@@ -80,12 +80,12 @@ class Link:
     """Carries messages both ways, in order, with a delay.
 
     Args:
-        chance: Dice.
+        chance: The random generator.
 
     Attributes:
         loss: Share of messages that are lost, either way.
         late_s: Commands take up to so much longer, one behind the other.
-        old_s: What the vehicle says takes up to so long.
+        old_s: The vehicle's messages take up to so long.
         silent: Nothing passes.
         burst: Losses in bursts; None: none.
         booted_s: When the vehicle's clock began anew; 0: with ours.
@@ -100,7 +100,7 @@ class Link:
         self._count = itertools.count()  # keeps the order of what arrives at the same time
         self._under_way: list[tuple[float, int, Callable[[], object]]] = []  # heap: when, order
         self._arrives_s = dict.fromkeys(Way, 0.0)  # of the last one: none overtakes it
-        self._delay_s, self._other_delay_s = 0.0, 0.0  # of what the vehicle says; till when
+        self._delay_s, self._other_delay_s = 0.0, 0.0  # of the vehicle's messages; till when
         self._troubles: dict[tuple[Way, str], _ActiveFault] = {}  # one for each stream
         self._frozen: dict[tuple[Way, str], Fields] = {}  # what a stream repeats
         self.booted_s = 0.0
@@ -110,7 +110,7 @@ class Link:
         """When the next message arrives."""
         return self._under_way[0][0] if self._under_way else math.inf
 
-    def trouble(  # noqa: PLR0913 - what there is to be said of it
+    def trouble(  # noqa: PLR0913 - all properties of a bad link
         self,
         way: Way,
         name: str,
@@ -195,11 +195,11 @@ class Link:
         return changed
 
 
-def wrong_of(name: str, dice: random.Random) -> Wrong | None:
+def wrong_of(name: str, rng: random.Random) -> Wrong | None:
     """What the messages of one name say that is not true; None: there is nothing to lie about."""
     if name == "GLOBAL_POSITION_INT":
-        off = [round(dice.uniform(-30.0, 30.0) * _METRES_E7) for _ in range(2)]
-        up_mm = round(dice.uniform(-8.0, 8.0) * 1e3)
+        off = [round(rng.uniform(-30.0, 30.0) * _METRES_E7) for _ in range(2)]
+        up_mm = round(rng.uniform(-8.0, 8.0) * 1e3)
 
         def elsewhere(fields: dict[str, Any], _: random.Random) -> dict[str, Any]:
             there = {"lat": fields["lat"] + off[0], "lon": fields["lon"] + off[1]}

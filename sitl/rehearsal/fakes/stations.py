@@ -153,12 +153,12 @@ class Stations:
             zone.append(MissionItem(5, Command(_EXCLUSION), False, params, x, y, 0.0))
         self._store(MissionType.FENCE, (*self._items(MissionType.FENCE), *zone))
 
-    def move_fence(self, off_m: float, dice: random.Random) -> None:
+    def move_fence(self, off_m: float, rng: random.Random) -> None:
         """The fence gets other places for one of its areas: as many points as before."""
         items = list(self._items(MissionType.FENCE))
         if not items:
             return
-        first = dice.randrange(len(items))
+        first = rng.randrange(len(items))
         run = int(items[first].params[0]) if items[first].command in _POLYGONS else 1
         east_e7 = round(off_m * _METRE_E7)
         for number in range(first, min(first + run, len(items))):
@@ -201,12 +201,12 @@ class Stations:
         self._answered(Sender(255, _GROUND_CONTROL), kind.value, self._plan_ids)
 
 
-def intrusion(kind: str, dice: random.Random) -> list[bytes]:
+def intrusion(kind: str, rng: random.Random) -> list[bytes]:
     """The datagrams of one kind; see `programs.scenes`."""
     pack = Sender(1).pack_values
     heartbeat = {"type": 2, "autopilot": 12, "custom_mode": _LANDS, "mavlink_version": 3}
     if kind == "noise":
-        return [dice.randbytes(dice.randrange(1, 300)) for _ in range(20)]
+        return [rng.randbytes(rng.randrange(1, 300)) for _ in range(20)]
     if kind == "truncated":
         whole = pack("HEARTBEAT", {**heartbeat, "system_status": _ACTIVE})
         return [whole[:length] for length in range(1, len(whole))]
@@ -235,12 +235,12 @@ def foreign_messages(now_s: float) -> list[tuple[tuple[int, int], str, dict[str,
 
     Each would end the flight, or have it hold, if it counted as the autopilot's.
     """
-    said, turn = foreign_words(round(now_s * 1e3)), round(now_s * 10.0)
+    said, turn = foreign_vocabulary(round(now_s * 1e3)), round(now_s * 10.0)
     name, fields = said[turn % len(said)]
     return [(FOREIGN[(turn // len(said)) % len(FOREIGN)], name, fields)]
 
 
-def foreign_words(boot_ms: int) -> tuple[tuple[str, dict[str, Any]], ...]:
+def foreign_vocabulary(boot_ms: int) -> tuple[tuple[str, dict[str, Any]], ...]:
     """Names and fields of what they say: landed, disarmed, empty, elsewhere, in another mode."""
     return (
         (

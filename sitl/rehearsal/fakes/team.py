@@ -31,7 +31,7 @@ from mocha_link.store import Header
 from mocha_link.team import Priority, Robot, Team
 from sitl.rehearsal.judge import SceneEventKind
 
-HEARD_M: Final = 60.0
+RADIO_RANGE_M: Final = 60.0
 SYNC_EVERY_S: Final = 2.0
 HASTY_S: Final = 0.2
 """So often a hostile robot hands its position over."""
@@ -41,10 +41,10 @@ _TAKES_S, _BREAKS = (0.5, 9.0), 0.15
 """How long one direction of an exchange over a weak link takes, and the share that never ends."""
 
 _FALSE_S, _FALSE_DBM = 15.0, -45.0
-"""So often a weak radio claims to hear a robot, wherever that is, and so strongly."""
+"""So often a weak radio reports a robot, wherever that is, and so strongly."""
 
 _SWAYS_M: Final = 30.0
-"""So far to either side of where it is a hostile robot says to be, in turn."""
+"""So far to either side of its true position a hostile robot reports itself, in turn."""
 
 _DRIVES_M, _DRIVES_M_S, _CARRIED_S = 25.0, (0.2, 1.2), 30.0
 """How far up and down robots of weak links drive, how fast, and how old what they carry is."""
@@ -52,7 +52,7 @@ _DRIVES_M, _DRIVES_M_S, _CARRIED_S = 25.0, (0.2, 1.2), 30.0
 _AWAY_M, _CHOICES = 60.0, 3
 """How far a robot drives that drives away, and among how many waypoints it chooses."""
 
-Told = tuple[str, str, bytes]
+CarriedMessage = tuple[str, str, bytes]
 """A message: which robot made it, topic, data."""
 
 
@@ -85,14 +85,14 @@ class NodeStandIn:
         """Nothing to open."""
 
     def close(self) -> None:
-        """No listener hears of anything after it."""
+        """No listener is called after it."""
         self._listener = None
 
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> None:
         """It is not read here."""
 
     def sync(self, peer: str, *, both: bool = False) -> bool:
-        """Robots are met when the rehearsal says so."""
+        """The rehearsal decides when robots are met."""
         del peer, both
         return False
 
@@ -118,7 +118,7 @@ class NodeStandIn:
         if self._listener is not None:
             self._listener(event)
 
-    def take(self, peer: str, messages: Sequence[Told]) -> None:
+    def take(self, peer: str, messages: Sequence[CarriedMessage]) -> None:
         """A peer hands messages over."""
         now_s = self.unix_s()
         for robot, topic, data in messages:
@@ -128,8 +128,8 @@ class NodeStandIn:
             self.tell(MessageStored(peer, now_s, robot, topic, header, _SIZE))
 
 
-Prank = Callable[[str, Point], list[Told]]
-"""What a mad robot tells (robot, topic, data) of a name and a true place."""
+Prank = Callable[[str, Point], list[CarriedMessage]]
+"""The messages of a mad robot (robot, topic, data), by its name and true place."""
 
 
 @dataclass(slots=True, eq=False)
@@ -144,20 +144,20 @@ class _Sync:
 
 @dataclass(eq=False)
 class Robots:
-    """Robots that stand about and are heard from near by.
+    """Robots that stand about and are received from near by.
 
     Attributes:
         mission: Of the UAV that meets them.
         places: Where they are; one that is taken out has vanished.
         unix_s: The time.
-        happened: Told, for the judge, of each that hands its messages over, and of each direction
-            of an exchange that is over.
-        weak: Dice of weak links: exchanges take long, or never end, radios are heard that are far
-            away; robots drive, and carry what others have said. None: links are good, robots stand.
-        prank: What they tell instead of the truth; None: the truth.
+        happened: Called, for the judge, for each that hands its messages over, and for each
+            direction of an exchange that is over.
+        weak: Random generator of weak links: exchanges take long, or never end, radios far away are
+            received; robots drive, and carry others' messages. None: links are good, robots stand.
+        prank: False messages that they send; None: the truth.
         others: Messages of other robots that they carry.
         forged: What they hand over of others before their own, made as they do.
-        heard_m: From no farther they are heard.
+        radio_range_m: From no farther they are received.
         carry: They carry each other's poses, too.
         hostile: They hand their positions over all the time, and take nothing.
     """
@@ -168,9 +168,9 @@ class Robots:
     happened: Callable[[SceneEventKind, object], None]
     weak: random.Random | None = None
     prank: Prank | None = None
-    others: list[Told] = field(default_factory=list)
-    forged: list[Callable[[], Told]] = field(default_factory=list)
-    heard_m: float = HEARD_M
+    others: list[CarriedMessage] = field(default_factory=list)
+    forged: list[Callable[[], CarriedMessage]] = field(default_factory=list)
+    radio_range_m: float = RADIO_RANGE_M
 
     def __post_init__(self) -> None:
         weak = self.weak
@@ -180,7 +180,7 @@ class Robots:
         self._speeds_m_s = {n: weak.uniform(*_DRIVES_M_S) if weak else 0.0 for n in self.places}
         self._under_way: list[_Sync] = []
         self._node: NodeStandIn | None = None  # that took part in these
-        self._false_at_s = _FALSE_S  # when a radio is heard that is not there, next
+        self._false_at_s = _FALSE_S  # when a radio that is not there is received next
 
     def step(self, node: NodeStandIn, vehicle: Point, now_s: float) -> None:
         """Meet whom the vehicle is near to."""
@@ -188,12 +188,12 @@ class Robots:
             self._node, self._under_way = node, []
         if self.weak is not None and now_s >= self._false_at_s:
             self._false_at_s = now_s + _FALSE_S
-            name = self.weak.choice(list(self._synced_s))  # it is said to be near, for a moment
+            name = self.weak.choice(list(self._synced_s))  # it is reported near, for a moment
             reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
             node.tell(ContactBegan(name, self.unix_s(), reading))
             node.tell(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
         for name in self.places:
-            near = math.dist(self._place(name, now_s), vehicle) <= self.heard_m
+            near = math.dist(self._place(name, now_s), vehicle) <= self.radio_range_m
             every_s = HASTY_S if self.hostile else SYNC_EVERY_S
             due = now_s - self._synced_s[name] >= every_s
             if near and due and not any(sync.robot == name for sync in self._under_way):
@@ -207,20 +207,20 @@ class Robots:
     def do_goals(self, which: tuple[bool, float]) -> None:
         """A robot, one that the mission names or another one, sends goals by all that meet it."""
         named, seed = which
-        mission, dice = self.mission, random.Random(seed)  # noqa: S311 - rehearsal
+        mission, rng = self.mission, random.Random(seed)  # noqa: S311 - rehearsal
         others = tuple(robot for robot in self._synced_s if robot not in mission.goals_from)
-        robot = dice.choice((named and mission.goals_from) or others)
+        robot = rng.choice((named and mission.goals_from) or others)
         places = [mission.frame.to_geodetic(w.position) for w in mission.waypoints]
         now_s = self.unix_s()
         goals = GoalsMessage(
             stamp_s=now_s,
             id=f"{seed}",
-            points=tuple(dice.sample(places, dice.choice((1, 1, 2)))),
+            points=tuple(rng.sample(places, rng.choice((1, 1, 2)))),
             hold_s=2.0,
-            to=dice.choice((None, mission.uav, "another")),
-            until_s=dice.choice((None, now_s + 1000.0, now_s - 10.0)),
+            to=rng.choice((None, mission.uav, "another")),
+            until_s=rng.choice((None, now_s + 1000.0, now_s - 10.0)),
         )
-        self.others = [told for told in self.others if told[:2] != (robot, GOALS_TOPIC)]
+        self.others = [carried for carried in self.others if carried[:2] != (robot, GOALS_TOPIC)]
         self.others.append((robot, GOALS_TOPIC, goals.encode()))
 
     def do_drive_away(self, what: tuple[int, float]) -> None:
@@ -228,12 +228,12 @@ class Robots:
         turn, seed = what
         if not self.places:
             return
-        dice = random.Random(seed)  # noqa: S311 - rehearsal
+        rng = random.Random(seed)  # noqa: S311 - rehearsal
         name = list(self.places)[turn % len(self.places)]
         here = self.places[name]
         away = [w.position for w in self.mission.waypoints]
         away.sort(key=lambda place: abs(math.dist(place, here) - _AWAY_M))
-        self.places[name] = dice.choice(away[:_CHOICES])
+        self.places[name] = rng.choice(away[:_CHOICES])
 
     def _ends_s(self, now_s: float) -> float:
         """When one direction of an exchange that begins now is over."""
@@ -249,13 +249,13 @@ class Robots:
             if not near or now_s < sync.ends_s:
                 node.tell(SyncTimedOut(name, self.unix_s(), sync.direction, "out of reach"))
                 continue
-            told: list[Told] = []
+            carried: list[CarriedMessage] = []
             if sync.direction is Direction.IN:
                 of_others = (make() for make in self.forged)
-                told = [message for message in of_others if message[0] != name]
-                told += self._told(name, self._place(name, now_s), now_s) + self.others
-                node.take(name, told)
-            value = (name, sync.direction.value, sync.began_s, told)
+                carried = [message for message in of_others if message[0] != name]
+                carried += self._messages_of(name, self._place(name, now_s), now_s) + self.others
+                node.take(name, carried)
+            value = (name, sync.direction.value, sync.began_s, carried)
             self.happened(SceneEventKind.SYNCED, value)
             node.tell(SyncEnded(name, self.unix_s(), sync.direction, 1, _SIZE, 0.1))
 
@@ -264,17 +264,17 @@ class Robots:
         along_m = (self._speeds_m_s[name] * now_s) % (2 * _DRIVES_M)
         return Point(east_m + min(along_m, 2 * _DRIVES_M - along_m), north_m)
 
-    def _told(self, name: str, place: Point, now_s: float) -> list[Told]:
+    def _messages_of(self, name: str, place: Point, now_s: float) -> list[CarriedMessage]:
         if self.prank is not None:
             return self.prank(name, place)
         frame, unix_s = self.mission.frame, self.unix_s()
         old_s = _CARRIED_S if self.weak else 0.0
-        told = []
+        carried = []
         for robot in self.places if self.carry else (name,):
             age_s = 0.0 if robot == name else old_s
             at = self._place(robot, now_s - age_s)
-            told.append((robot, POSE_TOPIC, pose(frame, at, unix_s - age_s)))
-        return told
+            carried.append((robot, POSE_TOPIC, pose(frame, at, unix_s - age_s)))
+        return carried
 
 
 def pose(frame: LocalFrame, place: Point, stamp_s: float) -> bytes:
@@ -286,18 +286,18 @@ def pose(frame: LocalFrame, place: Point, stamp_s: float) -> bytes:
     return message.encode()
 
 
-def anywhere(dice: random.Random, waypoints: list[Point]) -> Point:
+def anywhere(rng: random.Random, waypoints: list[Point]) -> Point:
     """A place near one of the mission's waypoints."""
-    east_m, north_m = dice.choice(waypoints)
-    return Point(east_m + dice.uniform(-30.0, 30.0), north_m + dice.uniform(-30.0, 30.0))
+    east_m, north_m = rng.choice(waypoints)
+    return Point(east_m + rng.uniform(-30.0, 30.0), north_m + rng.uniform(-30.0, 30.0))
 
 
-def prank_of(how: str, mission: Mission, dice: random.Random, unix_s: Callable[[], float]) -> Prank:
-    """What a mad robot tells instead of where it is."""
+def prank_of(how: str, mission: Mission, rng: random.Random, unix_s: Callable[[], float]) -> Prank:
+    """The false positions of a mad robot."""
     frame = mission.frame
     sides: defaultdict[str, Iterator[float]] = defaultdict(lambda: cycle((_SWAYS_M, -_SWAYS_M)))
 
-    def told(name: str, place: Point) -> list[Told]:
+    def carried(name: str, place: Point) -> list[CarriedMessage]:
         match how:
             case "sway":
                 to = Point(place.east_m + next(sides[name]), place.north_m)
@@ -305,20 +305,20 @@ def prank_of(how: str, mission: Mission, dice: random.Random, unix_s: Callable[[
             case "future":
                 data = pose(frame, place, 9.9e10)
             case "stamp":
-                data = pose(frame, place, unix_s() + dice.choice((-1e6, -3600.0, 60.0, 1e5, 1e7)))
+                data = pose(frame, place, unix_s() + rng.choice((-1e6, -3600.0, 60.0, 1e5, 1e7)))
             case "nan":
                 data = b'{"stamp_s": NaN, "latitude_deg": NaN, "longitude_deg": 1e999}'
             case "jump":
-                to = Point(dice.uniform(-900.0, 900.0), dice.uniform(-900.0, 900.0))
+                to = Point(rng.uniform(-900.0, 900.0), rng.uniform(-900.0, 900.0))
                 data = pose(frame, to, unix_s())
             case "zone":
-                inside = dice.choice(mission.zones).polygon.representative_point()
+                inside = rng.choice(mission.zones).polygon.representative_point()
                 data = pose(frame, Point(inside.x, inside.y), unix_s())
             case _:
                 north_deg, east_deg = frame.to_geodetic(place)
-                away = dice.choice(((-33.0, 151.0), (north_deg + 0.3, east_deg)))
+                away = rng.choice(((-33.0, 151.0), (north_deg + 0.3, east_deg)))
                 far = dict(zip(("latitude_deg", "longitude_deg"), away, strict=True))
                 data = str({"stamp_s": unix_s(), **far}).replace("'", '"').encode()
         return [(name, POSE_TOPIC, data)]
 
-    return told
+    return carried

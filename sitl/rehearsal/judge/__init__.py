@@ -6,11 +6,11 @@ from sitl.rehearsal.judge.case import Case, Responsible, Rule, Violation
 from sitl.rehearsal.judge.evidence import (
     AUTOPILOT,
     COMPANION,
+    AnnouncedLine,
     Evidence,
     EvidenceError,
     FlightRecord,
     Frame,
-    Line,
     Sample,
     SceneEvent,
     SceneEventKind,
@@ -24,6 +24,7 @@ from sitl.rehearsal.judge.verdict import Verdict, end_of, judge
 __all__ = [
     "AUTOPILOT",
     "COMPANION",
+    "AnnouncedLine",
     "Area",
     "Case",
     "End",
@@ -31,7 +32,6 @@ __all__ = [
     "EvidenceError",
     "FlightRecord",
     "Frame",
-    "Line",
     "Pair",
     "RawMission",
     "Responsible",

@@ -130,7 +130,7 @@ class SceneEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class AnnouncedLine:
     """Something that the companion announced to operator and pilot."""
 
     time_s: float
@@ -154,7 +154,7 @@ class FlightRecord:
     messages: list[WireMessage] = field(default_factory=list)
     received: list[WireMessage] = field(default_factory=list)
     happenings: list[SceneEvent] = field(default_factory=list)
-    lines: list[Line] = field(default_factory=list)
+    lines: list[AnnouncedLine] = field(default_factory=list)
 
     def happened(self, time_s: float, what: SceneEventKind, value: Any = None) -> None:
         """The scene did something."""

@@ -21,11 +21,11 @@ from sitl.px4sim import FlightMode, MissionType
 from sitl.rehearsal import (
     Agenda,
     Fault,
+    ImpersonatedState,
     MissionFile,
     ScheduledFault,
-    VehicleState,
     carry_out,
-    false_words,
+    false_messages,
 )
 from sitl.rehearsal.fakes import Station, StreamFault, intrusion
 from sitl.rehearsal.judge import Evidence, SceneEvent, SceneEventKind
@@ -378,14 +378,14 @@ class RealFlight:
         """Another system or component speaks on the vehicle's link as its autopilot does."""
         words, sender = value
         seen = self._seen.samples[-1]
-        state = VehicleState(
+        state = ImpersonatedState(
             latitude_e7=round(seen.latitude_deg * 1e7),
             longitude_e7=round(seen.longitude_deg * 1e7),
             amsl_mm=round(seen.altitude_amsl_m * 1e3),
             boot_ms=round(self._seen.clock_s * 1e3),
             mode=self._seen.mode,
         )
-        self._relay.claim(Sender(*sender).pack_values(*false_words(state)[words]))
+        self._relay.claim(Sender(*sender).pack_values(*false_messages(state)[words]))
 
     def do_second_vehicle(self, _value: object) -> None:
         """Another vehicle's messages come over the same radio."""

@@ -27,7 +27,7 @@ from air_router.sim import Child, free_port
 from mocha_link import Team
 from sitl.process import ending_with_us
 from sitl.rehearsal import ANOTHER, Fault, MissionFile, hurried, with_terms
-from sitl.rehearsal.judge import Line
+from sitl.rehearsal.judge import AnnouncedLine
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
 from sitl.team import derive_team
@@ -78,7 +78,7 @@ class Companion:
                     stderr=subprocess.PIPE,
                 )
             undo.pop_all()
-        self.lines: list[Line] = []
+        self.lines: list[AnnouncedLine] = []
         self.outcome = ""
         self._now_s = now_s
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -89,7 +89,7 @@ class Companion:
         with self.process.stderr as said:
             for line in said:
                 text = line.decode(errors="replace").rstrip()
-                self.lines.append(Line(self._now_s(), text))
+                self.lines.append(AnnouncedLine(self._now_s(), text))
 
     @property
     def last(self) -> str:
@@ -194,11 +194,11 @@ def _give_ports(folder: Path, seed: int) -> None:
     path.write_text(yaml.safe_dump(team), encoding="utf-8")
 
 
-def draw_zone(file: MissionFile, dice: random.Random) -> None:
+def draw_zone(file: MissionFile, rng: random.Random) -> None:
     """Draw a zone around a waypoint that is not near to home."""
     places = [waypoint.position for waypoint in file.mission.waypoints]
     far = [place for place in places if math.dist(place, file.mission.home) > _FROM_HOME_M]
-    file.circle(dice.choice(far), _ZONE_M)
+    file.circle(rng.choice(far), _ZONE_M)
 
 
 @dataclass(eq=False)
@@ -228,9 +228,9 @@ class Programs:
         """Start `sitl vehicle`."""
         more = []
         if self.scene.fault is Fault.GUSTS:
-            dice = self.scene.chance("wind")
-            mean_m_s = dice.uniform(3.0, 7.0)
-            more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
+            rng = self.scene.chance("wind")
+            mean_m_s = rng.uniform(3.0, 7.0)
+            more = [f"--wind={mean_m_s},{rng.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
         self._start_ours(
             *(f"--seed={self.scene.seed}", f"--epoch={EPOCH}", *self._as_another(), *more),
             f"--truth-to=127.0.0.1:{self.relay.truth_port}",

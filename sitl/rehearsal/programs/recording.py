@@ -74,24 +74,24 @@ class Recording(FlightRecord):
     above_m: float = 0.0
     received_s: float = math.inf
     _before_s: float = 0.0  # its last start, simulated
-    _told: bool = False  # the truth's link has HEARTBEATs: those of a busy link come late
+    _has_truth: bool = False  # the truth's link has HEARTBEATs: those of a busy link come late
 
     def restart(self) -> None:
         """The vehicle is started anew: its time begins at zero again."""
         self._before_s, self.clock_s = self.time_s, 0.0
         self.armed = self.failsafe = False
 
-    def look(self, frame: Frame, *, delivered: bool) -> None:
+    def record_frame(self, frame: Frame, *, delivered: bool) -> None:
         """Note a frame, from either side."""
         vehicle = frame.component_id == AUTOPILOT
         wanted = frame.name in (_FROM_VEHICLE if vehicle else _FROM_OTHERS)
         if not (wanted or frame.name.startswith(MISSION)) or not frame.intact:
             return
         self.messages.append(self._noted(frame, delivered=delivered))
-        if vehicle and frame.name == "HEARTBEAT" and not self._told:
+        if vehicle and frame.name == "HEARTBEAT" and not self._has_truth:
             self._follow(self.messages[-1].fields)
 
-    def hear(self, datagram: bytes) -> None:
+    def record_datagram(self, datagram: bytes) -> None:
         """Note what reaches the companion."""
         for frame in frames(datagram):
             if frame.name in _INPUTS and frame.component_id == AUTOPILOT:
@@ -105,7 +105,7 @@ class Recording(FlightRecord):
             return
         fields = frame.fields()
         if frame.name == "HEARTBEAT":
-            self._told = True
+            self._has_truth = True
             self._follow(fields)
             return
         if fields["time_usec"]:

@@ -116,7 +116,7 @@ class LossyRelay:
     def inject(self, data: bytes) -> None:
         """Send something to the vehicle in another's name."""
         for frame in frames(data):
-            self.recording.look(frame, delivered=True)
+            self.recording.record_frame(frame, delivered=True)
         if self._vehicle is not None:
             self._api.sendto(data, self._vehicle)
 
@@ -192,7 +192,7 @@ class LossyRelay:
                 self._pace.attend(ready)
             now_s = time.monotonic()
             while self._waiting and self._waiting[0][0] <= now_s:
-                self._tell(self._waiting.popleft()[1])
+                self._deliver(self._waiting.popleft()[1])
             self._keep_pace(now_s)
 
     def _keep_pace(self, wall_s: float) -> None:
@@ -223,7 +223,7 @@ class LossyRelay:
             kept = b""
             for frame in frames(data):
                 delivered = passes and not self._swallows(frame)
-                self.recording.look(frame, delivered=delivered)
+                self.recording.record_frame(frame, delivered=delivered)
                 kept += frame.data if delivered else b""
             if kept and self._vehicle is not None:
                 self._api.sendto(kept, self._vehicle)
@@ -234,7 +234,7 @@ class LossyRelay:
         self._vehicle = sender
         spoilt = b"".join(self._spoilt(data, passes=passes))
         if spoilt:
-            self._tell(spoilt)
+            self._deliver(spoilt)
 
     def _swallows(self, frame: Frame) -> bool:
         """Whether a frame to the vehicle is a command that is lost."""
@@ -248,7 +248,7 @@ class LossyRelay:
         for frame in frames(data):
             fault = weather.streams.get(frame.name, weather.streams.get(""))
             lost = fault is StreamFault.LOST or not passes
-            self.recording.look(frame, delivered=not lost)
+            self.recording.record_frame(frame, delivered=not lost)
             if frame.name.startswith(MISSION) and self.recording.messages:
                 self._answers(self.recording.messages[-1])
             if lost or fair:
@@ -262,9 +262,9 @@ class LossyRelay:
         if fair:
             yield data
 
-    def _tell(self, data: bytes) -> None:
+    def _deliver(self, data: bytes) -> None:
         """What the vehicle says reaches the companion."""
-        self.recording.hear(data)
+        self.recording.record_datagram(data)
         self._outside.sendto(data, self._companion)
 
 

@@ -80,73 +80,73 @@ INTRUSIONS: Final = ("noise", "old boot", "other vehicle", "truncated", "flood")
 def _stream(names: tuple[str, ...], kind: Draw = _STREAM_FAULT) -> Course:
     """One stream, in one of these ways, for a while; without names all of them."""
 
-    def course(dice: random.Random) -> Iterator[Row]:
-        value = (names, kind(dice), _LASTS(dice))
-        yield _AT_ANY_TIME(dice), "stream", value
+    def course(rng: random.Random) -> Iterator[Row]:
+        value = (names, kind(rng), _LASTS(rng))
+        yield _AT_ANY_TIME(rng), "stream", value
 
     return course
 
 
-def _silence(dice: random.Random) -> Iterator[Row]:
-    lasts_s, at_s = _STALLS(dice), _AT_ANY_TIME(dice)
+def _silence(rng: random.Random) -> Iterator[Row]:
+    lasts_s, at_s = _STALLS(rng), _AT_ANY_TIME(rng)
     yield at_s, "silent", True
     yield at_s + lasts_s, "silent"
 
 
-def _takeover(seed: int, dice: random.Random) -> Iterator[Row]:
+def _takeover(seed: int, rng: random.Random) -> Iterator[Row]:
     """In every state by turns, and there by every mode."""
     turn, number = divmod(seed, len(_STATES))
     state = _STATES[number]
     modes = [mode for mode in _CHOSEN if mode != _FLOWN_IN.get(state)]
-    taken_s = dice.uniform(0.1, _COMM_S if state == "COMM" else 6.0)
+    taken_s = rng.uniform(0.1, _COMM_S if state == "COMM" else 6.0)
     if state == "HOLD":
-        yield dice.uniform(2.0, 8.0), "ask", "hold", "INIT"
+        yield rng.uniform(2.0, 8.0), "ask", "hold", "INIT"
     elif state in MEETINGS:
         yield _MEETING
     yield taken_s, "pilot", modes[turn % len(modes)], state
 
 
-def _hand_back(dice: random.Random) -> Iterator[Row]:
-    back_s = dice.uniform(3.0, 10.0)
-    yield 0.0, "pilot", dice.choice(("AUTO_RTL", "AUTO_LAND", "POSCTL"))
+def _hand_back(rng: random.Random) -> Iterator[Row]:
+    back_s = rng.uniform(3.0, 10.0)
+    yield 0.0, "pilot", rng.choice(("AUTO_RTL", "AUTO_LAND", "POSCTL"))
     yield back_s, "pilot", "AUTO_LOITER"
     yield from ((back_s + 2.0 + 2.0 * again, "resume") for again in range(8))
 
 
-def _replaced(dice: random.Random) -> Iterator[Row]:
-    if dice.randrange(2):
+def _replaced(rng: random.Random) -> Iterator[Row]:
+    if rng.randrange(2):
         yield _MEETING
-        yield dice.uniform(0.1, _COMM_S), "plan", "other", "COMM"
+        yield rng.uniform(0.1, _COMM_S), "plan", "other", "COMM"
     else:
         yield 0.0, "plan", "other"
 
 
-def _two_stations(dice: random.Random) -> Iterator[Row]:
-    first, second = dice.sample(_CHOSEN[:4], 2)
+def _two_stations(rng: random.Random) -> Iterator[Row]:
+    first, second = rng.sample(_CHOSEN[:4], 2)
     yield 0.0, "pilot", first
-    yield dice.uniform(0.0, 1.5), "second station", second
+    yield rng.uniform(0.0, 1.5), "second station", second
 
 
-def _bursts(dice: random.Random) -> Iterator[Row]:
+def _bursts(rng: random.Random) -> Iterator[Row]:
     at_s = 0.0
     while at_s < FLIGHT_S:
-        at_s += dice.expovariate(1 / 8.0)
+        at_s += rng.expovariate(1 / 8.0)
         yield at_s, "silent", True
-        yield at_s + dice.uniform(0.3, 3.0), "silent"
+        yield at_s + rng.uniform(0.3, 3.0), "silent"
         at_s += 3.0
 
 
-def _landed(dice: random.Random) -> Iterator[Row]:
+def _landed(rng: random.Random) -> Iterator[Row]:
     """Held, asked to land there, and on if that may not be."""
     yield 0.0, "ask", "hold"
     yield 8.0, "ask", "land"
-    yield 12.0 + dice.uniform(0.0, 3.0), "ask", "resume"
+    yield 12.0 + rng.uniform(0.0, 3.0), "ask", "resume"
 
 
-def _asked(dice: random.Random) -> Iterator[Row]:
+def _asked(rng: random.Random) -> Iterator[Row]:
     """Everything that needs no place, one after the other."""
     verbs = ["hold", "seek io", "explore", "resume", "land", "reload", "home"]
-    dice.shuffle(verbs)
+    rng.shuffle(verbs)
     yield from ((6.0 * turn, "ask", verb) for turn, verb in enumerate(verbs))
 
 
@@ -230,10 +230,10 @@ class WireScene(Scene):
 
     def schedule(self) -> Schedule:
         """What happens when."""
-        kind, dice = WIRE[self.fault], self.chance("when")
-        later_s = 0.0 if kind.begins_s is None else kind.begins_s(dice)
+        kind, rng = WIRE[self.fault], self.chance("when")
+        later_s = 0.0 if kind.begins_s is None else kind.begins_s(rng)
         taken = self.fault is Fault.PILOT
-        rows = _takeover(self.seed, dice) if taken else kind.course(dice)
+        rows = _takeover(self.seed, rng) if taken else kind.course(rng)
         return placed(rows, kind.phase, later_s)
 
     @property

@@ -23,7 +23,7 @@ from sitl.world.towns import GRAIN_M, SAME_GOAL_M, Cell, Lattice, coarse
 Status = Literal["in_progress", "visited"]
 
 
-class Claim(NamedTuple):
+class GoalClaim(NamedTuple):
     """A goal that a robot is on its way to, or has visited."""
 
     place: Point
@@ -44,10 +44,10 @@ class GoalBook:
 
     name: str
     goals: list[Point] = field(default_factory=list)
-    claims: list[Claim] = field(default_factory=list)
+    claims: list[GoalClaim] = field(default_factory=list)
     failed: list[Point] = field(default_factory=list)
     version: int = 0
-    _others: dict[str, tuple[float, tuple[Claim, ...]]] = field(default_factory=dict)
+    _others: dict[str, tuple[float, tuple[GoalClaim, ...]]] = field(default_factory=dict)
 
     @property
     def current(self) -> Point | None:
@@ -73,12 +73,12 @@ class GoalBook:
 
     def claim(self, goal: Point) -> None:
         """Be on the way to a goal."""
-        self.claims.append(Claim(goal, "in_progress"))
+        self.claims.append(GoalClaim(goal, "in_progress"))
         self.version += 1
 
     def visit(self) -> None:
         """The current goal has been reached."""
-        self.claims[-1] = Claim(self.claims[-1].place, "visited")
+        self.claims[-1] = GoalClaim(self.claims[-1].place, "visited")
         self.version += 1
 
     def give_up(self, *, failed: bool) -> None:
@@ -94,7 +94,7 @@ class GoalBook:
             self.failed.clear()
             self.version += 1
 
-    def on_claims(self, robot: str, stamp_s: float, claims: Sequence[Claim]) -> bool:
+    def on_claims(self, robot: str, stamp_s: float, claims: Sequence[GoalClaim]) -> bool:
         """Another robot's claims; whether the current goal is therefore not ours any more.
 
         Claims that are not newer than the robot's last ones change nothing.

@@ -25,7 +25,7 @@ from air_router.messages import (
     Stamp,
 )
 from geo.frame import LocalFrame, Point
-from sitl.world.explorers.knowledge import Claim, Knowledge, Status
+from sitl.world.explorers.knowledge import GoalClaim, Knowledge, Status
 
 DEGREE_DIGITS: Final = 9
 """Decimals of degrees in messages, 0.1 mm: what follows differs from machine to machine."""
@@ -80,7 +80,7 @@ class ExplorerPost:
     """
 
     frame: LocalFrame
-    claims: list[Claim] | None = None
+    claims: list[GoalClaim] | None = None
     way: list[Point] | None = None
     objects: list[Point] | None = None
     _stamps: dict[str, float] = field(default_factory=dict)
@@ -129,11 +129,11 @@ class ExplorerPost:
         return stamp_s
 
 
-def read_claims(data: bytes, frame: LocalFrame) -> tuple[float, Sequence[Claim]]:
+def read_claims(data: bytes, frame: LocalFrame) -> tuple[float, Sequence[GoalClaim]]:
     """Another robot's claims and their stamp. Raises MessageError, FrameError."""
     message = ClaimedGoalsMessage.decode(data)
     claims = [
-        Claim(frame.to_local(goal.latitude_deg, goal.longitude_deg), goal.status)
+        GoalClaim(frame.to_local(goal.latitude_deg, goal.longitude_deg), goal.status)
         for goal in message.goals
     ]
     return message.stamp_s, claims

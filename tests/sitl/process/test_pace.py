@@ -15,7 +15,7 @@ from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.process import pace as pace_rules
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.vehicle import End, Ports, VehicleProcess
+from sitl.process.vehicle import LinkAddresses, Ports, VehicleProcess
 from sitl.px4sim.state import StartPosition
 
 HOME = StartPosition(39.94, -75.2, 6.7)
@@ -75,7 +75,7 @@ def test_one_that_is_stopped_holds_the_world_for_some_seconds_then_it_is_real_ti
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.5, 1.0])
 def test_what_a_link_loses_holds_nothing(loss):
     """Ten positions a second to a process that answers each at once; a minute at five times."""
-    dice, pace, heard_s = random.Random(1), make_pace(titan=0.0), 0.0
+    rng, pace, heard_s = random.Random(1), make_pace(titan=0.0), 0.0
     time_s = wall_s = 0.0
     while time_s < 60.0:
         limit = pace.limit(time_s, wall_s, heard_s)
@@ -83,7 +83,7 @@ def test_what_a_link_loses_holds_nothing(loss):
         if time_s >= limit.until_s:
             continue  # it is stopped, and says nothing
         stamp_s, time_s = time_s, round(time_s + STEP_S, 2)
-        if round(stamp_s * 100) % 10 == 0 and dice.random() >= loss:
+        if round(stamp_s * 100) % 10 == 0 and rng.random() >= loss:
             heard_s = stamp_s
             pace.reached("titan", "titan", stamp_s, wall_s)
     assert wall_s == pytest.approx(60.0 / 5.0, rel=0.02)
@@ -133,7 +133,7 @@ def make_vehicle():
     processes = []
 
     def make(pace, speed=FAST, partner=NOWHERE):
-        ports = Ports(End(("", 0), partner), None, End(("", 0), NOWHERE))
+        ports = Ports(LinkAddresses(("", 0), partner), None, LinkAddresses(("", 0), NOWHERE))
         settings = VehicleSettings(HOME, speed=speed, ground_link=False)
         processes.append(VehicleProcess(settings, ports, pace))
         return processes[-1]

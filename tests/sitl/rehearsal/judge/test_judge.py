@@ -16,9 +16,9 @@ from shapely import LineString, Point, Polygon
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End, accepted
 from sitl.rehearsal.judge.case import LAND_MODE
 from sitl.rehearsal.judge.evidence import (
+    AnnouncedLine,
     Evidence,
     Frame,
-    Line,
     Sample,
     SceneEvent,
     SceneEventKind,
@@ -143,7 +143,7 @@ def evidence(states=None, *, messages=(), more=(), code=0, **others):
         mission_text=others.pop("text", TEXT),
         samples=samples(tuple(states), others.pop("failsafe", ())),
         messages=tuple(sorted(wire, key=lambda m: m.time_s)),
-        lines=tuple(Line(*line) for line in others.pop("said", ())),
+        lines=tuple(AnnouncedLine(*line) for line in others.pop("said", ())),
         exit_code=code,
         **others,
     )

@@ -21,7 +21,7 @@ from air_router.messages import (
 from geo.frame import Point
 from geo.grid import GridError, SemanticGrid, Terrain
 from sitl.world.explorers.explorer import GroundRobot
-from sitl.world.explorers.knowledge import Claim, GoalBook, read_map
+from sitl.world.explorers.knowledge import GoalBook, GoalClaim, read_map
 from sitl.world.explorers.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
@@ -213,7 +213,7 @@ def test_a_place_without_a_vehicle_is_visited_but_not_found():
     robot = explorer(map_=map_of(URBAN, cells))
     robot.take("europa", OBJECTS_TOPIC, sightings(Point(59, 3)), 0.0)
     drive([robot], 60.0)
-    assert Claim(robot.book.claims[0].place, "visited") in robot.book.claims
+    assert GoalClaim(robot.book.claims[0].place, "visited") in robot.book.claims
     assert any(math.dist(c.place, (59, 3)) < 0.1 for c in robot.book.claims)
     assert all(math.dist(g.position, (59, 3)) > 8 for g in URBAN.goals)
     assert {visit.goal for visit in robot.visited} <= {"v08", "v09"}
