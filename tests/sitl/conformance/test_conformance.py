@@ -21,7 +21,7 @@ from sitl.conformance.conversation import (
 from sitl.conformance.session import DepartureError, LinkKind, LocalLine, Session, UdpLine
 from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import VehicleSettings
-from sitl.process.vehicle import End, Ports, VehicleProcess
+from sitl.process.vehicle import LinkAddresses, Ports, VehicleProcess
 from sitl.px4sim.versions import BEHAVIOURS, RECORDED, USUAL
 from tests.sitl.prepared import HOME, local_line, ready_for, ready_to_hold
 
@@ -229,7 +229,7 @@ def test_a_conversation_is_held_over_udp():
     """With a vehicle as a process would run it."""
     line = UdpLine({LinkKind.API: 0})
     here = line._sockets[LinkKind.API].getsockname()
-    ports = Ports(End(("", 0), here), None, End(("", 0), ("127.0.0.1", 9)))
+    ports = Ports(LinkAddresses(("", 0), here), None, LinkAddresses(("", 0), ("127.0.0.1", 9)))
     settings = VehicleSettings(HOME, speed=20.0, system_id=7, ground_link=False)
     stop = threading.Event()
     with VehicleProcess(settings, ports) as process:

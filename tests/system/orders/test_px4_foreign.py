@@ -8,7 +8,7 @@ import asyncio
 import pytest
 
 from air_router.vehicle.vehicle import FlightMode, Telemetry
-from sitl.rehearsal.fakes.stations import FOREIGN, foreign_words
+from sitl.rehearsal.fakes.stations import FOREIGN, foreign_vocabulary
 from tests.system.orders.verbs import ORDERS, follows, hold
 
 pytestmark = pytest.mark.xdist_group("orders")
@@ -23,7 +23,7 @@ def test_what_another_component_or_system_says_changes_nothing(run, mission, sen
     async def script(vehicle):
         before = vehicle.telemetry.snapshot()
         vehicle.subscribe(told.append)
-        px4s[0].others = [(*sender, *words) for words in foreign_words(2000)]
+        px4s[0].others = [(*sender, *words) for words in foreign_vocabulary(2000)]
         await asyncio.to_thread(px4s[0].wait_for_heartbeats, TURNS)
         px4s[0].others = []
         after = vehicle.telemetry.snapshot()
@@ -44,7 +44,7 @@ def test_what_another_says_answers_no_question_for_the_mode(run, sender):
     px4s = []
 
     async def script(vehicle):
-        px4s[0].others = [(*sender, *words) for words in foreign_words(2000)]
+        px4s[0].others = [(*sender, *words) for words in foreign_vocabulary(2000)]
         await hold(vehicle)
 
     px4 = run(follows, script, keep=px4s)
