@@ -186,6 +186,38 @@ def test_no_attribute_chain_reaches_into_the_controller():
     assert reached == []
 
 
+NARRATORS = (
+    *("air_router.live", "air_router.web", "air_router.ros2"),
+    *("air_router.report", "air_router.record"),
+    *("air_router.flight.flight_line", "air_router.flight.flight_view"),
+)
+"""They show or record a flight."""
+
+REPLAYS = {
+    "air_router.live.playback": {"router", "status"},  # whose flight the page shows
+    "air_router.record.replay": {"handle", "home_by", "reacts_within", "status"},
+}
+"""They run a recorded flight: a controller of their own decides again."""
+
+
+def test_who_shows_a_flight_reads_its_status_and_nothing_else_of_the_controller():
+    narrators = {
+        module: ast.parse(path.read_text(encoding="utf-8"))
+        for module, path in modules().items()
+        if any(module == room or module.startswith(f"{room}.") for room in NARRATORS)
+    }
+    assert narrators.keys() >= REPLAYS.keys()
+    imported, read = set(), dict[str, set[str]]()
+    for module, tree in narrators.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and any(n.name == "Controller" for n in node.names):
+                imported.add(module)
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value).endswith("controller"):
+                read.setdefault(module, set()).add(node.attr)
+    assert imported == REPLAYS.keys()
+    assert read == REPLAYS
+
+
 def test_every_room_has_a_door():
     """The root of a package has modules that are doors themselves."""
     rooms = [room for room in doors() if "." in room]

@@ -154,8 +154,13 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
         if web is not None:
             with needs_extra("the page", "web", "air-router"):
                 from air_router.live import LivePage  # noqa: PLC0415 - an extra
-            told = flight.controller, flight.commands, gossip.links
-            page = LivePage(*told, mapper=mapper, web=web)
+            page = LivePage(
+                flight.status,
+                lambda: flight.controller.router,
+                flight.commands,
+                mapper=mapper,
+                web=web,
+            )
         gc.freeze()  # what is there by now stays: a search of it for garbage blocks the loop
         result = asyncio.run(flight.run(page))
     if recorder.path is not None:

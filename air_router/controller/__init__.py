@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = door(
     {
         "airspace_change": ("counted",),
         "controller": ("Controller",),
-        "flight_status": ("FlightStatus", "Waiting"),
+        "flight_status": ("AirspaceStatus", "FlightStatus", "TargetStatus"),
         "limits": ("LAG_HOLD_S", "VEHICLE_SILENT_S"),
     },
 )

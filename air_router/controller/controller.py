@@ -11,7 +11,7 @@ flight, and only then the mission. When that explores, searches and talks stands
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -20,7 +20,7 @@ from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import Envelope, ReturnMonitor
-from air_router.controller.flight_status import FlightStatus, Waiting
+from air_router.controller.flight_status import AirspaceStatus, FlightStatus, TargetStatus
 from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.limits import VEHICLE_SILENT_S
 from air_router.controller.model import (
@@ -52,7 +52,7 @@ from air_router.controller.model import (
     Task,
     Wanted,
 )
-from air_router.controller.motion import CommandGate, Interlock, Navigator
+from air_router.controller.motion import CommandGate, Interlock, Navigator, raised
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, SafetyMonitor
 from air_router.controller.standstill import Standstill
 from air_router.controller.states import (
@@ -63,7 +63,7 @@ from air_router.controller.states import (
     StateHandlers,
     transitions,
 )
-from air_router.controller.targets import Policy
+from air_router.controller.targets import Policy, TargetTrack
 from air_router.controller.telemetry_handler import TelemetryHandler
 from air_router.mission import FlightPlan, Mission, Waypoint
 from air_router.routing import Router, WaypointGraph
@@ -224,11 +224,14 @@ class Controller:
         if row is self._told_waits:
             return
         self._told_waits = row
-        self.context.actions.append(
-            MissionWaits(None)
-            if blocked is None
-            else MissionWaits(blocked.by.name, blocked.why(self.context), blocked.since_s)
-        )
+        self.context.actions.append(self._waiting() or MissionWaits(None))
+
+    def _waiting(self) -> MissionWaits | None:
+        """What keeps the mission from what it wants now; None: nothing does."""
+        blocked = self.gate.waits_for()
+        if blocked is None:
+            return None
+        return MissionWaits(blocked.by.name, blocked.why(self.context), blocked.since_s)
 
     # What becomes of what was commanded.
 
@@ -305,10 +308,6 @@ class Controller:
 
     # What others read.
 
-    def refusals(self) -> Mapping[str, str]:
-        """Why requests would be refused now, by their verbs; see `CommandHandler.refusals`."""
-        return self._shown_commands.refusals()
-
     @property
     def flown(self) -> FlownBefore | None:
         """What another companion has to know to go on with this flight; None if there is none."""
@@ -354,28 +353,43 @@ class Controller:
         return self.context.ending_why
 
     def status(self) -> FlightStatus:
-        """The flight as of now."""
-        context, goto, blocked = self.context, self.states.goto.goto_task, self.gate.waits_for()
-        targets = self.search.targets
+        """The flight as of now, without the links: those the node knows. Changes nothing."""
+        context, goto = self.context, self.states.goto.goto_task
+        airspace, targets = context.airspace, self.search.targets
         goes_to = context.task.state is State.GOTO and goto is not None
         return FlightStatus(
+            time_s=context.now_s,
             state=context.task.state,
             robot=context.task.robot,
-            robots={robot: targets.position_of(robot) for robot in targets.names},
+            targets={robot: self._target(targets.tracks[robot]) for robot in targets.names},
             left_s=context.left_s,
             goal=context.task.way.goal,
             legs=context.task.way.ahead,
             points_left=len(goto.stops) - goto.done if goes_to and goto is not None else 0,
             waypoints_left=self.exploration.remaining,
             no_way_home=self.states.reachability.no_way_home,
-            waiting=None
-            if blocked is None
-            else Waiting(blocked.by.name, blocked.why(context), blocked.for_s(context)),
+            interlocks=tuple([row.name for row in raised(context)]),
+            waiting=self._waiting(),
+            refusals=self._shown_commands.refusals(),
             alarms=context.alarms.shown,
             need_home=self.returns.need_home,
             in_charge=context.in_charge,
+            plan_owner=context.authority.on_board,
+            airspace=AirspaceStatus(
+                airspace.revision,
+                len(airspace.mission.zones) - len(airspace.mission.idle_zones),
+                airspace.change,
+            ),
+            silent_s=context.silent_s,
+            missing_inputs=tuple(context.inputs.stopped),
             telemetry=context.telemetry,
         )
+
+    def _target(self, track: TargetTrack) -> TargetStatus:
+        if track.pose is None:
+            return TargetStatus()
+        age_s = self.context.now_s - track.ours_s(track.pose.stamp_s)
+        return TargetStatus(track.pose.position, max(age_s, 0.0))
 
     # What carries its decisions out asks, and tells, in between.
 

@@ -25,6 +25,7 @@ from air_router.flight.flight_view import FlightView
 from air_router.flight.lag_watch import watch_lag
 from air_router.flight.limits import VEHICLE_LOST_S, VEHICLE_RESTART_S
 from air_router.flight.resumption import flown_before, recognised
+from air_router.flight.status_source import StatusSource
 from air_router.flight.terminal import StatusLine, listening
 from air_router.gossip import Gossip, Mapper, receive_patches
 from air_router.mission import FlightPlan, Mission
@@ -77,6 +78,7 @@ class Flight:
     Attributes:
         router: Plans the mission's routes.
         controller: Decides.
+        status: Gives the flight's status, for all that show it.
         stats: Counts for the flight result.
         loop: Brings events to the controller, and carries out what it decides.
         commands: Takes requests.
@@ -132,10 +134,11 @@ class Flight:
             recorder=recorder,
             status=status,
         )
-        view = FlightView(mission, self.controller, self.stats, gossip.links)
+        self.status = StatusSource(self.controller, gossip.links, clock.boot_s).status
+        view = FlightView(mission, self.status, lambda: self.controller.router, self.stats)
         self.commands = CommandService(
             mission.frame,
-            self.controller,
+            self.status,
             self.loop.decide,
             lambda: self.loop.reloader.report,
             view.tell,
@@ -293,7 +296,7 @@ class Flight:
             self._gossip.tell(event)
             self._recorder.map(self._mapper, event.time_s)
             self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
-            self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
+            self._status.show(lambda: flight_line(self.status()))
 
     def _before_admission(self, event: VehicleEvent) -> None:
         """Nothing is decided on a vehicle that may be refused."""

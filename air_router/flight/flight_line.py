@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from air_router.controller import Controller
+from air_router.controller import FlightStatus
 from air_router.controller.model import State
 from air_router.vehicle import Telemetry
 from air_router.words import wind_words
-from mocha_link.links import LinkMetrics
 
 
-def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
+def flight_line(status: FlightStatus) -> str:
     """State, target, time left in the state, next node, battery and links in one line."""
-    status = controller.status()
     parts = [status.state.name.ljust(6)]
     if status.no_way_home:
         parts.append("NO WAY HOME")
     if status.waiting is not None:
-        parts.append(f"waiting: {status.waiting.why} ({status.waiting.for_s:.0f} s)")
+        parts.append(f"waiting: {status.waiting.why} ({status.waiting_s:.0f} s)")
     signals = {
-        peer: link.signal.text for peer, link in sorted(links.items()) if link.signal is not None
+        peer: link.signal.text
+        for peer, link in sorted(status.links.items())
+        if link.signal is not None
     }
     sought = status.robot
     if sought is not None:

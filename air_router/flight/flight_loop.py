@@ -16,7 +16,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any, Final, Protocol
 
 from air_router.control import CommandRequest, View
-from air_router.controller import Controller
+from air_router.controller import Controller, FlightStatus
 from air_router.controller.model import (
     OPERATOR,
     Action,
@@ -85,7 +85,7 @@ class CommandService:
 
     Args:
         frame: The mission's.
-        controller: Who answers, for what is said about the flight.
+        status: Gives the flight's status.
         decide: Has a request decided as every event is; returns what was decided.
         reading: Tells what became of the latest reading of the mission file.
         view: Tells what a program asks that shows the flight, besides its situation.
@@ -94,7 +94,7 @@ class CommandService:
     def __init__(
         self,
         frame: LocalFrame,
-        controller: Controller,
+        status: Callable[[], FlightStatus],
         decide: Callable[[AnyRequest], Iterable[Action]],
         reading: Callable[[], ReloadReport | None] = lambda: None,
         view: Callable[[View], dict[str, Any]] = lambda _: {},
@@ -102,7 +102,7 @@ class CommandService:
         self._view = view
         self._reading = reading
         self._frame = frame
-        self._controller = controller
+        self._status = status
         self._decide = decide
         self._number = 0  # of the latest request without an id
 
@@ -139,7 +139,7 @@ class CommandService:
             return {
                 "ok": True,
                 "id": command.id,
-                **situation(self._frame, self._controller, self._reading()),
+                **situation(self._frame, self._status(), self._reading()),
                 **more,
             }
         answer = self.ask(request)
@@ -149,7 +149,7 @@ class CommandService:
             "accepted": answer.accepted,
             "why": answer.why,
             "code": answer.code,
-            "state": self._controller.state.name,
+            "state": self._status().state.name,
         }
         if answer.points:
             reply["points"] = [

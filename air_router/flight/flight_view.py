@@ -6,11 +6,11 @@ import base64
 import dataclasses
 import math
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from air_router.control import View
-from air_router.controller import Controller, FlightStatus
+from air_router.controller import FlightStatus
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.limits import DEGREE_DIGITS
 from air_router.flight.mission_reloader import ReloadReport
@@ -27,48 +27,46 @@ class FlightView:
 
     Args:
         mission: For its frame and the UAV's name.
-        controller: What the mission does now; it is only read.
+        status: Gives the flight's status.
+        router: Gives the router among the zones in force.
         stats: For the changes of state, and the map that the vehicle paints.
-        links: Metrics of the links to all peers.
     """
 
     def __init__(
         self,
         mission: Mission,
-        controller: Controller,
+        status: Callable[[], FlightStatus],
+        router: Callable[[], Router],
         stats: FlightStats,
-        links: Callable[[], Mapping[str, LinkMetrics]],
     ) -> None:
         self._frame, self._name = mission.frame, mission.uav or ""  # of the view's positions
-        self._controller, self._stats, self._links = controller, stats, links
-        self._areas: dict[str, Any] = {}  # as told; empty: to be made again
-        self._router: Router | None = None  # of `_areas`
-        self._revision = 0  # of the areas
+        self._status, self._router, self._stats = status, router, stats
+        self._areas: dict[str, Any] = {}  # as sent
+        self._revision = 0  # of `_areas`; 0: none were made yet
         self._map: str | None = None  # compressed, in base64
         self._map_cells = 0  # known in `_map`
 
     def tell(self, command: View) -> dict[str, Any]:
         """What is asked for, in JSON's values."""
-        router = self._controller.router
-        if router is not self._router:  # zones have changed: with them comes another router
-            self._router = router
-            self._revision += 1
-            self._areas = {}
+        status = self._status()
         about: dict[str, Any] = {
             "uav": self._name,
             "origin": list(self._frame.origin),
             "changes": self._changes(),
             "alarms": [
                 {"about": about, "text": alarm.lasting, "instruction": alarm.instruction}
-                for about, alarm in self._controller.status().alarms.items()
+                for about, alarm in status.alarms.items()
             ],
-            "heard": self._heard(),
-            "links": [self._link(link) for _, link in sorted(self._links().items())],
-            "areas_revision": self._revision,
+            "heard": self._heard(status),
+            "links": [self._link(link) for _, link in sorted(status.links.items())],
+            "areas_revision": status.airspace.revision,
             "known_cells": self._stats.mapper.known_cells,
         }
         if command.areas:
-            self._areas = self._areas or scenery(router.graph.mission, router)
+            if self._revision != status.airspace.revision:
+                router = self._router()
+                self._areas = scenery(router.graph.mission, router)
+                self._revision = status.airspace.revision
             about["areas"] = self._areas
         if command.map:
             about["map"] = self._encoded_map()
@@ -88,12 +86,12 @@ class FlightView:
             for number, change in enumerate(self._stats.changes, first)
         ]
 
-    def _heard(self) -> dict[str, list[float]]:
+    def _heard(self, status: FlightStatus) -> dict[str, list[float]]:
         """Where robots that can be sought were last."""
         return {
-            robot: degrees(self._frame, place)
-            for robot, place in self._controller.status().robots.items()
-            if place is not None
+            robot: degrees(self._frame, target.position)
+            for robot, target in status.targets.items()
+            if target.position is not None
         }
 
     @staticmethod
@@ -125,26 +123,27 @@ class FlightView:
 def waiting_of(status: FlightStatus) -> dict[str, Any] | None:
     """What keeps the mission from what it wants, as plain data; None: nothing does."""
     waiting = status.waiting
-    return (
-        None
-        if waiting is None
-        else {**dataclasses.asdict(waiting), "for_s": round(waiting.for_s, 1)}
-    )
+    if waiting is None:
+        return None
+    return {
+        "interlock": waiting.interlock,
+        "why": waiting.why,
+        "for_s": round(status.waiting_s, 1),
+    }
 
 
 def situation(
-    frame: LocalFrame, controller: Controller, reading: ReloadReport | None
+    frame: LocalFrame, status: FlightStatus, reading: ReloadReport | None
 ) -> dict[str, Any]:
     """What the flight is doing now.
 
     `reading`: what became of the latest reading of the mission file.
     """
-    status = controller.status()
     telemetry, goal, left_s = status.telemetry, status.goal, status.left_s
     about: dict[str, Any] = {
         "state": status.state.name,
         "robot": status.robot,
-        "robots": list(status.robots),
+        "robots": list(status.targets),
         "time_left_s": None if left_s is None else round(left_s, 1),
         "goal": None if goal is None else _pair(frame, goal.position),
         "points_left": status.points_left,

@@ -68,6 +68,11 @@ RESUMED_CLOCKS_APART: Final = 0.2
 """By so much the vehicle's clock and ours may differ in what has passed since the record ended. One
 that has landed since, and was not switched off, has taken off after the flight of the record."""
 
+# For status_source.py
+
+LINKS_REFRESH_S: Final = 0.5
+"""How old the links in a flight's status may be: measuring them takes the node's lock."""
+
 # For terminal.py
 
 TERMINAL_REFRESH_S: Final = 0.25

@@ -5,19 +5,21 @@ decides is shown, and whatever it says of itself (states, times left, routes) is
 """
 
 import asyncio
+import dataclasses
 import math
 from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, Final
 
 from air_router.control import CommandRequest
-from air_router.controller import Controller
+from air_router.controller import Controller, FlightStatus
 from air_router.controller.model import Announce, FlightSetup, PublishMap
 from air_router.errors import RefusedError
 from air_router.gossip import MAP_INTERVAL_S, Mapper
 from air_router.live.scene import LiveScene
 from air_router.live.server import TICK_S, LivePage
 from air_router.record import RecordedStep, RecordEntry, Replayer, steps_of
+from air_router.routing import Router
 from air_router.vehicle import Telemetry
 from air_router.web import Say, Web
 from mocha_link.errors import RequestError
@@ -46,7 +48,6 @@ class RecordedFlight:
 
     Attributes:
         mapper: The map as it grew.
-        links: What the node measured last.
         now_s: How far it is, on the vehicle's clock; `begin_s` and `end_s`: from where to where.
         name: The vehicle's.
 
@@ -66,24 +67,27 @@ class RecordedFlight:
         self.begin_s, self.end_s = times[0], max(times)
         self.rewind()
 
-    @property
-    def controller(self) -> Controller:
-        """Decides again what it decided."""
-        assert self._replayer.controller is not None  # noqa: S101 - it began with one
-        return self._replayer.controller
+    def status(self) -> FlightStatus:
+        """The flight as far as it was played, with the links as recorded."""
+        return dataclasses.replace(self._controller.status(), links=self._links)
+
+    def router(self) -> Router:
+        """Plans among the zones in force."""
+        return self._controller.router
 
     def rewind(self) -> None:
         """Back to the beginning."""
-        self._replayer = Replayer(Controller(self._setup))
+        self._controller = Controller(self._setup)
+        self._replayer = Replayer(self._controller)
         self.mapper = Mapper(self._setup.mission)
-        self.links: Mapping[str, LinkMetrics] = {}
+        self._links: Mapping[str, LinkMetrics] = {}
         self.now_s = self.begin_s
         self._next = 0  # place in the steps
         self._published_s = -math.inf
 
     def plotted(self) -> dict[str, Any]:
         """What the timeline shows of the whole flight; afterwards it begins again."""
-        scene = LiveScene(self.controller.mission, self.controller, self.name)
+        scene = LiveScene(self._setup.mission, self.status, self.router, self.name)
         while not self.go_on(self.end_s, scene):
             pass
         self.rewind()
@@ -102,8 +106,7 @@ class RecordedFlight:
             if isinstance(step, RecordedStep):
                 self._decide(step, page)
             elif step.kind == "link":
-                self.links = {**self.links, step.value.peer: step.value}
-                page.links(self.links)
+                self._links = {**self._links, step.value.peer: step.value}
             elif step.kind == "patch":
                 self.mapper.paint(step.value)
             else:
@@ -132,9 +135,9 @@ class Playback:
         self._wanted_s: float | None = None  # where a viewer wants to go
         record = recorded.plotted()
         self._page = LivePage(
-            recorded.controller,
+            recorded.status,
+            recorded.router,
             _FinishedFlight(),
-            lambda: recorded.links,
             mapper=recorded.mapper,
             web=web,
             name=recorded.name or "UAV",
@@ -161,7 +164,7 @@ class Playback:
         while True:
             if self._wanted_s is not None and self._wanted_s < recorded.now_s:
                 recorded.rewind()
-                page.restart(recorded.controller, recorded.mapper)
+                page.restart(recorded.mapper)
             step_s = 0.0 if self._paused else TICK_S * self._speed
             until_s = recorded.now_s + step_s if self._wanted_s is None else self._wanted_s
             if recorded.go_on(until_s, page):

@@ -6,11 +6,11 @@ flight hands in as it happens, a recorded flight can hand in again.
 
 import math
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from air_router.controller import Controller, FlightStatus
+from air_router.controller import FlightStatus
 from air_router.controller.model import (
     Action,
     Announce,
@@ -32,7 +32,7 @@ from air_router.web import area_beside, buffer, degrees, place_in
 from air_router.words import wind_words
 from geo.airspace import Shape
 from geo.frame import Point
-from mocha_link.links import LinkEvent, LinkMetrics
+from mocha_link.links import LinkEvent
 
 TRACK_STEP_M: Final = 0.5
 """Positions nearer than this to the last one add nothing to a line on a map."""
@@ -87,7 +87,7 @@ class _Robot:
 def _waiting(status: FlightStatus) -> str | None:
     """What keeps the mission waiting for long enough to be read."""
     waiting = status.waiting
-    return None if waiting is None or waiting.for_s < _WAITS_S else waiting.why
+    return None if waiting is None or status.waiting_s < _WAITS_S else waiting.why
 
 
 class LiveScene:
@@ -95,7 +95,8 @@ class LiveScene:
 
     Args:
         mission: For its frame and name.
-        controller: What the mission does now, and how long; it is only read.
+        status: Gives the flight's status, for what is plotted.
+        router: Gives the router among the zones in force.
         name: The vehicle's.
 
     Attributes:
@@ -109,17 +110,22 @@ class LiveScene:
             bytes in syncs, and the signal's unit.
     """
 
-    def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        status: Callable[[], FlightStatus],
+        router: Callable[[], Router],
+        name: str,
+    ) -> None:
         self._frame = mission.frame  # of the page's positions
         self._home = mission.home  # distances are told from it
-        self._controller = controller
+        self._status, self._router = status, router
         self._name = name
         self._now_s = 0.0  # vehicle's clock
         self.track: History[list[float]] = History()
         self._track_end: Point | None = None  # position of its last point
         self._robots: dict[str, _Robot] = {}  # heard of, by name
         self.interactions = Interactions()
-        self._links: Mapping[str, LinkMetrics] = {}  # metrics, refreshed by the server
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
         self.news: History[dict[str, Any]] = History(MOST_NEWS)
@@ -182,22 +188,16 @@ class LiveScene:
             )
             del self.alarms[:-MOST_ALARMS]
 
-    def open_alarms(self) -> list[dict[str, Any]]:
+    def open_alarms(self, status: FlightStatus) -> list[dict[str, Any]]:
         """Those that are not over: what was to last until then is shown no longer."""
-        if self._controller.state is State.DONE:
+        if status.state is State.DONE:
             return []
-        standing = self._controller.status().alarms
-        return [a for a in self.alarms if not a["about"] or a["about"] in standing]
-
-    def links(self, links: Mapping[str, LinkMetrics]) -> None:
-        """What the node measures now."""
-        self._links = links
+        return [a for a in self.alarms if not a["about"] or a["about"] in status.alarms]
 
     # What is shown.
 
-    def vehicle(self) -> dict[str, Any]:
+    def vehicle(self, status: FlightStatus) -> dict[str, Any]:
         """The vehicle and its mission, as of now."""
-        status = self._controller.status()
         telemetry, left_s = status.telemetry, status.left_s
         shown: dict[str, Any] = {
             "name": self._name,
@@ -206,11 +206,11 @@ class LiveScene:
             "robot": status.robot,
             "left_s": None if left_s is None else round(left_s, 1),
             "in_charge": status.in_charge,
-            "robots": list(status.robots),
+            "robots": list(status.targets),
             "waypoints_left": status.waypoints_left,
             "need_home": _shown(status.need_home, 3),
             "waiting": _waiting(status),
-            "refused": self._controller.refusals(),
+            "refused": status.refusals,
             "at": None,
             "route": [],
         }
@@ -253,11 +253,11 @@ class LiveScene:
             if pose is not None
         ]
 
-    def link_lines(self) -> list[dict[str, Any]]:
+    def link_lines(self, status: FlightStatus) -> list[dict[str, Any]]:
         """The links to the peers: what the radio hears, and whether data cross now."""
         lines, syncs = [], self.interactions
         busy = syncs.busy
-        for peer, link in sorted(self._links.items()):
+        for peer, link in sorted(status.links.items()):
             synced_s = syncs.synced_s.get(peer)
             lit = peer in busy or (synced_s is not None and self._now_s - synced_s <= _LIT_S)
             lines.append(
@@ -279,7 +279,7 @@ class LiveScene:
         if self._now_s - self._sampled_s < SAMPLE_S:
             return
         self._sampled_s = self._now_s
-        airspace = self._controller.router.graph.mission.airspace
+        airspace = self._router().graph.mission.airspace
         away_m, to = airspace.nearest(telemetry.position)
         self.rows.add(
             [
@@ -290,7 +290,7 @@ class LiveScene:
                 _shown(away_m) if to else None,
                 {
                     line["peer"]: [line["signal"], int(line["lit"]), line["bytes"], line["unit"]]
-                    for line in self.link_lines()
+                    for line in self.link_lines(self._status())
                 },
             ]
         )

@@ -5,7 +5,7 @@ import base64
 import json
 import math
 import time
-from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Iterator
 from contextlib import asynccontextmanager
 from typing import Any, Final
 
@@ -19,19 +19,20 @@ from air_router.control import (
     RequestHandler,
     command_request_of,
 )
-from air_router.controller import Controller
+from air_router.controller import FlightStatus
 from air_router.controller.model import Action, Event
 from air_router.gossip import Interactions, Mapper
 from air_router.live.scene import LiveScene, scenery
+from air_router.routing import Router
 from air_router.web import HERE, SHOWN_AT, Browsers, PageOutbox, Say, Site, Web, as_json, degrees
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells
 from mocha_link.errors import Guard, RequestError
-from mocha_link.links import Direction, LinkMetrics, SyncEnded
+from mocha_link.links import Direction, SyncEnded
 
 TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5
-"""What the node measures, and the map, are looked at every so many ticks."""
+"""The map is sent every so many ticks."""
 
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
 
@@ -47,7 +48,7 @@ _MOST_CELLS: Final = 600_000
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
 """Takes what a page asks of a recorded flight; raises RequestError."""
 
-Links = Callable[[], "Mapping[str, LinkMetrics]"]
+Status = Callable[[], FlightStatus]
 
 
 class MapFeed:
@@ -124,9 +125,9 @@ class LivePage:
         record: What is plotted of a recorded flight, from its beginning to its end.
 
     Args:
-        controller: Read for the mission, and what it does now.
-        command_service: Takes what the page asks for.
-        links: What the gossip node measures now.
+        status: Gives the flight's status.
+        router: Gives the router among the zones in force.
+        command_service: Carries out the page's requests.
         mapper: The map that the UAV paints; it is only read.
         web: Where the page is served.
         name: The UAV's, where its mission does not say it.
@@ -134,22 +135,22 @@ class LivePage:
 
     def __init__(  # noqa: PLR0913 - what a page shows comes from many places
         self,
-        controller: Controller,
+        status: Status,
+        router: Callable[[], Router],
         command_service: RequestHandler,
-        links: Links,
         *,
         mapper: Mapper,
         web: Web = HERE,
         name: str = "UAV",
     ) -> None:
-        self._name = controller.mission.uav or name  # the UAV's, in the team
+        self._status, self._router = status, router
+        self._name = router().graph.mission.uav or name  # the UAV's, in the team
         self._commands = command_service
-        self._links = links
         self._web = web
         self._sent: dict[str, str] = {}  # the newest text of each kind
         self._ticks = 0  # refreshes
         self._harmless = Guard("the page could not be updated")
-        self._begin(controller, mapper)
+        self._begin(mapper)
         self.steer: Steer | None = None
         self.record: dict[str, Any] = {}
         self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE, time.monotonic)  # of all browsers
@@ -160,18 +161,17 @@ class LivePage:
         self._site.add_socket("/socket", self._browsers.converse)
         self._site.add_values("/flights", self._flights)
 
-    def _begin(self, controller: Controller, mapper: Mapper) -> None:
-        mission = controller.mission
-        self.scene = LiveScene(mission, controller, self._name)
+    def _begin(self, mapper: Mapper) -> None:
+        mission = self._router().graph.mission
+        self.scene = LiveScene(mission, self._status, self._router, self._name)
         self._map_feed = MapFeed(mapper, mission.frame, self.scene.interactions)
-        self._controller = controller
         self._draw_scenery()
         self._sent_counts = dict.fromkeys(_HISTORIES, 0)  # what the pages have of each
 
-    def restart(self, controller: Controller, mapper: Mapper) -> None:
-        """Show another flight from its beginning, or the same one anew."""
+    def restart(self, mapper: Mapper) -> None:
+        """Show the flight from its beginning again."""
         self._sent.clear()
-        self._begin(controller, mapper)
+        self._begin(mapper)
         for kind, text in self._greeting():
             self._browsers.broadcast(kind, text)
 
@@ -180,10 +180,6 @@ class LivePage:
         with self._harmless:
             self.scene.step(event, actions, now_s)
             self._map_feed.event(event)
-
-    def links(self, links: Mapping[str, LinkMetrics]) -> None:
-        """Take in what the node measures, where it is not polled."""
-        self.scene.links(links)
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
@@ -212,22 +208,21 @@ class LivePage:
 
     def _tick(self) -> None:
         """Tell all pages what is new."""
-        scene = self.scene
+        scene, status = self.scene, self._status()
         self._ticks += 1
-        if self._controller.router is not self._router:
+        if status.airspace.revision != self._revision:
             self._draw_scenery()
             self._browsers.broadcast("scenery", self._scenery)
-        self.tell("vehicle", scene.vehicle())
+        self.tell("vehicle", scene.vehicle(status))
         self.tell("robots", {"robots": scene.robots()})
-        self.tell("alarms", {"alarms": scene.open_alarms()})
+        self.tell("alarms", {"alarms": scene.open_alarms(status)})
         if self._ticks % SLOW_TICKS == 1:
-            scene.links(self._links())
             piece = self._map_feed.news()
             if piece is not None:
                 self._browsers.broadcast(
                     f"piece {self._ticks}", as_json({"type": "piece", **piece})
                 )
-        links = scene.link_lines()
+        links = scene.link_lines(status)
         for link in links:
             link["map_share"] = self._map_feed.share(link["peer"])
         self.tell("links", {"links": links})
@@ -245,10 +240,10 @@ class LivePage:
             self._browsers.broadcast(kind, text)
 
     def _draw_scenery(self) -> None:
-        """Zones may change in flight: with them comes another router."""
-        self._router = self._controller.router
-        mission = self._router.graph.mission
-        self._scenery = as_json({"type": "scenery", **scenery(mission, self._router)})
+        """Zones may change in flight: their revision counts on."""
+        self._revision = self._status().airspace.revision
+        router = self._router()
+        self._scenery = as_json({"type": "scenery", **scenery(router.graph.mission, router)})
 
     def _since(self, kind: str, start: int = 0) -> str:
         """What is new since a page knew so many of a kind."""

@@ -203,7 +203,7 @@ def replay_record(entries: Iterable[RecordEntry], controller: Controller | None 
         # Numbers are the same when every bit is; NaN is NaN, and 1 is 1.0 as in the record.
         if [*map(_as_recorded, decided)] != [*map(repr, step.actions)]:
             assert replayer.controller is not None  # noqa: S101 - it has decided
-            state = replayer.controller.state.name
+            state = replayer.controller.status().state.name
             result.difference = ReplayDifference(
                 step.t, step.event, step.actions, decided, state, tuple(before)
             )

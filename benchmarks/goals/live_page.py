@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final
 
-from air_router.controller import Controller
+from air_router.controller import Controller, FlightStatus
 from air_router.controller.model import FlightSetup, RobotPose
 from air_router.flight import CommandService
 from air_router.gossip import Mapper
@@ -72,13 +72,16 @@ class _Flight:
         self._names = names = tuple(f"robot{robot:02d}" for robot in range(robots))
         self._controller = Controller(FlightSetup(self.mission, names), router)
         signals = [Reading(-60.0 - n % 20, Unit.DBM, "radio") for n in range(robots)]
-        links = {n: LinkMetrics(n, signal=s) for n, s in zip(names, signals, strict=True)}
+        self._links = {n: LinkMetrics(n, signal=s) for n, s in zip(names, signals, strict=True)}
         self.page = LivePage(
-            self._controller,
-            CommandService(mission.frame, self._controller, lambda _: ()),
-            lambda: links,
+            self._status,
+            lambda: self._controller.router,
+            CommandService(mission.frame, self._status, lambda _: ()),
             mapper=Mapper(mission),
         )
+
+    def _status(self) -> FlightStatus:
+        return dataclasses.replace(self._controller.status(), links=self._links)
 
     def tell(self, now_s: float) -> None:
         page, place = self.page, _circling(now_s, 40 * self._number)

@@ -30,7 +30,7 @@ def shown(browser, tmp_path):
     told = Telemetry(1.0, Point(0, 0), 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
     setup = RecordEntry(0.0, "setup", FlightSetup(mission, ("io",)))
     film = RecordedFlight([setup, RecordEntry(1.0, "event", told)])
-    page = LivePage(film.controller, Refusing(), dict, mapper=film.mapper)
+    page = LivePage(film.status, film.router, Refusing(), mapper=film.mapper)
     film.go_on(2.0, page, 10)
     with served(page) as (address, _):
         looker = Looker(browser.new_page(), address)

@@ -68,8 +68,14 @@ class Aloft:
     def __init__(self, mission, web=HERE):
         self.mission, self.now_s = mission, 0.0
         self.controller = Controller(FlightSetup(mission, ("io",)))
-        service = CommandService(mission.frame, self.controller, self.take)
-        self.page = LivePage(self.controller, service, dict, mapper=Mapper(mission), web=web)
+        service = CommandService(mission.frame, self.controller.status, self.take)
+        self.page = LivePage(
+            self.controller.status,
+            lambda: self.controller.router,
+            service,
+            mapper=Mapper(mission),
+            web=web,
+        )
         armed = {"armed": True, "mode": FlightMode.MISSION}
         for more in ({"altitude_m": 0.0}, {"altitude_m": 0.0, **armed}, {"in_air": True, **armed}):
             self.now_s += 1.0

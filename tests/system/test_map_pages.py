@@ -117,7 +117,7 @@ def go(looker, to_s):
 def flight(record):
     """The page of a flight that is going on, at the end of the record."""
     film = RecordedFlight(record)
-    page = LivePage(film.controller, Refusing(), lambda: film.links, mapper=film.mapper)
+    page = LivePage(film.status, film.router, Refusing(), mapper=film.mapper)
     film.go_on(END_S, page, 10_000)
     return page
 
@@ -265,9 +265,14 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
 
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
     film = RecordedFlight(record)
-    page = LivePage(film.controller, Refusing(), dict, mapper=film.mapper)
+    page = LivePage(film.status, film.router, Refusing(), mapper=film.mapper)
     told = page.scene.vehicle
-    page.scene.vehicle = lambda: {**told(), "state": "HOLD", "altitude_m": 40.2, "refused": {}}
+    page.scene.vehicle = lambda status: {
+        **told(status),
+        "state": "HOLD",
+        "altitude_m": 40.2,
+        "refused": {},
+    }
     with served(page) as (address, end):
         looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)
         hold = looker.page.locator('[data-verb="hold"]')

@@ -102,11 +102,13 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class MissionWaits:
-    """What keeps the mission from what it wants has changed; for displays and records.
+    """What keeps the mission from what it wants: an action once that has changed.
+
+    `FlightStatus` shows the same as of now.
 
     Attributes:
         interlock: The row of `INTERLOCKS` that decides; None: the mission goes on.
-        why: In words, as it began.
+        why: In words, as precisely as is known then.
         since_s: When it began to wait for that, vehicle's clock.
     """
 

@@ -30,6 +30,7 @@ class AirspaceInForce:
         change: How far a change of zones is; None: none is under way.
         must_stop: Zones change, and the hold for that is not confirmed yet.
         exempt_zones: The zones that it is no breach to be in: they were drawn over the vehicle.
+        revision: Counts the changes of zones and fences, from 1 on.
     """
 
     mission: Mission
@@ -38,6 +39,7 @@ class AirspaceInForce:
     change: ZoneChange | None = None
     must_stop: bool = False
     exempt_zones: frozenset[str] = frozenset()
+    revision: int = 1
 
     @property
     def flown_router(self) -> Router:
@@ -48,6 +50,7 @@ class AirspaceInForce:
     def replace(self, mission: Mission, router: Router) -> None:
         """Other zones count from now on; what is not clear any more is cleared first."""
         self.mission, self.router = mission, router
+        self.revision += 1
         self.clear()
 
     def clear(self) -> None:

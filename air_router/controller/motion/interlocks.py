@@ -170,7 +170,10 @@ would not show which order is followed, the climb of a vehicle that is low) `Com
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """What keeps the mission from what it wants.
+    """What keeps the mission from what it wants, as the gate holds it.
+
+    `MissionWaits` is the same as data, for records and `FlightStatus`: its words are only worked
+    out from the row when somebody reads them.
 
     Attributes:
         by: The row that decides.
@@ -183,10 +186,6 @@ class Blocked:
     def why(self, context: MissionContext) -> str:
         """As precisely as is known."""
         return self.by.words if self.by.detail is None else self.by.detail(context)
-
-    def for_s(self, context: MissionContext) -> float:
-        """For how long it has kept the mission back."""
-        return max(context.now_s - self.since_s, 0.0)
 
 
 class MotionOutcome(Enum):

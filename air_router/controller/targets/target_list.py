@@ -268,11 +268,6 @@ class TargetList:
     def __post_init__(self) -> None:
         self.tracks = {name: TargetTrack(name) for name in self.names}
 
-    def position_of(self, robot: str) -> Point | None:
-        """The newest known position of a robot."""
-        record = self.tracks.get(robot)
-        return record.pose.position if record is not None and record.pose is not None else None
-
     def course(self, robot: str) -> PredictedPath | None:
         """Where a robot will be; one whose speed is not known drives as the others do."""
         speeds_m_s = [track.speed_m_s for track in self.tracks.values()]

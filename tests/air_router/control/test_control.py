@@ -61,7 +61,7 @@ class Served:
     async def _run(self):
         command_service = CommandService(
             self.flight.mission.frame,
-            self.flight.controller,
+            self.flight.controller.status,
             self._deliver,
             lambda: self.readings.pop(0) if self.readings else None,
         )
@@ -427,7 +427,7 @@ def test_an_answer_to_another_request_of_the_same_number_is_not_taken_for_its_ow
     flight.give(flight.telemetry())
     service = CommandService(
         flight.mission.frame,
-        flight.controller,
+        flight.controller.status,
         lambda request: flight.controller.handle(request, flight.now_s),
     )
     answer = service.ask(ComeHome())

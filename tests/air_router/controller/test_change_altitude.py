@@ -118,7 +118,7 @@ def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, away, pennovati
 
 def test_what_a_button_says_of_altitude_and_landing(holding, hovering, pretend, pennovation):
     def refused(flight):
-        return flight.controller.refusals()
+        return flight.controller.status().refusals
 
     assert not {"altitude", "land"} & refused(holding).keys()
     assert holding.operator_asks(GoOn()).accepted

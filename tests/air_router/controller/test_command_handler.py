@@ -185,7 +185,7 @@ def test_every_request_in_every_state(in_state, request_):
     assert set(EXPECTED[request_]) == set(State)
     for state, expected in EXPECTED[request_].items():
         flight = in_state(state)
-        shown = flight.controller.refusals().get(VERBS[type(request_)])
+        shown = flight.controller.status().refusals.get(VERBS[type(request_)])
         answer, commanded = ask(flight, request_)
         assert shown == (None if answer.accepted else answer.why)  # a button says so before
         if isinstance(expected, State):
@@ -350,7 +350,7 @@ def test_a_page_that_shows_what_is_refused_changes_no_flight(in_state):
     for flight, looks in ((watched, True), (alone, False)):
         for _ in range(60):
             flight.step()
-            assert not looks or "hold" not in flight.controller.refusals()
+            assert not looks or "hold" not in flight.controller.status().refusals
         ask(flight, HoldNow())
     needs = [flight.controller.returns.need_home for flight in (watched, alone)]
     assert needs[0] == needs[1] > 0.0  # what it comes home by
@@ -363,7 +363,7 @@ def test_a_resume_that_takes_an_upload_is_not_shown_as_refused(in_state):
     flight.give(PlanReplaced(flight.now_s))
     flight.give(PlanCompared(flight.now_s, "8 items"))
     flight.fly_to_state(State.PASSIVE, 30.0)
-    assert "resume" not in flight.controller.refusals()
+    assert "resume" not in flight.controller.status().refusals
     assert ask(flight, GoOn())[0].code is Refusal.OTHER_PLAN  # and the page offers the upload
 
 

@@ -61,7 +61,7 @@ def test_old_news_changes_nothing():
     assert robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert not robots.tracks["io"].pose_heard(Point(3, 4), stamp_s=100.0, now_s=6.0)
     assert not robots.tracks["io"].pose_heard(Point(3, 4), stamp_s=99.0, now_s=6.0)
-    assert robots.position_of("io") == Point(1, 2)
+    assert robots.tracks["io"].pose.position == Point(1, 2)
     assert robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=100.0, now_s=6.0)
     assert not robots.tracks["io"].path_heard((Point(8, 8),), stamp_s=100.0, now_s=6.0)
 
@@ -88,7 +88,7 @@ def test_one_bad_stamp_blinds_to_no_robot(bad_s):
     assert poses(robots, [1000.0 + k for k in range(10)], 5.0) == 10
     poses(robots, [bad_s], 15.0)
     assert poses(robots, [1011.0 + k for k in range(90)], 16.0) >= 86
-    assert robots.position_of("io") == Point(105.0, 0.0)
+    assert robots.tracks["io"].pose.position == Point(105.0, 0.0)
     assert robots.tracks["io"].word_s == pytest.approx(105.0)
     assert robots.tracks["io"].speed_m_s == pytest.approx(1.0)
 

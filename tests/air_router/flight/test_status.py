@@ -69,17 +69,21 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
         "io": LinkMetrics("io", signal=Reading(-61.4, Unit.DBM, "wifi")),
         "europa": LinkMetrics("europa"),
     }
-    line = flight_line(flight.controller, links)
+
+    def shown(links):
+        return dataclasses.replace(flight.controller.status(), links=links)
+
+    line = flight_line(shown(links))
     for part in ("INIT", "180 s left", "-> waypoint 1", "battery 100%", "io -61 dBm"):
         assert part in line
     assert "europa" not in line
     flight.fly_to_state(State.SEARCH)
-    line = flight_line(flight.controller, {})
+    line = flight_line(flight.controller.status())
     assert "callisto" in line
     assert "on the way" in line
     assert "dBm" not in line
     callisto = LinkMetrics("callisto", signal=Reading(31, Unit.DEVICE, "rajant"))
-    line = flight_line(flight.controller, {**links, "callisto": callisto})
+    line = flight_line(shown({**links, "callisto": callisto}))
     assert "| callisto 31 device |" in line  # who is sought first, the others at the end
     assert line.endswith("| io -61 dBm")
 
@@ -89,30 +93,32 @@ def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(airborne)
     moved = HomeMove(0.0, 0.0, -25.0)
     shown = dataclasses.replace(flight.telemetry(), wind_m_s=(6.0, 0.0), home_moved=moved)
     flight.give(shown)
-    line = flight_line(flight.controller, {})
+    line = flight_line(flight.controller.status())
     assert "40 m |" in line
     assert "wind 6 m/s from west" in line
     assert "HOME MOVED" in line
-    vehicle = LiveScene(flight.mission, flight.controller, "titan").vehicle()
+    controller = flight.controller
+    scene = LiveScene(flight.mission, controller.status, lambda: controller.router, "titan")
+    vehicle = scene.vehicle(controller.status())
     assert (vehicle["wind"], vehicle["home_moved"]) == ("6 m/s from west", True)
 
 
 def test_the_line_and_the_status_say_what_the_mission_waits_for(airborne):
     flight = airborne()
-    assert situation(flight.mission.frame, flight.controller, None)["waiting"] is None
+    assert situation(flight.mission.frame, flight.controller.status(), None)["waiting"] is None
     flight.fix = False
     flight.fly_for(3.0)
-    assert "| waiting: GPS has no fix (" in flight_line(flight.controller, {})
-    waiting = situation(flight.mission.frame, flight.controller, None)["waiting"]
+    assert "| waiting: GPS has no fix (" in flight_line(flight.controller.status())
+    waiting = situation(flight.mission.frame, flight.controller.status(), None)["waiting"]
     assert (waiting["interlock"], waiting["why"]) == ("INPUT_MISSING", "GPS has no fix")
     assert 2.0 <= waiting["for_s"] <= 3.0
     flight.fix = True
     flight.fly_for(5.0)
-    assert "waiting" not in flight_line(flight.controller, {})
+    assert "waiting" not in flight_line(flight.controller.status())
     flight.operator_asks(HoldNow())  # no motion is wanted between one loss and the next
     flight.fly_for(10.0)
     for lost in (False, True, False):
         flight.fix = lost
         flight.fly_for(6.0)
-    waiting = situation(flight.mission.frame, flight.controller, None)["waiting"]
+    waiting = situation(flight.mission.frame, flight.controller.status(), None)["waiting"]
     assert waiting["for_s"] <= 6.0

@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import dataclasses
 import json
 
 import aiohttp
@@ -38,21 +39,22 @@ class Shown:
 
     def __init__(self, flight, web=HERE):
         self.flight = flight
-        self.commands = CommandService(flight.mission.frame, flight.controller, self.deliver)
+        self.commands = CommandService(flight.mission.frame, self.status, self.deliver)
         self.mapper = Mapper(flight.mission)
         self.page = LivePage(
-            flight.controller,
+            self.status,
+            lambda: flight.controller.router,
             self.commands,
-            self.links,
             mapper=self.mapper,
             web=web,
         )
         self._told = [len(flight.events), len(flight.actions)]
 
-    def links(self):
-        return {
+    def status(self):
+        links = {
             name: LinkMetrics(name, signal=Reading(-60.0, Unit.DBM, "radio")) for name in ROBOTS
         }
+        return dataclasses.replace(self.flight.controller.status(), links=links)
 
     def deliver(self, request):
         decided = self.flight.deliver(request)
@@ -143,16 +145,25 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
     assert answers[3]["code"] == "unknown-robot"
 
 
+def scene_of(flight):
+    controller = flight.controller
+    return LiveScene(flight.mission, controller.status, lambda: controller.router, "titan")
+
+
 def test_the_scene_follows_events_and_forgets_old_news(flight):
-    scene = LiveScene(flight.mission, flight.controller, "titan")
     heard = Reading(47.0, Unit.DEVICE, "rajant")
-    scene.links({"io": LinkMetrics("io", signal=heard, bytes_out=900)})  # to a peer that was there
+    links = {"io": LinkMetrics("io", signal=heard, bytes_out=900)}  # to a peer that was there
+
+    def status():
+        return dataclasses.replace(flight.controller.status(), links=links)
+
+    scene = LiveScene(flight.mission, status, lambda: flight.controller.router, "titan")
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 50.0)
-    assert scene.link_lines()[0]["lit"]
+    assert scene.link_lines(status())[0]["lit"]
     scene.step(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), (), 50.5)
-    assert scene.link_lines()[0]["lit"]
+    assert scene.link_lines(status())[0]["lit"]
     scene.step(flight.telemetry(), (), 52.0)
-    line = scene.link_lines()[0]
+    line = scene.link_lines(status())[0]
     assert line["syncs"] == 1
     told = (line["lit"], line["signal"], line["unit"], line["synced_ago_s"])
     assert told == (False, 47.0, "device", 1.5)
@@ -174,11 +185,11 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
         MOST_NEWS + 10,
     ]
     flight.controller.handle(HoldNow(), flight.now_s)
-    assert scene.vehicle()["what"] == State.HOLD.value
+    assert scene.vehicle(status())["what"] == State.HOLD.value
 
 
 def test_lines_that_come_again_say_how_often_but_no_alarm_and_no_answer_does(flight):
-    scene = LiveScene(flight.mission, flight.controller, "titan")
+    scene = scene_of(flight)
     info, warning = Announce("searching"), Announce("too near", Severity.WARNING, BE_READY)
     alarm = Announce("breach", Severity.ALARM, FLY_OUT)
     for second in range(3):
@@ -204,7 +215,7 @@ def test_lines_that_come_again_say_how_often_but_no_alarm_and_no_answer_does(fli
 
 
 def test_after_a_reboot_of_the_vehicle_the_page_goes_on(flight):
-    scene = LiveScene(flight.mission, flight.controller, "titan")
+    scene = scene_of(flight)
     for t in (1000.0, 999.9, 5.0, 7.0):
         scene.step(Telemetry(t, Point(0.0, 0.0), 40.0), (), t)
     assert scene.now_s == 7.0
@@ -213,7 +224,7 @@ def test_after_a_reboot_of_the_vehicle_the_page_goes_on(flight):
 
 def test_a_position_that_others_carried_is_as_old_as_it_is(flight):
     """By the robot's own clock, which is another than ours: as the flight itself reckons."""
-    scene = LiveScene(flight.mission, flight.controller, "titan")
+    scene = scene_of(flight)
     here, there = Point(10.0, 0.0), Point(50.0, 0.0)
     for event, now_s in (
         (RobotPath("io", (there,), 999.0), 99.0),

@@ -72,12 +72,12 @@ def test_a_film_decides_what_the_flight_decided_and_can_begin_again(record):
         while not film.go_on(film.end_s, page):
             pass
         assert page.actions == decided
-        assert film.controller.state is State.DONE
+        assert film.status().state is State.DONE
         assert film.mapper.known_cells == 6
-        assert film.links["io"].rssi_dbm == -55.0
+        assert film.status().links["io"].rssi_dbm == -55.0
         assert film.now_s == film.end_s
         film.rewind()
-        assert (film.now_s, film.controller.state) == (film.begin_s, State.READY)
+        assert (film.now_s, film.status().state) == (film.begin_s, State.READY)
         assert film.mapper.known_cells == 0
 
 
@@ -154,7 +154,7 @@ def test_a_flight_that_ended_by_a_fault_is_shown_up_to_its_end(record, monkeypat
 
 def test_a_page_that_fails_to_show_something_says_so_now_and_then_and_goes_on(record, caplog):
     film = RecordedFlight(record)
-    page = LivePage(film.controller, None, dict, mapper=film.mapper)
+    page = LivePage(film.status, film.router, None, mapper=film.mapper)
     page.scene.step = lambda *_: 1 / 0
     for _ in range(10):
         page.step(record[5].value, (), 1.0)

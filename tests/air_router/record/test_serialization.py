@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
-from air_router.controller.flight_status import FlightStatus, Waiting
+from air_router.controller.flight_status import AirspaceStatus, FlightStatus, TargetStatus
 from air_router.controller.model.actions import (
     Action,
     Announce,
@@ -26,9 +26,12 @@ from air_router.controller.model.actions import (
     Finish,
     FlyToNode,
     FlyToPoint,
+    MissionWaits,
     Motion,
     Refusal,
 )
+from air_router.controller.model.airspace_in_force import ZoneChange
+from air_router.controller.model.authority import OnBoard
 from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoTo
@@ -54,7 +57,7 @@ from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Shape, Zone
 from geo.frame import Point
 from geo.validity import Hours, Period, Validity
-from mocha_link.links.metrics import MessageStored
+from mocha_link.links.metrics import LinkMetrics, MessageStored
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
 
@@ -321,26 +324,36 @@ def test_other_types_that_a_field_may_have(hint, value):
 
 def test_the_whole_status_comes_back():
     """The picture of a flight that pages and programs get; it is published as records are."""
-    waiting = Waiting("INPUT_MISSING", "no GPS fix", 2.5)
+    waiting = MissionWaits("INPUT_MISSING", "no GPS fix", 2.5)
     alarm = StandingAlarm("the link is silent", TAKE_OVER_NOW, 1.0, math.inf)
+    targets = {"io": TargetStatus(Point(1.0, 2.0), 3.5), "callisto": TargetStatus()}
     status = FlightStatus(
+        time_s=4.0,
         state=State.SEARCH,
         robot="io",
-        robots=MappingProxyType({"io": Point(1.0, 2.0), "callisto": None}),
+        targets=MappingProxyType(targets),
         left_s=None,
         goal=Goal(Point(3.0, 4.0), 2),
         legs=(Leg(Point(3.0, 4.0), 2),),
         points_left=0,
         waypoints_left=3,
         no_way_home=False,
+        interlocks=("INPUT_MISSING", "ZONE_UPDATE"),
         waiting=waiting,
+        refusals={"seek": "GPS has no fix"},
         alarms={"link": alarm},
         need_home=0.25,
         in_charge=True,
+        plan_owner=OnBoard.REPLACED,
+        airspace=AirspaceStatus(2, 5, ZoneChange.UPLOADING),
+        silent_s=0.0,
+        missing_inputs=("GPS has no fix",),
         telemetry=Telemetry(1.0, Point(1.0, math.nan), 3.0),
+        links={"io": LinkMetrics("io", signal=Reading(-60.0, Unit.DBM, "radio"))},
     )
     plain = json.loads(adapter(FlightStatus).dump_json(status))
     jsonschema.validate(plain, json_schema("Flight status", FlightStatus))
     again = read(FlightStatus, plain)
-    assert same(dataclasses.replace(again, robots=None), dataclasses.replace(status, robots=None))
-    assert again.robots == status.robots
+    assert same(dataclasses.replace(again, targets=None), dataclasses.replace(status, targets=None))
+    assert again.targets == status.targets
+    assert again.waiting_s == 1.5

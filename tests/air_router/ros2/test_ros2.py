@@ -1,6 +1,7 @@
 """A flight on ROS 2, as a ROS program meets it: a DDS participant with types of its own."""
 
 import asyncio
+import dataclasses
 import json
 import math
 import signal
@@ -59,15 +60,16 @@ class FakeClient(ControlClient):
         self.flight, self.gone = flight, False
         self.mapper = Mapper(flight.mission)
         stats = FlightStats.of(flight.mission, self.mapper, ROBOTS)
-        view = FlightView(flight.mission, flight.controller, stats, self.links)
+        view = FlightView(flight.mission, self.status, lambda: flight.controller.router, stats)
         self.commands = CommandService(
-            flight.mission.frame, flight.controller, flight.deliver, view=view.tell
+            flight.mission.frame, self.status, flight.deliver, view=view.tell
         )
         self.stats, self.told, self._by = stats, 0, "ROS 2"
 
-    def links(self):
+    def status(self):
         rajant = Reading(31, Unit.DEVICE, "rajant")
-        return {"io": LinkMetrics("io", signal=rajant), "europa": LinkMetrics("europa")}
+        links = {"io": LinkMetrics("io", signal=rajant), "europa": LinkMetrics("europa")}
+        return dataclasses.replace(self.flight.controller.status(), links=links)
 
     def request(self, values):
         if self.gone:
