@@ -24,7 +24,7 @@ def print_json(facts: Any) -> None:
 
 
 def say(text: str) -> None:
-    """Tell the operator something, on stderr and at once."""
+    """Print a line for the operator, on stderr and at once."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -108,7 +108,7 @@ def _place_advice(text: str) -> str:
     if len(halves) == 2 and all(halves):
         return f"; write decimal degrees: {','.join(map(str, halves))}"
     if "," not in text:
-        return "; both stand in one word, with a comma and no blank between them"
+        return "; write both as one argument, with a comma and no blank"
     return ""
 
 
@@ -173,13 +173,13 @@ rover_option = option(
 """Add `--rover`: which robots of a simulation the user's own programs play."""
 
 
-def px4_version_option(words: str) -> Decorator:
+def px4_version_option(purpose: str) -> Decorator:
     """Add --px4-version: of the simulated autopilot; None where it is not given."""
     return together(
         option(
             "--px4-version",
             type=Parsed(_px4_version),
             metavar="VERSION",
-            help=f"version of PX4 that {words}: {_VERSIONS} (default {name_of(NEWEST)})",
+            help=f"version of PX4 that {purpose}: {_VERSIONS} (default {name_of(NEWEST)})",
         ),
     )

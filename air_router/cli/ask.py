@@ -1,4 +1,4 @@
-"""`air-router ask`: has a flight on this machine do something, and says what became of it."""
+"""`air-router ask`: sends a request to a flight on this machine, and prints the answer."""
 
 import dataclasses
 import json
@@ -82,8 +82,8 @@ def run(arguments: Options) -> int:
 
 
 def _tell(answer: dict[str, object]) -> None:
-    word = "accepted" if answer["accepted"] is True else f"refused [{answer.get('code')}]"
-    sys.stdout.write(f"{word}: {answer.get('why')}\n")
+    verdict = "accepted" if answer["accepted"] is True else f"refused [{answer.get('code')}]"
+    sys.stdout.write(f"{verdict}: {answer.get('why')}\n")
     points = answer.get("points")
     for point in points if isinstance(points, list) else ():
         sys.stdout.write(f"  {','.join(map(str, point))}\n")

@@ -1,4 +1,4 @@
-"""`air-router check`: whether a mission can be flown as it is written, and what to expect."""
+"""`air-router check`: whether a mission can be flown as written, and what to expect."""
 
 import importlib.util
 import sys
@@ -27,7 +27,7 @@ from mocha_link.team import DocumentError, Problem
 _EPILOG = """\
 examples:
   air-router check missions/pennovation/mission.yaml
-  air-router check broken.yaml --png broken.png       (what is wrong is drawn in red)
+  air-router check broken.yaml --png broken.png       (faults are drawn in red)
   air-router check site.yaml --at 2026-11-21T06:30Z   (with the zones that apply then)
 
 exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its place and code
@@ -115,9 +115,9 @@ def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
 def _refusal(
     problems: Sequence[Problem], notes: Sequence[Problem], arguments: Options
 ) -> DocumentError:
-    """Why it cannot be flown; scripts are told it here."""
+    """Why it cannot be flown, as scripts read it."""
     if arguments.json:
-        told = {"problems": DocumentError(problems).problems, "notes": notes}
-        facts = {key: [each.as_json() for each in of] for key, of in told.items()}
+        listed = {"problems": DocumentError(problems).problems, "notes": notes}
+        facts = {key: [each.as_json() for each in of] for key, of in listed.items()}
         print_json({"valid": False, **facts})
     return DocumentError([*problems, *unusual(notes)])

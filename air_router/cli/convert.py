@@ -76,7 +76,8 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 
 
 @command(
-    "Convert a mission, zones or a flight's record; says what could not be carried over.", _EPILOG
+    "Convert a mission, zones or a flight's record; reports what could not be carried over.",
+    _EPILOG,
 )
 @click.argument("source", type=PATH, metavar="FROM", help="mission, zones or flight record to read")
 @click.argument("target", type=PATH, metavar="TO", help="file to write; its ending is the format")
@@ -90,14 +91,14 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 @option(
     "--allow",
     multiple=True,
-    metavar="WORD",
+    metavar="NAME",
     help="leave out zones with this restriction (CONDITIONAL, ...), class or identifier; may be "
     "repeated",
 )
 @option(
     "--skip",
     multiple=True,
-    metavar="WORD",
+    metavar="NAME",
     help="leave out zones of this name or kind, which do not concern this mission; may be repeated",
 )
 @option(
@@ -131,11 +132,11 @@ def run(arguments: Options) -> int:
     except DocumentError as error:
         report.problems = error.problems
         if arguments.json:
-            report.tell(as_json=True)
+            report.print(as_json=True)
         raise
     write_whole(target, written, replace=arguments.force)
     report.written = True
-    report.tell(as_json=arguments.json)
+    report.print(as_json=arguments.json)
     return ExitCode.DONE
 
 
@@ -145,12 +146,12 @@ class _Report:
     def __init__(self, source: Path, target: Path) -> None:
         self.source, self.target = source, target  # of the conversion
         self.written = False  # the target, to its end
-        self.counts: dict[str, int] = {}  # what is in the target, by its noun
+        self.counts: dict[str, int] = {}  # the contents of the target, by noun
         self.warnings = ConversionWarnings()
         self.notes: Sequence[Problem] = ()  # on the source, for the operator
         self.problems: Sequence[Problem] = ()  # why it cannot be flown
 
-    def tell(self, *, as_json: bool) -> None:
+    def print(self, *, as_json: bool) -> None:
         if as_json:
             print_json(self._facts())
             return
@@ -160,7 +161,7 @@ class _Report:
             sys.stderr.write(f"not carried over: {loss}\n")
         if self.problems:
             sys.stderr.write(
-                f"it cannot be flown as it is: {counted(len(self.problems), 'problems')}; "
+                f"it cannot be flown yet: {counted(len(self.problems), 'problems')}; "
                 f"see `air-router check {self.source}`\n"
             )
         counts = ", ".join(counted(count, what) for what, count in self.counts.items() if count)
@@ -243,10 +244,10 @@ def _written(
 
 
 def _refuse_without_waypoints(draft: MissionDocument) -> None:
-    """Without waypoints nothing says how high to fly: no mission file could be read again."""
+    """Without waypoints there is no altitude: no mission file could be read again."""
     if not draft.waypoints:
         message = (
-            "no waypoints in it, so nothing says where and how high to fly; add one, or convert "
+            "no waypoints in it, so no place and no altitude to fly to; add one, or convert "
             "its fence and zones to .geojson, .kml or .plan"
         )
         problem = draft.source.problem((), message, "no-waypoints")

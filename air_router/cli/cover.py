@@ -150,7 +150,7 @@ def _angle(text: str) -> float | None:
 @option("--png", type=PATH, metavar="F", help="draw area and rows into file F")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
-    """Plan rows, and write what was asked for."""
+    """Plan rows, and write the requested files."""
     if arguments.out is not None and arguments.out.suffix.lower() not in {".yaml", ".yml"}:
         raise UsageError(
             f"{arguments.out}: a mission file ends with .yaml; `air-router convert` writes plans"

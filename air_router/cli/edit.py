@@ -51,7 +51,7 @@ def run(arguments: Options) -> int:
     file = MissionFile(arguments.mission)
     session = EditSession(file)
     # An edit leaves no garbage in circles, a page that comes and goes a few kilobytes. A search for
-    # it, among all that an edit makes and what is kept of those before, holds up a key by 50 ms.
+    # it, among the objects of this edit and of earlier ones, holds up a key by 50 ms.
     gc.disable()
 
     def ready(address: str) -> None:

@@ -80,7 +80,7 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
     """Fly a mission to its end; the exceptions say why one did not start.
 
     Args:
-        mission: What is flown.
+        mission: The mission.
         arguments: Those of `fly`.
         stem: How the name of a record begins.
     """
@@ -161,7 +161,7 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
                 mapper=mapper,
                 web=web,
             )
-        gc.freeze()  # what is there by now stays: a search of it for garbage blocks the loop
+        gc.freeze()  # the objects of now stay: a search of them for garbage blocks the loop
         result = asyncio.run(flight.run(page))
     if recorder.path is not None:
         result.report["record"] = str(recorder.path)
@@ -318,7 +318,7 @@ def run(arguments: Options) -> int:
 
 
 def finish(mission: Mission, result: FlightResult, arguments: Options) -> int:
-    """Print a flight's result as asked, draw its track, and give its exit code."""
+    """Print a flight's result as requested, draw its track, and give its exit code."""
     part = getattr(arguments, "part", False)
     picture = arguments.png or (arguments.log_dir or Path()) / "track.png"
     if part and arguments.png is None and arguments.log_dir is None:

@@ -73,7 +73,9 @@ def run(arguments: Options) -> int:
     start = begin.to
     route = Router(graph).route(start, end.to if end.node is None else end.node)
     if isinstance(route, NoRoute):
-        sys.stderr.write(f"no route from {_words(arguments.start)} to {_words(arguments.end)}: ")
+        sys.stderr.write(
+            f"no route from {_place_text(arguments.start)} to {_place_text(arguments.end)}: "
+        )
         sys.stderr.write(f"{route.reason}{_instead(graph, start, end.to)}\n")
         return ExitCode.ENDED_OTHERWISE
     for warning in route.warnings:
@@ -119,13 +121,13 @@ def _near_home(given: Geodetic, mission: Mission, option: str) -> Point:
     advice = "correct it"
     with contextlib.suppress(FrameError):
         if point(swapped)[1] <= FAR_M:
-            advice = f"latitude comes first: {_words(swapped)}"
-    far = f"{option}: {_words(given)} is {away_m / 1000:.0f} km from home; {advice}"
+            advice = f"latitude comes first: {_place_text(swapped)}"
+    far = f"{option}: {_place_text(given)} is {away_m / 1000:.0f} km from home; {advice}"
     raise UsageError(far)
 
 
 def _instead(graph: WaypointGraph, start: Point, goal: Point) -> str:
-    """The place to hover that a flight would choose for a goal that is not clear, in words.
+    """The place to hover that a flight would choose for a goal that is not clear, as text.
 
     In the digits that are printed it is clear too: they can be copied into `--to`.
     """
@@ -147,7 +149,7 @@ def _instead(graph: WaypointGraph, start: Point, goal: Point) -> str:
     )
 
 
-def _words(stop: Stop) -> str:
+def _place_text(stop: Stop) -> str:
     return str(stop) if isinstance(stop, int) else f"{stop[0]:.9g},{stop[1]:.9g}"
 
 
@@ -170,12 +172,12 @@ def _lines(mission: Mission, begin: Leg, route: Route) -> list[str]:
     return lines
 
 
-def _near(distance_m: float, what: str, word: str) -> str:
+def _near(distance_m: float, what: str, preposition: str) -> str:
     if not what:
         return "nothing near"
     if distance_m < 0:
         return "outside the fence" if what == FENCE else f"inside {what}"
-    return f"{distance_m:.1f} m {word} {what}"
+    return f"{distance_m:.1f} m {preposition} {what}"
 
 
 def _name(leg: Leg) -> str:

@@ -21,7 +21,7 @@ TELEMETRY_S: Final = 4.0
 
 
 @command(
-    "Look at everything that a flight rests on and print one card. Puts mission "
+    "Check everything a flight depends on and print one card. Puts mission "
     "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
     "Nothing is armed, and no parameter is changed.",
     "example: air-router preflight missions/pennovation/mission.yaml "
@@ -36,7 +36,7 @@ TELEMETRY_S: Final = 4.0
 @recording_options
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
-    """Look, and print the card on stdout."""
+    """Run the checks, and print the card on stdout."""
     mission = load_flown(arguments.mission, arguments.uav)
     card = asyncio.run(_preflight(mission, arguments))
     if arguments.json:
@@ -48,7 +48,7 @@ def run(arguments: Options) -> int:
 
 
 async def _preflight(mission: Mission, arguments: Options) -> Card:
-    """Connect, look, and let go. Raises NoVehicleError, with a diagnosis."""
+    """Connect, check, and disconnect. Raises NoVehicleError, with a diagnosis."""
     alone = arguments.team is None and mission.team is None
     team, uav = (None, "") if alone else team_of(mission, arguments.team)
     clock = VehicleClock()
@@ -97,7 +97,7 @@ async def _plan(vehicle: Vehicle, plan: FlightPlan, *, upload: bool) -> Check:
         if upload:
             return Check("plan", BAD, str(error), "change the mission, or the vehicle")
         if isinstance(error, NotConfirmedError):
-            return Check("plan", LOOK, f"not known: {error}", "look once more")
+            return Check("plan", LOOK, f"not known: {error}", "run the check again")
         advice = "a flight will put the mission on board"
         return Check("plan", LOOK, f"another one is on board: {error}", advice)
     done = "on board, read back, equal, can be flown" if upload else "on board already"

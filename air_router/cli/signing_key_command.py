@@ -14,7 +14,7 @@ from mocha_link.cli import PATH, Options, command, option
 
 @command(
     "Make a signing key, or, with --connect, give it to a PX4 (1.18 or newer), which from then "
-    "on obeys only what is signed with it. PX4 gets the key in the clear: connect it by USB, "
+    "on accepts only signed messages. PX4 gets the key in the clear: connect it by USB, "
     "with all its radios off.",
     "example: air-router signing-key uav.key; "
     "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600",
@@ -48,7 +48,7 @@ def run(arguments: Options) -> int:
         asyncio.run(remove(url, arguments.sysid, arguments.file))
         say("PX4 has no signing key any more: it obeys all who reach it")
         return ExitCode.DONE
-    SigningKey.read(arguments.file)  # before anything is said of it
+    SigningKey.read(arguments.file)  # before anything is printed of it
     if not arguments.in_the_clear and (host := _network(url)):
         raise RefusedError(
             f"{url}: the key would cross the network to {host} in the clear; connect PX4 by USB, "
@@ -57,7 +57,7 @@ def run(arguments: Options) -> int:
     say("the key leaves in the clear: every receiver on this link has it")
     asyncio.run(provide(url, arguments.sysid, arguments.file, arguments.old))
     say(
-        "PX4 has the key and answers what is signed with it, on all its links. Restart it, "
+        "PX4 has the key and answers messages signed with it, on all its links. Restart it, "
         "and see with `air-router preflight --signing-key` that it has kept it (its SD card)"
     )
     return ExitCode.DONE

@@ -1,4 +1,4 @@
-"""Cameras that look straight down: how much ground a picture shows."""
+"""Cameras that point straight down: how much ground a picture shows."""
 
 from __future__ import annotations
 

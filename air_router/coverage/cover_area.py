@@ -1,4 +1,4 @@
-"""What is to be covered, and where the vehicle may be meanwhile: read from files."""
+"""The area to cover, and where the vehicle may be meanwhile: read from files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ class Field:
     """An area and its airspace.
 
     Attributes:
-        area: what is to be seen, in metres east and north of the frame's origin.
+        area: the area to see, in metres east and north of the frame's origin.
         draft: the mission that the waypoints are for, without its own.
         frame: its frame.
         airspace: what rows and the ways between them keep away from.
@@ -97,8 +97,8 @@ def _is_mission(path: Path) -> bool:
 
 
 def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
-    told = {"--home": terms.home, "--clearance": terms.clearance_m, "--zones": terms.zones or None}
-    for option, value in told.items():
+    given = {"--home": terms.home, "--clearance": terms.clearance_m, "--zones": terms.zones or None}
+    for option, value in given.items():
         if value is not None:
             raise UsageError(f"{option} is the mission's to say; write it into {path}")
     draft = read_draft(path)

@@ -1,4 +1,4 @@
-"""What comes of a coverage: what is told of it, and its waypoints in a mission file."""
+"""The output of a coverage: its report, and its waypoints in a mission file."""
 
 import math
 from collections.abc import Sequence
@@ -181,7 +181,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
 
 
 def _check(plan: Coverage, field: Field) -> None:
-    """Every leg is clear as it is written, too."""
+    """Every leg is clear as written, too."""
     places = [_rounded(point, field) for point in plan.track]
     legs = np.array([leg for leg in pairwise(places) if leg[0] != leg[1]], dtype=float)
     if not len(legs):

@@ -29,8 +29,8 @@ from mocha_link.team import Document, DocumentError
 
 _LEAST_CORNERS = 3
 _MOST_WORK = 4_000
-"""So many nodes are looked at for ways around, in all, while the user drags; where a mission of
-very many waypoints needs more, the other legs are only said to lead around."""
+"""Nodes that are searched for detours, in all, while the user drags; where a mission of
+very many waypoints needs more, the other legs are only marked as detours."""
 
 _BY_HAND = "this cannot be done here, as the file is written; edit it by hand"
 
@@ -46,7 +46,7 @@ class EditableMission:
 
     @classmethod
     def read(cls, text: str, path: Path) -> EditableMission:
-        """The text of a mission file, its path names it and says its kind.
+        """The text of a mission file, its path has its name and kind.
 
         Raises:
             DocumentError: it is not readable YAML or JSON, or another program's file.
@@ -59,13 +59,13 @@ class EditableMission:
         return cls(path, text, document, YamlParts(document.data))
 
     def mission_document(self) -> MissionDocument:
-        """What the text says, not yet validated."""
+        """The draft that the text describes, not yet validated."""
         if isinstance(self.document, JsonDocument):
             return plan_draft(self.document)
         return read_mission(self.document)
 
     def edited(self, edit: Edit) -> EditableMission:
-        """The text after an edit: it says what was asked for, and all else as before.
+        """The text after an edit: with the requested change, and all else as before.
 
         Raises:
             EditError: there is no such part, or the file is written in a way that has no place for
@@ -105,7 +105,7 @@ class OperatorLeg:
 class MissionAnalysis:
     """A document with its problems noted, and what could be planned with it all the same.
 
-    `mission`, `graph` and `router` are None if the text says too little for them.
+    `mission`, `graph` and `router` are None if the text lacks what they need.
     """
 
     document: MissionDocument
@@ -124,7 +124,7 @@ class MissionAnalysis:
         unread = [region for region in parts.regions if region.keys not in known]
         if mission is None or "planner" in document.unread or any(r.is_fence for r in unread):
             return cls(document, None, None, None, ())
-        if unread:  # what is no area yet must not be planned across all the same
+        if unread:  # an unfinished area must not be planned across either
             standing = [area for region in unread for area in _stand_ins(region, parts, document)]
             zones = [*document.zones, *standing]
             mission = validate(replace(document, zones=zones, problems=[], notes=[])) or mission
@@ -139,7 +139,7 @@ class MissionAnalysis:
 
 
 def _stand_ins(region: Region, parts: Parts, document: MissionDocument) -> Iterator[Area]:
-    """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
+    """Areas that cover the corners of a zone that is not valid: one that crosses itself, say."""
     if document.frame is None:
         return
     for ring in region.rings[:1]:

@@ -59,7 +59,7 @@ class Edit(BaseModel, ABC):
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
-    words: ClassVar[str]
+    label: ClassVar[str]
     """What undo calls it."""
 
     from_start: ClassVar[bool] = False
@@ -90,7 +90,7 @@ class _YamlEdit(Edit):
     def _change(self, parts: Parts) -> None:
         if not isinstance(parts, YamlParts):
             raise EditError(
-                f"{self.words}: a plan has no place for it; edit it in QGroundControl, or convert "
+                f"{self.label}: a plan has no place for it; edit it in QGroundControl, or convert "
                 "the plan to YAML"
             )
         self._change_yaml(parts)
@@ -106,7 +106,7 @@ class _YamlEdit(Edit):
 class Move(_PartEdit):
     """Move a place, a corner or a circle's centre."""
 
-    words: ClassVar[str] = "move"
+    label: ClassVar[str] = "move"
     do: Literal["move"]
     to: _Place
 
@@ -117,7 +117,7 @@ class Move(_PartEdit):
 class AddWaypoint(Edit):
     """Insert a waypoint; with `index` waypoints before it."""
 
-    words: ClassVar[str] = "add waypoint"
+    label: ClassVar[str] = "add waypoint"
     do: Literal["add_waypoint"]
     index: _Index
     at: _Place
@@ -129,7 +129,7 @@ class AddWaypoint(Edit):
 class Reorder(_PartEdit):
     """Move a waypoint to another place in the order; then so many waypoints are before it."""
 
-    words: ClassVar[str] = "reorder waypoints"
+    label: ClassVar[str] = "reorder waypoints"
     do: Literal["reorder"]
     index: _Index
 
@@ -147,7 +147,7 @@ class Reorder(_PartEdit):
 class Reverse(Edit):
     """Turn the order of the waypoints round."""
 
-    words: ClassVar[str] = "reverse waypoints"
+    label: ClassVar[str] = "reverse waypoints"
     do: Literal["reverse"]
 
     def _change(self, parts: Parts) -> None:
@@ -165,7 +165,7 @@ def _put_in_order(parts: Parts, order: Sequence[Handle]) -> None:
 class SetAltitude(_PartEdit):
     """Give a waypoint an altitude of its own, in metres above home; None: the mission's."""
 
-    words: ClassVar[str] = "altitude"
+    label: ClassVar[str] = "altitude"
     do: Literal["set_altitude"]
     altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
 
@@ -179,7 +179,7 @@ class SetAltitude(_PartEdit):
 class AddRallyPoint(Edit):
     """Add a rally point."""
 
-    words: ClassVar[str] = "add rally point"
+    label: ClassVar[str] = "add rally point"
     do: Literal["add_rally_point"]
     at: _Place
 
@@ -193,7 +193,7 @@ class AddRallyPoint(Edit):
 class Shift(_PartEdit):
     """Move a whole area by as much as from one place to another."""
 
-    words: ClassVar[str] = "move area"
+    label: ClassVar[str] = "move area"
     from_start: ClassVar[bool] = True  # so that no rounding adds up
     do: Literal["shift"]
     origin: _Place
@@ -218,7 +218,7 @@ class Shift(_PartEdit):
 class Resize(_PartEdit):
     """Give a circle another radius."""
 
-    words: ClassVar[str] = "resize circle"
+    label: ClassVar[str] = "resize circle"
     do: Literal["resize"]
     radius_m: _Radius
 
@@ -233,7 +233,7 @@ class Resize(_PartEdit):
 class AddCorner(_PartEdit):
     """Insert a corner into a ring, before the one that has the index."""
 
-    words: ClassVar[str] = "insert corner"
+    label: ClassVar[str] = "insert corner"
     do: Literal["add_corner"]
     index: _Index
     at: _Place
@@ -250,7 +250,7 @@ class AddCorner(_PartEdit):
 class AddArea(Edit):
     """Add a no-fly zone or a fence: a polygon, or a circle around the only place."""
 
-    words: ClassVar[str] = "add zone"
+    label: ClassVar[str] = "add zone"
     do: Literal["add_area"]
     fence: bool = False
     corners: Annotated[tuple[_Place, ...], Field(min_length=1, max_length=500)]
@@ -263,7 +263,7 @@ class AddArea(Edit):
 class Redraw(_PartEdit):
     """Give an area another outline, a polygon."""
 
-    words: ClassVar[str] = "outline"
+    label: ClassVar[str] = "outline"
     do: Literal["redraw"]
     corners: Annotated[tuple[_Place, ...], Field(min_length=3, max_length=500)]
 
@@ -274,7 +274,7 @@ class Redraw(_PartEdit):
 class Rename(_PartEdit, _YamlEdit):
     """Give a no-fly zone another name."""
 
-    words: ClassVar[str] = "rename"
+    label: ClassVar[str] = "rename"
     do: Literal["rename"]
     name: Annotated[str, Field(min_length=1, max_length=80)]
 
@@ -287,7 +287,7 @@ class Rename(_PartEdit, _YamlEdit):
 class SetCrossing(_PartEdit, _YamlEdit):
     """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
 
-    words: ClassVar[str] = "crossing"
+    label: ClassVar[str] = "crossing"
     do: Literal["set_crossing"]
     crosses: bool
 
@@ -307,7 +307,7 @@ class SetCrossing(_PartEdit, _YamlEdit):
 class Remove(_PartEdit):
     """Remove a place, a corner or an area."""
 
-    words: ClassVar[str] = "remove"
+    label: ClassVar[str] = "remove"
     do: Literal["remove"]
 
     def _change(self, parts: Parts) -> None:
@@ -340,7 +340,7 @@ def _setting(name: str) -> str:
 class SetValue(_YamlEdit):
     """Change one of the mission's settings; None: its default."""
 
-    words: ClassVar[str] = "setting"
+    label: ClassVar[str] = "setting"
     do: Literal["set_value"]
     name: Annotated[str, AfterValidator(_setting)]
     value: (
@@ -369,7 +369,7 @@ class SetValue(_YamlEdit):
             parts.put(values, name, metres(value))
 
     def _check(self, section: str) -> None:
-        """The form of a mission file says which values a setting may have."""
+        """The form of a mission file has the values that a setting may have."""
         kind = get_type_hints(_FORMS[section], include_extras=True)[self.name]
         try:
             TypeAdapter(kind).validate_python(self.value, strict=True)
@@ -381,7 +381,7 @@ class SetValue(_YamlEdit):
 class Seek(_YamlEdit):
     """Seek these robots, in this order."""
 
-    words: ClassVar[str] = "whom to seek"
+    label: ClassVar[str] = "whom to seek"
     do: Literal["seek"]
     robots: Annotated[
         tuple[Annotated[str, Field(min_length=1, max_length=80)], ...], Field(max_length=500)

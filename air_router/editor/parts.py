@@ -20,7 +20,7 @@ Pair = tuple[float, float]
 
 
 class EditError(AirRouterError):
-    """An edit that cannot be applied to the mission; the message says why."""
+    """An edit that cannot be applied to the mission; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Handle:
     Attributes:
         keys: Its name: where the list of both stands, or the first of them in a longer list.
         pair: Both (latitude first, or metres east).
-        entry: What is removed with it; None if it cannot be removed.
+        entry: The entry that is removed with it; None if it cannot be removed.
     """
 
     keys: Keys
@@ -57,7 +57,7 @@ class Ring:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A fence or a no-fly zone. `entry` is what is removed with it, None if that must not be."""
+    """A fence or a no-fly zone. `entry` is removed with it; None if that must not be."""
 
     keys: Keys
     name: str  # shown on the page
@@ -149,7 +149,7 @@ class Parts(ABC):
     def copied(self) -> Self:
         """The same parts of data that an edit may change: these here stay as they are."""
         copied = copy.copy(self)
-        copied.data = copy.copy(self.data)  # of what is in there, `at` copies what is changed
+        copied.data = copy.copy(self.data)  # of its values, `at` copies the changed ones
         return copied
 
     @abstractmethod
@@ -246,7 +246,7 @@ class Parts(ABC):
             values[key] = digits
 
     def handle(self, keys: Keys) -> Handle:
-        """What is called so. Raises EditError: there is no such place."""
+        """The part at these keys. Raises EditError: there is none."""
         handle = next((each for each in self.handles() if each.keys == keys), None)
         if handle is None:
             raise EditError("the mission has no such place any more")

@@ -43,7 +43,7 @@ class EditorServer:
         self._web = web
         # page, its request
         self._requests: asyncio.Queue[tuple[PageOutbox, str]] = asyncio.Queue(_MOST_WAITING)
-        self._changed_on_disk = False  # as the pages were told
+        self._changed_on_disk = False  # as the pages were informed
         self._state = session.view()  # as the pages have it
         self._browsers = Browsers(self._receive, self._welcome)  # all pages
         self._site = Site(web, "air_router.editor", "edit")
@@ -51,7 +51,7 @@ class EditorServer:
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
-        """Serve while in the context; gives the page's address, and says it.
+        """Serve while in the context; gives the page's address, and prints it.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
@@ -85,14 +85,14 @@ class EditorServer:
             outbox, text = await self._requests.get()
             answer, state = await loop.run_in_executor(worker, self._answered, text)
             if state is not None:
-                news = {"type": "state", "since": self._state["revision"]}
-                news |= changes_of(self._state, state)
+                update = {"type": "state", "since": self._state["revision"]}
+                update |= changes_of(self._state, state)
                 self._state = state
-                self._browsers.broadcast("state", as_json(news))
+                self._browsers.broadcast("state", as_json(update))
             outbox.post(f"answer {answer['id']}", as_json(answer))
 
     async def _watch(self, worker: ThreadPoolExecutor) -> None:
-        """Tell the pages when another program has changed the file."""
+        """Send the pages a notice when another program has changed the file."""
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(_WATCH_S)
@@ -152,7 +152,7 @@ class EditorServer:
                 _LOG.info("saved")
             case "reload":
                 session.reload()
-            case "state":  # of a page that news have passed by
+            case "state":  # from a page that missed an update
                 return {"state": {"type": "state", **session.view()}}
             case "route":
                 start, end = request.get("start"), request.get("end")
@@ -165,17 +165,17 @@ class EditorServer:
 
 
 def changes_of(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
-    """What of a state is not as before; of a list its length, and by index what is not."""
-    news: dict[str, Any] = {}
+    """The changed parts of a state; of a list its length, and the changed items by index."""
+    update: dict[str, Any] = {}
     for name, value in now.items():
         old = before[name]
         if not isinstance(value, list):
-            news |= {} if value == old else {name: value}
+            update |= {} if value == old else {name: value}
         elif value != old:
             same = len(old)
             at = {i: one for i, one in enumerate(value) if i >= same or one != old[i]}
-            news[name] = {"length": len(value), "at": at}
-    return news
+            update[name] = {"length": len(value), "at": at}
+    return update
 
 
 def _refused(number: int | None, kind: str, why: str) -> dict[str, Any]:

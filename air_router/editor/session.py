@@ -52,7 +52,7 @@ class MissionFile:
         return text
 
     def forget(self) -> None:
-        """What is in the file now was not taken over: from now on it counts as changed."""
+        """The file's new contents were not loaded: from now on it counts as changed."""
         self._digest = b""
 
     def changed(self) -> bool:
@@ -82,7 +82,7 @@ class MissionFile:
         except OSError as error:
             raise SaveError(
                 f"cannot write {self.path}: {error.strerror or type(error).__name__}; nothing is "
-                "lost here, save again when the reason is gone"
+                "lost here, fix that and save again"
             ) from None
         self._digest = hashlib.sha256(raw).digest()
 
@@ -153,14 +153,14 @@ class _Step:
 
 
 class EditSession:
-    """The mission as it is now, and how it came to be.
+    """The mission, with its edits to undo and redo.
 
     Not for several threads at a time.
 
     Attributes:
-        file: What is edited; `file.changed()` where another program has written it.
+        file: The edited file; `file.changed()` where another program has written it.
         revision: Counts the states shown; edits name the one they mean.
-        editable: The text as it is now.
+        editable: The present text.
 
     Raises:
         DocumentError: the file cannot be read at all.
@@ -207,7 +207,7 @@ class EditSession:
         if after.text == self.editable.text:
             return
         analysis = MissionAnalysis.of(after)
-        step = _Step(after.text, edit.words, gesture)
+        step = _Step(after.text, edit.label, gesture)
         del self._steps[self._now + 1 :]
         if goes_on:
             self._steps[self._now] = step
@@ -243,13 +243,13 @@ class EditSession:
             count = len(set(self._analysis.document.problems))
             raise UnconfirmedError(
                 f"the mission has {count} problem{'s' if count > 1 else ''} and cannot be flown "
-                "as it is; save it all the same?"
+                "yet; save it anyway?"
             )
         self.file.write(self.editable.text, overwrite=overwrite)
         self._saved = self.editable.text
 
     def reload(self) -> None:
-        """Begin again with what is on the disk. Raises DocumentError if it cannot be read."""
+        """Load the file again. Raises DocumentError if it cannot be read."""
         text = self.file.read()
         try:
             editable = EditableMission.read(text, self.file.path)

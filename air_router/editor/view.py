@@ -101,7 +101,7 @@ def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any
 
 
 class _Marks:
-    """Finds what a problem is about, and where to look."""
+    """Finds the part that a problem is about, and where it is."""
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
@@ -117,7 +117,7 @@ class _Marks:
             self._handles[region.keys] = region.handles
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
-        """A problem, with the keys of what is wrong on the map and the places to zoom to."""
+        """A problem, with the keys of the faulty parts and the places to zoom to."""
         outer = (problem.keys[:count] for count in range(len(problem.keys), 0, -1))
         keys = next((keys for keys in outer if keys in self._handles), None)
         return {
@@ -198,7 +198,7 @@ def _corners(parts: Parts, corners: Iterable[Handle]) -> list[Degrees]:
 
 
 def _notes(area: Area | None, mission: Mission | None) -> list[str]:
-    """What is special about an area."""
+    """The notes on an area."""
     notes = []
     if area is not None and area.terms.clearance_m is not None:
         notes.append(f"clearance {area.terms.clearance_m:g} m")
@@ -269,7 +269,7 @@ def _robots(document: MissionDocument) -> list[dict[str, Any]]:
     try:
         team = Team.load(document.team)
     except (DocumentError, OSError):
-        return []  # the team's problems are told
+        return []  # the team's problems are listed
     others = [name for name in team.robots if name != document.uav]
     sought = document.seek or [name for name in others if team.robots[name].kind != UAV_KIND]
     names = dict.fromkeys([*sought, *others])

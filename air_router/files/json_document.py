@@ -2,7 +2,7 @@
 
 JSON is nearly YAML, but not quite (tabs, surrogate pairs, long keys), and a YAML parser takes a
 minute for what the standard library reads in a blink. So that one reads; what it does not mind,
-and where a value stands, is looked for in the text when it is asked for.
+and where a value stands, is searched for in the text on demand.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def json_text(data: Any, like: str = _QGC_LAYOUT) -> str:
     """Plain values as JSON; keys keep their order.
 
     Args:
-        data: What is written.
+        data: The values.
         like: A text of whose layout it is: its indent, its line breaks, its empty lists, its end.
             Without one it is QGroundControl's.
     """
@@ -144,15 +144,15 @@ class JsonDocument(Document):
 
 
 Report = Callable[[tuple[str | int, ...], str, str], None]
-"""Takes the keys of a value, what is wrong with it, and the code."""
+"""Takes the keys of a value, its problem, and the code."""
 
 
 class JsonValues:
     """Reads values of plain data, and reports those that are of the wrong kind.
 
     Args:
-        data: What is read.
-        report: Takes what is wrong.
+        data: The values.
+        report: Takes problems.
     """
 
     def __init__(self, data: Any, report: Report) -> None:
@@ -215,7 +215,7 @@ def shown(value: Any) -> str:
 
 
 class _FaultError(ValueError):
-    """What is wrong with a text, at which character, and its code."""
+    """The problem of a text, its character, and its code."""
 
     def __init__(self, index: int, message: str, code: str) -> None:
         super().__init__(message)
@@ -265,8 +265,8 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _refuse(word: str) -> None:
-    raise _StrangeError(word)
+def _refuse(literal: str) -> None:
+    raise _StrangeError(literal)
 
 
 def _may_be_deep(text: str) -> bool:
@@ -280,7 +280,7 @@ def _may_be_deep(text: str) -> bool:
 
 
 def _check(text: str) -> None:
-    """Look for what the standard library reads and we do not.
+    """Search for what the standard library accepts and we do not.
 
     Raises:
         _FaultError: there is something such.

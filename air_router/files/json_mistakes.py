@@ -1,4 +1,4 @@
-"""What is wrong with a text that is not JSON, in words for the person who wrote or exported it."""
+"""Explains why a text is not JSON, to the person who wrote or exported it."""
 
 import re
 import unicodedata
@@ -26,7 +26,7 @@ _MESSAGES: Final = {
     "Extra data": "the file goes on behind its last bracket; remove the rest",
     "escape": "a backslash begins an escape in JSON; write \\\\, or / in paths",
 }
-"""What the standard library says, in part, and what it means."""
+"""Parts of the standard library's messages, and their meanings."""
 
 _WORD = re.compile(r"[A-Za-z_$][\w$]*")
 _CURLY: Final = "“”„‘’«»"  # noqa: RUF001 - quotes of word processors
@@ -42,8 +42,8 @@ def json_mistake(error: JSONDecodeError) -> tuple[int, str]:
     if match := _MARKUP.match(text):
         kind = "a web page" if "html" in match[1].lower() else "XML"
         return match.end() - len(match[1]) - 1, f"this is {kind}, no JSON; download the file again"
-    for look in _LOOKS:
-        found = look(error, text, at)
+    for search in _SEARCHES:
+        found = search(error, text, at)
         if found is not None:
             return found
     return at, f"cannot be read as JSON from here on; {_AGAIN}"
@@ -101,7 +101,7 @@ def _word(error: JSONDecodeError, text: str, at: int) -> tuple[int, str] | None:
     if match is None:
         return None
     if match[0] in _WORDS:
-        return begin, f"'{match[0]}' is no word of JSON; write {_WORDS[match[0]]}"
+        return begin, f"'{match[0]}' is not valid in JSON; write {_WORDS[match[0]]}"
     if "property name" in error.msg:
         return begin, f"the key '{match[0][:40]}' has to be in double quotes"
     if begin == 0:
@@ -135,10 +135,11 @@ def _delimiter(error: JSONDecodeError, text: str, at: int) -> tuple[int, str] | 
         return begin, "a second object begins here; put both into one FeatureCollection"
     if "control character" in error.msg:
         return at, "a line break or tab within quotes; close the quote, or write \\n or \\t"
-    return next(((begin, words) for part, words in _MESSAGES.items() if part in error.msg), None)
+    found = ((begin, text) for part, text in _MESSAGES.items() if part in error.msg)
+    return next(found, None)
 
 
-_LOOKS: Final[tuple[Callable[[JSONDecodeError, str, int], tuple[int, str] | None], ...]] = (
+_SEARCHES: Final[tuple[Callable[[JSONDecodeError, str, int], tuple[int, str] | None], ...]] = (
     _trailing_comma,
     _comment,
     _cut_off,

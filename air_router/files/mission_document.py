@@ -100,7 +100,7 @@ class Uav:
         altitude_m: Where it flies, above its home; None: at the mission's altitude.
         explore: It explores, and does not only search.
         home: Where it takes off and lands; None: at the mission's home.
-        home_altitude_amsl_m: Height of the ground there above sea level, if the file says so.
+        home_altitude_amsl_m: Height of the ground there above sea level, if the file has it.
     """
 
     name: str
@@ -146,7 +146,7 @@ class RefusedRing:
 
 @dataclass(slots=True)
 class MissionDocument:
-    """Everything that a mission file says.
+    """The contents of a mission file.
 
     What could not be read is missing here and has its problem noted. `air_router.mission` validates
     what was read, and notes its problems here in the same way. Altitudes are metres above home.
@@ -256,7 +256,7 @@ class MissionDocument:
         try:
             return _outline(ring, read)
         except ZoneError as error:
-            where = "" if error.place is None else f" near {self._words(error.place)}"
+            where = "" if error.place is None else f" near {self._place_text(error.place)}"
             message = f"{name} cannot be an area: {error}{where}; draw it again"
             self.report(holes_keys if "hole" in str(error) else keys, message, error.code)
             self.refused.append(RefusedRing(name, ring, error.place))
@@ -282,7 +282,7 @@ class MissionDocument:
     def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
         if not self.in_metres and self.frame is not None and corners:
             places = tuple(Geodetic(float(corner[0]), float(corner[1])) for corner in corners)
-            with contextlib.suppress(FrameError):  # the corner that is wrong is told below
+            with contextlib.suppress(FrameError):  # the faulty corner is reported below
                 return local_ring(places, self.frame)
         spots = []
         for index, corner in enumerate(corners):
@@ -292,7 +292,7 @@ class MissionDocument:
             spots.append(spot)
         return tuple(spot.position for spot in spots)
 
-    def _words(self, place: Point) -> str:
+    def _place_text(self, place: Point) -> str:
         if self.in_metres or self.frame is None:
             return f"{place.east_m:.2f}, {place.north_m:.2f}"
         return "{:.7f}, {:.7f}".format(*self.frame.to_geodetic(place))

@@ -84,7 +84,7 @@ class PlannerSettings:
 
 
 DEFAULT_SPEED_M_S = 3.5
-SLOWEST_M_S = 1.0  # a slower one cannot be told from one that hovers
+SLOWEST_M_S = 1.0  # a slower one cannot be distinguished from one that hovers
 DEFAULT_BATTERY_RESERVE = 0.25
 LOWEST_HOME_M, HIGHEST_HOME_M = -500.0, 9_000.0  # of the ground at home, above the sea
 LARGEST_RADIUS_M = 1_000_000.0  # of a circle

@@ -1,6 +1,6 @@
 """Writes changed data into the text that they were read from: YAML with its comments, or JSON.
 
-PyYAML says where each value stands. `rewritten` compares the data with what the text says: a value
+PyYAML locates each value. `rewritten` compares the data with the text: a value
 is written over, an entry of a list or mapping comes and goes with its own lines. Comments stand
 between entries or behind them, so none is touched, and neither is the layout of anything else.
 JSON has no comments and one layout for all of a file, so that it is written anew in the file's own.
@@ -31,7 +31,7 @@ _SHORT_FOR = ("position", "polygon")
 
 
 class SourceError(AirRouterError):
-    """A change that cannot be made in this text; the message says why, and what to do instead."""
+    """A change that cannot be made in this text; the message has the reason, and a remedy."""
 
 
 def rewritten(text: str, document: Document, data: Any) -> str:
@@ -88,13 +88,13 @@ class _Value:
 
 
 class _Change:
-    """Compares data with what a text says, and collects the pieces that are to be replaced."""
+    """Compares data with a text, and collects the pieces that are to be replaced."""
 
     def __init__(self, text: str, root: yaml.Node) -> None:
         self._source = text
         self._newline = "\r\n" if "\r\n" in text else "\n"
         self._shared = _shared(root) if "&" in text else set()  # ids of nodes with aliases
-        self._pieces: list[tuple[int, int, str]] = []  # from, up to, what is there then
+        self._pieces: list[tuple[int, int, str]] = []  # from, up to, the new text
 
     def text(self) -> str:
         """The text with all pieces replaced at once."""
@@ -108,7 +108,7 @@ class _Change:
         return "".join([*parts, self._source[done:]])
 
     def value(self, value: _Value, old: Any, new: Any) -> None:
-        """Make the text say `new` where it says `old`."""
+        """Change the text from `old` to `new`."""
         if old == new and isinstance(old, bool) is isinstance(new, bool):
             return
         if id(value.node) in self._shared:
@@ -129,15 +129,15 @@ class _Change:
 
     def _mapping(self, value: _Value, old: dict[Any, Any], new: dict[Any, Any]) -> None:
         entries = self.entries(value)
-        gone = [index for index, key in enumerate(old) if key not in new]
+        removed = [index for index, key in enumerate(old) if key not in new]
         added = [(key, item) for key, item in new.items() if key not in old]
-        if len(gone) == len(added) == 1:  # under another name, where it is
-            entry = entries[gone[0]]
+        if len(removed) == len(added) == 1:  # under another name, where it is
+            entry = entries[removed[0]]
             self._cut(entry.start, self._end(entry.node), self._entry(value, *added[0]))
-        elif gone:
-            self._remove(value, gone)
-            added = [] if len(gone) == len(old) else added  # then `_remove` left no lines
-        if added and len(gone) != 1:
+        elif removed:
+            self._remove(value, removed)
+            added = [] if len(removed) == len(old) else added  # then `_remove` left no lines
+        if added and len(removed) != 1:
             self._insert(value, len(entries), added)
         for entry, (key, item) in zip(entries, old.items(), strict=True):
             if key in new:
@@ -154,7 +154,7 @@ class _Change:
             entry = entries[index]
             text = self._text_of(entries, old, item)
             if text is not None and self._is_one_line(entry.node) and not self._anchored(entry):
-                self._cut(entry.first, self._end(entry.node), text)  # it changes places as it is
+                self._cut(entry.first, self._end(entry.node), text)  # it moves unchanged
             else:
                 self.value(entry, old[index], item)
         if more[both:]:
@@ -216,7 +216,7 @@ class _Change:
     # Entries
 
     def entries(self, value: _Value) -> list[_Value]:
-        """The items of a list, or the values of a mapping with their keys; none of a word."""
+        """The items of a list, or the values of a mapping with their keys; none of a scalar."""
         node = value.node
         if isinstance(node, yaml.MappingNode):
             return [
@@ -286,15 +286,15 @@ class _Change:
 
     def _remove(self, value: _Value, indexes: Iterable[int]) -> None:
         """Take items out of a list, or keys with their values out of a mapping."""
-        entries, gone = self._own(value), set(indexes)
-        if len(gone) == len(entries):
+        entries, removed = self._own(value), set(indexes)
+        if len(removed) == len(entries):
             self._empty(value, entries)
             return
-        for index in sorted(gone):
+        for index in sorted(removed):
             entry = entries[index]
             if self._is_alone(entry):
                 self._remove_lines(entry)
-            elif any(i not in gone for i in range(index + 1, len(entries))):
+            elif any(i not in removed for i in range(index + 1, len(entries))):
                 self._cut(entry.start, entries[index + 1].start, "")
             else:
                 self._cut(self._end(entries[index - 1].node), self._end(entry.node), "")

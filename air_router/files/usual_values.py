@@ -1,7 +1,7 @@
 """Which numbers are usual in mission and world files, and the unit that another one may be in.
 
 A number can be legal and still not be meant: 0.035 m is 35 m in kilometres, 40 m/s is 40 km/h. What
-lies outside of its band is noted with the likely unit; what is refused is explained by it, too.
+lies outside of its band is noted with the likely unit; it explains refusals, too.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,7 +28,7 @@ class OtherUnit:
 
     Attributes:
         name: As people call it.
-        in_ours: What a number of it is in the unit that the key's name says.
+        in_ours: The factor to the unit in the key's name.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Band:
         return self.low <= value <= self.high
 
     def guess(self, value: float) -> str:
-        """In which other unit it may be, in words; "" if in none that is known."""
+        """The other unit in which it may be, as text; "" if in none that is known."""
         units = self.below if value < self.low else self.above if value > self.high else ()
         meant = [(unit.name, unit.in_ours(value)) for unit in units if value]
         likely = [each for each in meant if self.holds(each[1])]
@@ -95,7 +95,7 @@ class Band:
         """Whether a number is not far from usual: 1200 feet are high, and feet all the same."""
         return min(self.low, self.low / _NEARLY) <= value <= max(self.high, self.high * _NEARLY)
 
-    def words(self, name: str, value: float) -> str:
+    def note_text(self, name: str, value: float) -> str:
         """A note on a number outside of the band."""
         usual = f"usual is {self.low:g} to {self.high:g}{self.unit} ({self.why})"
         advice = self.guess(value) or "correct it if it is not meant"
@@ -186,7 +186,7 @@ WORLD: Final = (
     Band("explore.recall", 0.05, 1, "", (), (PERCENT,), "a share: 0.9 is 90 %"),
     Band("explore.located", 0.05, 1, "", (), (PERCENT,), "a share: 0.9 is 90 %"),
     Band("explore.stuck", 0, 0.9, "", (), (PERCENT,), "a share: 0.1 is 10 %"),
-    Band("explore.thinking_s", 0.1, 300, " s", (), (MS,), "between two looks for a goal"),
+    Band("explore.thinking_s", 0.1, 300, " s", (), (MS,), "between two searches for a goal"),
 )
 """The numbers of a world file."""
 
@@ -209,8 +209,8 @@ def notes(document: Document, bands: Iterable[Band]) -> Iterator[Problem]:
             if outside:
                 keys, value = outside[0]
                 more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
-                words = band.words(f"'{_name(keys)}'{more}", value)
-                yield document.problem(keys, words, UNUSUAL)
+                text = band.note_text(f"'{_name(keys)}'{more}", value)
+                yield document.problem(keys, text, UNUSUAL)
 
 
 def _above_sea(home_amsl_m: float) -> OtherUnit:
@@ -236,7 +236,7 @@ def parse_world(document: Document, model: type[M]) -> M:
 
 
 def note_draft(draft: MissionDocument) -> None:
-    """Note what is not usual of the altitudes and the speed that another program's file says."""
+    """Note unusual values of the altitudes and the speed of another program's file."""
     by_field = {band.field: band for band in MISSION}
     band = by_field["waypoints[].altitude_m"]
     high = [(spot, spot.altitude_m) for spot in draft.waypoints if spot.altitude_m is not None]
@@ -244,10 +244,10 @@ def note_draft(draft: MissionDocument) -> None:
     if found:
         spot, value = found[0]
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        draft.note(spot.keys, band.words(f"the altitude of {spot.label}{more}", value), UNUSUAL)
+        draft.note(spot.keys, band.note_text(f"the altitude of {spot.label}{more}", value), UNUSUAL)
     speed = by_field["speed_m_s"]
     if not speed.holds(draft.speed_m_s):
-        draft.note((), speed.words("the speed", draft.speed_m_s), UNUSUAL)
+        draft.note((), speed.note_text("the speed", draft.speed_m_s), UNUSUAL)
 
 
 def option_notes(given: Iterable[tuple[str, float | None, str]]) -> Iterator[str]:
@@ -255,7 +255,7 @@ def option_notes(given: Iterable[tuple[str, float | None, str]]) -> Iterator[str
     by_field = {band.field: band for band in (*MISSION, *OPTIONS)}
     for option, value, field in given:
         if value is not None and not by_field[field].holds(value):
-            yield f"note: {by_field[field].words(option, value)}"
+            yield f"note: {by_field[field].note_text(option, value)}"
 
 
 def _explained(problem: Problem, data: Any, bands: Sequence[Band]) -> Problem:

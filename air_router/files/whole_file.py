@@ -23,7 +23,7 @@ class FileThereError(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class PlacedSource:
-    """A file that problems are told of; keys begin with line and column, counted from 1."""
+    """A file that problems are reported of; keys begin with line and column, counted from 1."""
 
     path: Path
 
@@ -60,7 +60,7 @@ def write_whole(
     """Write a file in one step; what was there stays until it is replaced, also in a power cut.
 
     Args:
-        path: The file; a link stays a link. What is a device or a pipe is written to instead.
+        path: The file; a link stays a link. A device or a pipe is written to directly.
         text: What shall be in it.
         replace: Whether it may be there already.
         check: Called just before the file is replaced; what it raises leaves all as it was.
@@ -81,7 +81,7 @@ def write_whole(
         raise PermissionError(errno.EACCES, READ_ONLY, str(path))
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
-    except OSError as error:  # it names the temporary file, which no caller asked for
+    except OSError as error:  # it names the temporary file, which no caller named
         raise OSError(error.errno, error.strerror, str(path)) from None
     beside = Path(name)
     try:

@@ -76,8 +76,8 @@ def parse_xml(raw: bytes, path: Path) -> Element:
     try:
         builder.parser.Parse(raw, True)
     except expat.ExpatError as error:
-        words = expat.errors.messages.get(error.code, "not readable")
-        message = f"not valid XML: {words}; export the file again"
+        text = expat.errors.messages.get(error.code, "not readable")
+        message = f"not valid XML: {text}; export the file again"
         raise DocumentError.at(path, message, "not-xml", error.lineno, error.offset + 1) from None
     except (LookupError, ValueError):  # an encoding that Python does not know, or not for XML
         message = "the file's encoding is not read; save it as UTF-8"

@@ -55,7 +55,7 @@ class AltitudeLimit:
 
 
 class HomeAltitudeError(ValueError):
-    """An altitude above the sea says nothing without that of home."""
+    """An altitude above the sea has no meaning without that of home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Altitudes:
 
         The ground below may lie `terrain_relief_m` higher or lower than the ground at home. Limits
         of different references that leave nothing between them (see `contradicts`) are none: the
-        file says which altitudes it means for a place that is higher or lower than home.
+        file defines the altitudes for a place that is higher or lower than home.
 
         Raises:
             HomeAltitudeError: as `Limit.range_above_home`.
@@ -202,7 +202,7 @@ class PeriodForm(BaseModel):
 
 
 class ActiveForm(BaseModel):
-    """How far and when a zone is kept away from, beside what else a file says of it."""
+    """How far and when a zone is kept away from, beside its other properties in a file."""
 
     clearance_m: Clearance | None = None
     active: Annotated[list[PeriodForm], Field(min_length=1)] | None = None

@@ -28,20 +28,20 @@ ANSWER_S: Final = 5.0
 _HEARTBEAT_S: Final = 10.0
 _CLOSE_S: Final = 1.0
 
-# Why a flight's page cannot be reached, as the page says it behind the flight's name.
+# Why a flight's page cannot be reached, as the page shows it behind the flight's name.
 _NO_ANSWER: Final = "does not answer"
-_NO_FLIGHT: Final = "is no flight's page"
-_NO_TOKEN: Final = "asks for another token"  # noqa: S105 - what is said
-_TOO_LONG: Final = "says too much"
+_NO_FLIGHT: Final = "is not the page of a flight"
+_NO_TOKEN: Final = "requires another token"  # noqa: S105 - a message
+_TOO_LONG: Final = "sends messages that are too long"
 
 _Socket = aiohttp.ClientWebSocketResponse | web.WebSocketResponse
 
 
 class JointPage:
-    """Shows flights side by side; it decides nothing, and knows nothing of them but where they are.
+    """Shows flights side by side; it decides nothing, and knows only their addresses.
 
     Args:
-        names: What each flight is called until it says its name itself; each is called otherwise.
+        names: The names of the flights until each reports its own; all differ.
         web: Where the page is served.
     """
 
@@ -59,7 +59,7 @@ class JointPage:
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
-        """Serve while in the context; gives the page's address, and says it.
+        """Serve while in the context; gives the page's address, and prints it.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
@@ -77,7 +77,7 @@ class JointPage:
             yield address
 
     def _flights(self) -> dict[str, Any]:
-        """What flights there are, and where the page finds each."""
+        """The flights, and the address of each."""
         return {
             "flights": [
                 {"name": name, "socket": f"/flights/{quote(name, safe=':')}/socket"}
@@ -87,7 +87,7 @@ class JointPage:
         }
 
     async def _converse(self, request: web.Request, browser: web.WebSocketResponse) -> None:
-        """Let a browser talk with a flight until one of them leaves, and then neither is there."""
+        """Connect a browser with a flight until one of them leaves; then close both."""
         address, why = self._places.get(request.match_info["name"]), _NO_ANSWER
         try:
             if address is not None:
@@ -116,7 +116,7 @@ class JointPage:
 
 
 async def _carry(browser: web.WebSocketResponse, flight: aiohttp.ClientWebSocketResponse) -> str:
-    """Carry texts both ways until one end says no more; returns why that is."""
+    """Carry texts both ways until one end closes; returns the reason."""
     ways = [
         asyncio.create_task(_forward(browser, flight)),
         asyncio.create_task(_forward(flight, browser)),

@@ -1,7 +1,7 @@
 """Shows a recorded flight on the live page: its decisions run again, at any speed.
 
 Events come out of the record at their time and go to a fresh controller, as in a replay; what it
-decides is shown, and whatever it says of itself (states, times left, routes) is its own again.
+decides is shown, and states, times left and routes are its own again.
 """
 
 import asyncio
@@ -27,24 +27,24 @@ from mocha_link.links import LinkMetrics
 
 MOST_SPEED: Final = 100.0
 _STEPS: Final = 400
-"""So many entries are gone through before browsers are served again."""
+"""Entries that are processed before browsers are served again."""
 
 
 RecordConsumer = LiveScene | LivePage
-"""What is shown what is in a record."""
+"""What takes in the entries of a record."""
 
 
 class _FinishedFlight:
     """The command service of a flight that is over."""
 
     def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
-        """Nothing can be asked of it."""
+        """Refuses every request."""
         del command, by
         raise RequestError("this flight is over: it is shown from its record")
 
 
 class RecordedFlight:
-    """A recorded flight, as far as it was gone through.
+    """A recorded flight, as far as it was played.
 
     Attributes:
         mapper: The map as it grew.
@@ -86,15 +86,15 @@ class RecordedFlight:
         self._published_s = -math.inf
 
     def plotted(self) -> dict[str, Any]:
-        """What the timeline shows of the whole flight; afterwards it begins again."""
+        """The timeline of the whole flight; afterwards playback begins again."""
         scene = LiveScene(self._setup.mission, self.status, self.router, self.name)
         while not self.go_on(self.end_s, scene):
             pass
         self.rewind()
-        return {"type": "record", "rows": scene.rows.since(), "marks": scene.news.since()}
+        return {"type": "record", "rows": scene.rows.since(), "marks": scene.log.since()}
 
     def go_on(self, until_s: float, page: RecordConsumer, most: int = _STEPS) -> bool:
-        """Go through the record up to a time; False if there was too much for once."""
+        """Play the record up to a time; False if that takes another call."""
         for _ in range(most):
             if self._next >= len(self._steps) or self._steps[self._next].t > until_s:
                 self.now_s = min(max(self.now_s, until_s), self.end_s)
@@ -147,7 +147,7 @@ class Playback:
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
-        """Play while in the context; gives the page's address, and says it.
+        """Play while in the context; gives the page's address, and prints it.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
@@ -169,13 +169,13 @@ class Playback:
             until_s = recorded.now_s + step_s if self._wanted_s is None else self._wanted_s
             if recorded.go_on(until_s, page):
                 self._wanted_s = None
-                self._tell()
+                self._publish()
                 await asyncio.sleep(TICK_S)
             await asyncio.sleep(0)
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         recorded = self._recorded
-        self._page.tell(
+        self._page.publish(
             "playback",
             {
                 "begin_s": round(recorded.begin_s, 1),
@@ -195,5 +195,5 @@ class Playback:
             case {"ask": "go", "to_s": int() | float() as to_s} if to_s == to_s:  # noqa: PLR0124 - NaN
                 self._wanted_s = min(max(to_s, self._recorded.begin_s), self._recorded.end_s)
             case _:
-                raise RequestError("the page asks for something that is not known; load it again")
+                raise RequestError("unknown request; reload the page")
         return {}

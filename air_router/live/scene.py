@@ -37,14 +37,14 @@ from mocha_link.links import LinkEvent
 TRACK_STEP_M: Final = 0.5
 """Positions nearer than this to the last one add nothing to a line on a map."""
 
-MOST_NEWS: Final = 200
-"""So many lines of news are kept for a page that is opened later."""
+MAX_LOG_LINES: Final = 200
+"""Lines of the log kept for a page that is opened later."""
 
 MOST_ALARMS: Final = 5
 """So many of the newest are shown at once: more would hide the map."""
 
 SAMPLE_S, MOST_ROWS = 1.0, 3_600
-"""How often a row of what is plotted is kept, and how many of them."""
+"""How often a row of plotted values is kept, and how many rows."""
 
 _LIT_S: Final = 1.0
 """A link stays lit for so long after a sync, so that a short one can be seen."""
@@ -91,21 +91,21 @@ def _waiting(status: FlightStatus) -> str | None:
 
 
 class LiveScene:
-    """The vehicle, the robots, the links, the news.
+    """The vehicle, the robots, the links and the log.
 
     Args:
         mission: For its frame and name.
-        status: Gives the flight's status, for what is plotted.
+        status: Gives the flight's status, for the plots.
         router: Gives the router among the zones in force.
         name: The vehicle's.
 
     Attributes:
         track: Latitude and longitude of the points of the flown track.
-        news: The lines of the log; one that came before without a pause says how often, and a page
-            shows it in place of that one.
+        log: The lines of the log; a repeated one has the number of its repeats, and replaces the
+            one before on pages.
         alarms: What the pilot or the operator has to act on, and warnings; the newest last.
         interactions: Contacts and syncs.
-        rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
+        rows: The plotted values: seconds, altitude and speed in metres (per second), charge (0..1),
             metres to the nearest border, and of each peer its signal, whether data crossed,
             bytes in syncs, and the signal's unit.
     """
@@ -118,18 +118,18 @@ class LiveScene:
         name: str,
     ) -> None:
         self._frame = mission.frame  # of the page's positions
-        self._home = mission.home  # distances are told from it
+        self._home = mission.home  # distances count from it
         self._status, self._router = status, router
         self._name = name
         self._now_s = 0.0  # vehicle's clock
         self.track: History[list[float]] = History()
         self._track_end: Point | None = None  # position of its last point
-        self._robots: dict[str, _Robot] = {}  # heard of, by name
+        self._robots: dict[str, _Robot] = {}  # whose pose or path was received, by name
         self.interactions = Interactions()
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
-        self.news: History[dict[str, Any]] = History(MOST_NEWS)
-        self._repeats = Repeats[tuple[str, str]]()  # lines of news, by kind and text
+        self.log: History[dict[str, Any]] = History(MAX_LOG_LINES)
+        self._repeats = Repeats[tuple[str, str]]()  # lines of the log, by kind and text
         self.alarms: list[dict[str, Any]] = []
 
     # What happens.
@@ -161,29 +161,31 @@ class LiveScene:
         for action in actions:
             match action:
                 case StateChanged(source=source, target=target):
-                    self._tell("state", f"{source.name} → {target.name}")
+                    self._add_line("state", f"{source.name} → {target.name}")
                 case Announce():
                     self._announced(action)
                 case CommandAck(by=by, accepted=accepted, why=why):
-                    self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
+                    self._add_line(
+                        "answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}"
+                    )
                 case Finish(why=why):
-                    self._tell("state", why)
+                    self._add_line("state", why)
 
-    def _announced(self, said: Announce) -> None:
-        """What is said again of the same thing, or that it is over, takes its place."""
-        grave = None if said.severity is Severity.INFO else said.severity.value
-        self._tell("said", said.words, grave)
-        if said.about:
-            self.alarms = [alarm for alarm in self.alarms if alarm["about"] != said.about]
-        if grave is not None:
+    def _announced(self, announcement: Announce) -> None:
+        """A new announcement about the same thing, or that it is over, replaces the last one."""
+        severity = None if announcement.severity is Severity.INFO else announcement.severity.value
+        self._add_line("announcement", announcement.words, severity)
+        if announcement.about:
+            self.alarms = [alarm for alarm in self.alarms if alarm["about"] != announcement.about]
+        if severity is not None:
             self.alarms.append(
                 {
-                    "n": self.news.count,
+                    "n": self.log.count,
                     "t": round(self._now_s, 1),
-                    "severity": grave,
-                    "text": said.text,
-                    "instruction": said.instruction,
-                    "about": said.about,
+                    "severity": severity,
+                    "text": announcement.text,
+                    "instruction": announcement.instruction,
+                    "about": announcement.about,
                 }
             )
             del self.alarms[:-MOST_ALARMS]
@@ -194,7 +196,7 @@ class LiveScene:
             return []
         return [a for a in self.alarms if not a["about"] or a["about"] in status.alarms]
 
-    # What is shown.
+    # As pages show it.
 
     def vehicle(self, status: FlightStatus) -> dict[str, Any]:
         """The vehicle and its mission, as of now."""
@@ -239,7 +241,7 @@ class LiveScene:
         }
 
     def robots(self) -> list[dict[str, Any]]:
-        """Where robots were, how long ago that was, and who told it."""
+        """Positions of robots, their ages, and the peer that reported each."""
         return [
             {
                 "name": name,
@@ -275,7 +277,7 @@ class LiveScene:
         return lines
 
     def _sample(self, telemetry: Telemetry) -> None:
-        """Keep a row of what is plotted; once a second of the vehicle's clock."""
+        """Keep a row of plotted values; once a second of the vehicle's clock."""
         if self._now_s - self._sampled_s < SAMPLE_S:
             return
         self._sampled_s = self._now_s
@@ -298,7 +300,7 @@ class LiveScene:
     @property
     def histories(self) -> dict[str, History[Any]]:
         """What grows, by what messages to the page call it."""
-        return {"rows": self.rows, "track": self.track, "news": self.news}
+        return {"rows": self.rows, "track": self.track, "log": self.log}
 
     @property
     def now_s(self) -> float:
@@ -310,8 +312,8 @@ class LiveScene:
             self._track_end = position
             self.track.add(self._pair(position))
 
-    def _tell(self, kind: str, text: str, severity: str | None = None) -> None:
-        line: dict[str, Any] = {"n": self.news.count + 1, "t": round(self._now_s, 1)}
+    def _add_line(self, kind: str, text: str, severity: str | None = None) -> None:
+        line: dict[str, Any] = {"n": self.log.count + 1, "t": round(self._now_s, 1)}
         line |= {"kind": kind, "text": text}
         if severity is not None:
             line["severity"] = severity
@@ -319,14 +321,14 @@ class LiveScene:
             self._repeats.clear()
         elif count := self._repeats.again((kind, text), self._now_s):
             line["again"] = times(count)
-        self.news.add(line)
+        self.log.add(line)
 
     def _pair(self, point: Point) -> list[float]:
         return degrees(self._frame, point)
 
 
 def _shown(value: float | None, digits: int = 1) -> float | None:
-    """A number for the page; none for what is no number."""
+    """A number for the page; None where it is not finite."""
     return None if value is None or not math.isfinite(value) else round(value, digits)
 
 

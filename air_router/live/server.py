@@ -39,14 +39,14 @@ REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
 READ_EVERY_S: Final = 0.05
 """A page's requests are read one by one: a flood of them waits where it came from."""
 
-_HISTORIES: Final = {"rows": "rows", "track": "points", "news": "lines"}
+_HISTORIES: Final = {"rows": "rows", "track": "points", "log": "lines"}
 """What grows in the scene, and what a message calls its parts."""
 
 _MOST_CELLS: Final = 600_000
 """A page draws no more; of a larger map every second, third ... row and column is shown."""
 
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
-"""Takes what a page asks of a recorded flight; raises RequestError."""
+"""Handles a page's request to a recorded flight; raises RequestError."""
 
 Status = Callable[[], FlightStatus]
 
@@ -63,7 +63,7 @@ class MapFeed:
         self._held: dict[str, int] = {}  # cells known in the map that each peer has
 
     def event(self, event: Event) -> None:
-        """Take in what a robot has fetched, after `interactions`: a map of when it began."""
+        """Take in which map a robot has fetched, after `interactions`: a map of when it began."""
         match event:
             case SyncEnded(peer=peer, direction=Direction.OUT):
                 began_s = self._interactions.syncs[-1].from_s
@@ -88,8 +88,8 @@ class MapFeed:
             "piece": self._piece(np.nonzero(self._sent)),
         }
 
-    def news(self) -> dict[str, Any] | None:
-        """The piece of the map that has changed since this was asked last; None: nothing."""
+    def update(self) -> dict[str, Any] | None:
+        """The part of the map that has changed since the last call; None: none has."""
         if self._mapper.known_cells == self._sent_cells:
             return None
         self._sent_cells = self._mapper.known_cells
@@ -121,8 +121,8 @@ class LivePage:
     """One flight on a page, for any number of browsers.
 
     Attributes:
-        steer: Who shows a recorded flight, and takes what is asked of it; None for a live one.
-        record: What is plotted of a recorded flight, from its beginning to its end.
+        steer: Handles the page's requests to a recorded flight; None for a live one.
+        record: The plots of a recorded flight, from its beginning to its end.
 
     Args:
         status: Gives the flight's status.
@@ -183,7 +183,7 @@ class LivePage:
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
-        """Serve while in the context; gives the page's address, and says it.
+        """Serve while in the context; gives the page's address, and prints it.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
@@ -197,7 +197,7 @@ class LivePage:
                 ticking.cancel()
                 await asyncio.gather(ticking, return_exceptions=True)
                 with self._harmless:
-                    self._tick()  # the last word: how it ended
+                    self._tick()  # the outcome
                 await asyncio.sleep(TICK_S)
 
     async def _run(self) -> None:
@@ -207,17 +207,17 @@ class LivePage:
             await asyncio.sleep(TICK_S)
 
     def _tick(self) -> None:
-        """Tell all pages what is new."""
+        """Send all pages what has changed."""
         scene, status = self.scene, self._status()
         self._ticks += 1
         if status.airspace.revision != self._revision:
             self._draw_scenery()
             self._browsers.broadcast("scenery", self._scenery)
-        self.tell("vehicle", scene.vehicle(status))
-        self.tell("robots", {"robots": scene.robots()})
-        self.tell("alarms", {"alarms": scene.open_alarms(status)})
+        self.publish("vehicle", scene.vehicle(status))
+        self.publish("robots", {"robots": scene.robots()})
+        self.publish("alarms", {"alarms": scene.open_alarms(status)})
         if self._ticks % SLOW_TICKS == 1:
-            piece = self._map_feed.news()
+            piece = self._map_feed.update()
             if piece is not None:
                 self._browsers.broadcast(
                     f"piece {self._ticks}", as_json({"type": "piece", **piece})
@@ -225,15 +225,15 @@ class LivePage:
         links = scene.link_lines(status)
         for link in links:
             link["map_share"] = self._map_feed.share(link["peer"])
-        self.tell("links", {"links": links})
+        self.publish("links", {"links": links})
         for kind, start in self._sent_counts.items():
             count = scene.histories[kind].count
             if count > start and not (kind == "rows" and self.record):
                 self._sent_counts[kind] = count
                 self._browsers.broadcast(f"{kind} {start}", self._since(kind, start))
 
-    def tell(self, kind: str, values: dict[str, Any]) -> None:
-        """Tell all pages, unless they know."""
+    def publish(self, kind: str, values: dict[str, Any]) -> None:
+        """Send a message to all pages, unless they have it."""
         text = as_json({"type": kind, **values})
         if self._sent.get(kind) != text:
             self._sent[kind] = text
@@ -246,26 +246,26 @@ class LivePage:
         self._scenery = as_json({"type": "scenery", **scenery(router.graph.mission, router)})
 
     def _since(self, kind: str, start: int = 0) -> str:
-        """What is new since a page knew so many of a kind."""
+        """The entries of a kind that a page with `start` of them lacks."""
         items = self.scene.histories[kind].since(start)
         message: dict[str, Any] = {"type": kind, _HISTORIES[kind]: items}
         if kind == "track":
             message["from"] = start
-        elif kind == "news":
+        elif kind == "log":
             message["now_s"] = self.scene.now_s
         return as_json(message)
 
     def _flights(self) -> dict[str, Any]:
-        """What flights this page shows: its own; see JointPage."""
+        """The flights of this page: its own; see JointPage."""
         return {"flights": [{"name": self._name, "socket": "/socket"}]}
 
     def _greeting(self) -> Iterator[tuple[str, str]]:
-        """All that a page has to know that knows nothing."""
+        """All messages for a page that has just connected."""
         yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop})
         yield "scenery", self._scenery
         yield "map", as_json({"type": "map", **self._map_feed.whole()})
         yield "track", self._since("track")
-        yield "news", self._since("news")
+        yield "log", self._since("log")
         yield "rows", as_json(self.record) if self.record else self._since("rows")
         yield from self._sent.items()
 

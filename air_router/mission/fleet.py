@@ -56,7 +56,7 @@ def layers_of(draft: MissionDocument) -> tuple[Layer, ...]:
 
 
 def variants(draft: MissionDocument) -> list[MissionDocument]:
-    """The draft (with a home) as each of its UAVs flies it; the one that is asked for first."""
+    """The draft (with a home) as each of its UAVs flies it; the requested one first."""
     layers = layers_of(draft)
     uavs = tuple(
         replace(
@@ -133,7 +133,7 @@ def column_radius_m(draft: MissionDocument) -> float:
 
 
 def merge(draft: MissionDocument, made: Iterable[MissionDocument]) -> None:
-    """Note in a draft what is wrong with its variants; what holds for some is told of those."""
+    """Note problems of its variants in a draft; those of some variants name these."""
     made = list(made)
     draft.problems += _merged(made, [variant.problems for variant in made], draft.problems)
     draft.notes += _merged(made, [variant.notes for variant in made], draft.notes)
@@ -147,8 +147,8 @@ def _merged(
         if problem in known:
             continue
         whose = [v.uav for v, found in zip(made, lists, strict=True) if problem in found]
-        told = "" if len(whose) == len(made) else f" (for {' and '.join(map(str, whose))})"
-        merged.append(replace(problem, message=problem.message + told))
+        suffix = "" if len(whose) == len(made) else f" (for {' and '.join(map(str, whose))})"
+        merged.append(replace(problem, message=problem.message + suffix))
     return merged
 
 

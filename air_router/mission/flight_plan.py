@@ -139,7 +139,7 @@ class FencePlan:
     Attributes:
         items: For the upload; polygons are runs of vertices that know their number, circles come
             last.
-        simpler: For each area that is not on board as it is drawn, its name and why.
+        simpler: For each area that is not on board as drawn, its name and why.
     """
 
     items: tuple[PlanItem, ...]
@@ -244,7 +244,7 @@ class FlightPlan:
 
     @property
     def size(self) -> str:
-        """How much it is, in words."""
+        """Its size, as text."""
         fence, rally = len(self.fence), len(self.rally)
         return f"{len(self.items)} items, {fence} fence points, {rally} rally points"
 

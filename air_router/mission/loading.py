@@ -52,7 +52,7 @@ _UNCHANGED: Final = (
     - {field.name for field in fields(MissionAreas)}
     - _MADE
 )
-"""What a mission takes from its draft as it is. A field that neither has is a TypeError at once."""
+"""Fields that a mission takes unchanged from its draft. A field that neither has is a TypeError."""
 
 
 def load_mission(
@@ -70,7 +70,7 @@ def load_mission(
         uav: whose mission, by its name in the team; None: the first one's, if it is for several.
         start: when the vehicle takes off, in UTC; None: soon. Zones that do not apply then are
             left out of the mission's airspace.
-        duration_s: how long it stays out; None: as the file says.
+        duration_s: how long it stays out; None: as in the file.
         in_flight: it is flown already: places that zones were drawn over since are no problem.
 
     Raises:
@@ -106,7 +106,7 @@ def load_flown(
 
 
 def read_draft(path: Path) -> MissionDocument:
-    """What a file says, not yet validated.
+    """The contents of a file, not yet validated.
 
     Raises:
         DocumentError: it cannot be read at all.
@@ -235,7 +235,7 @@ WAYPOINTS: Final = ".waypoints"
 _OWN: Final = frozenset({".plan", ".yaml", ".yml"})
 _LOOKED_AT: Final = 4_000
 
-_TO_CONVERT: Final = "not flown as it is: first `air-router convert {path} {path.stem}.yaml"
+_TO_CONVERT: Final = "cannot be flown directly: first `air-router convert {path} {path.stem}.yaml"
 _ZONES: Final = "a file of zones is no mission: name it under no_fly_files in one"
 _ADVICE: Final = {
     **dict.fromkeys((WAYPOINTS, ".fen"), f"{_TO_CONVERT}`"),
@@ -248,7 +248,7 @@ def check_own(path: Path) -> None:
     """Make sure that a file is none of another program, by its content and name.
 
     Raises:
-        DocumentError: it is; says what to do with it.
+        DocumentError: it is; the message has what to do.
     """
     suffix = path.suffix.lower()
     advice = _ADVICE.get(suffix)

@@ -75,11 +75,11 @@ class FlightWindow:
 class IdleZone:
     """A zone that the mission need not keep away from where it cruises, and why.
 
-    `below` says that it applies below the cruise altitudes all the same.
+    `below`: it applies below the cruise altitudes all the same.
     """
 
     zone: Zone
-    reason: str  # in words
+    reason: str  # for people
     below: bool = False
 
 
@@ -136,7 +136,9 @@ def _if_timed(zones: tuple[Zone, ...], window: FlightWindow) -> FlightWindow | N
     return window if any(zone.validity is not None for zone in zones) else None
 
 
-@lru_cache(maxsize=4)  # an edit that changes none of this costs nothing, nor what is found in them
+@lru_cache(
+    maxsize=4
+)  # an edit that changes none of this costs nothing, nor does the search in them
 def _areas(  # noqa: PLR0913, PLR0917 - all that counts
     fences: tuple[Shape, ...],
     zones: tuple[Zone, ...],
@@ -295,7 +297,7 @@ class Mission(MissionAreas):
         return self.airspace
 
     def airspace_off_cruise(self, altitude_m: float) -> Airspace:
-        """The same, for what is flown from there: an altitude is good to the vertical margin."""
+        """The same, for legs that begin there: an altitude is good to the vertical margin."""
         margin_m = self.planner.vertical_margin_m
         if altitude_m < self.cruise.lower_m:
             return self.airspace_at(altitude_m - margin_m)
@@ -305,7 +307,7 @@ class Mission(MissionAreas):
 
     @property
     def tracking(self) -> TrackingMargin:
-        """What is kept on top of every clearance."""
+        """The margin on top of every clearance."""
         return TrackingMargin.of(self.planner, self.speed_m_s)
 
     @property

@@ -1,6 +1,6 @@
 """Whether a mission's team fits it: who flies, whom it seeks, and how robots are found.
 
-A robot is found by the first of its topics that says where it is. JSON is known by its topic's
+A robot is found by the first of its topics that has its position. JSON is known by its topic's
 name, a ROS message by its type, whatever its topic is called.
 """
 
@@ -40,7 +40,7 @@ def sought(
 ) -> tuple[str, ...]:
     """Whom a UAV seeks: those that its mission names, or else all that drive and have a link to it.
 
-    A base station that sends goals, and nothing that says where it is, is not sought by itself.
+    A base station that sends goals, and has no position, is not sought by default.
     """
     return seek or tuple(
         peer
@@ -70,7 +70,7 @@ def finders(mission: Mission) -> dict[str, Topic]:
 
 
 def path_topic(team: Team, robot: str) -> Topic | None:
-    """The topic that says where a robot will drive; None: none."""
+    """The topic with a robot's planned path; None: none."""
     return _first(team, robot, PATH_TOPIC, (PATH,))
 
 
@@ -79,12 +79,12 @@ def why_not_found(team: Team, robot: str) -> str:
     local = next((topic for topic in team.topics_of(robot) if _says(topic, LOCAL_POSES)), None)
     if local is not None:
         return (
-            f"'{robot}' is sought and says where it is in metres of a frame of its own "
+            f"'{robot}' is sought and reports its position in metres of a frame of its own "
             f"({local.name}, {local.type}); say where on Earth that begins, with 'datum: "
             f"[latitude, longitude]' of {robot}"
         )
     return (
-        f"'{robot}' is sought, and none of its topics says where it is; give its kind one that "
+        f"'{robot}' is sought, and none of its topics has its position; give its kind one that "
         f"does, e.g. {{name: {POSE_TOPIC}, type: json/Pose}} or {{name: /fix, type: {FIX}}}, or "
         "name under 'seek' in the mission whom to seek"
     )
@@ -107,7 +107,7 @@ def _says(topic: Topic, types: tuple[str, ...]) -> bool:
 # The mission and its team file
 
 ALONE: Final = Path("(no team)")
-"""What is shown as the path of the team of a mission without one."""
+"""Shown as the path of the team of a mission without one."""
 
 _ALONE: Final = """
 robots: {{{name}: {{kind: aerial_robot, address: 127.0.0.1, base_port: 24400, clients: []}}}}
@@ -162,7 +162,7 @@ def _flying(team: Team) -> list[str]:
 
 
 def check_team(draft: MissionDocument) -> None:
-    """Note what is wrong with the team file, and robots that it does not have.
+    """Note problems of the team file, and robots that it does not have.
 
     Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
     """
@@ -266,7 +266,7 @@ def _check_goals(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
 
 
 def _note_unlinked_uavs(draft: MissionDocument, team: Team) -> None:
-    """Note UAVs of one mission that cannot tell each other whom they seek."""
+    """Note UAVs of one mission that cannot exchange whom they seek."""
     own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
     if own is None or own.name not in team.robots or len(draft.uavs) == 1:
         return

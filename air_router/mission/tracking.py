@@ -59,8 +59,8 @@ class TrackingMargin:
         error_m: What its vehicle may be off a straight leg at its speed, in the wind and with the
             accuracy that the mission is planned for.
         turn_m: The same of a leg that begins at speed.
-        planned_m: Of routes. What the mission file says, but not less than `turn_m` and a bit.
-        flown_m: Of a leg that begins where the vehicle hovers: half of what the file says, but not
+        planned_m: Of routes. The mission file's value, but not less than `turn_m` and a bit.
+        flown_m: Of a leg that begins where the vehicle hovers: half of the file's value, but not
             less than `error_m`.
         turned_m: The same of a leg that begins at speed: not less than `turn_m`.
     """

@@ -107,7 +107,7 @@ def _note_contradiction(draft: MissionDocument, area: Area) -> None:
 def _check_distances(draft: MissionDocument) -> set[str]:
     """Far places are typing errors: digits, signs, or longitude before latitude.
 
-    Returns the labels of such places: nothing else needs to be said about them.
+    Returns the labels of such places: nothing else needs to be reported about them.
     """
     far: set[str] = set()
     if draft.home is None:
@@ -143,7 +143,7 @@ def _check_distances(draft: MissionDocument) -> set[str]:
 
 
 def _meant(draft: MissionDocument, position: Point) -> str:
-    """What a far place would be near home as, in words; "" if as nothing that is known."""
+    """How a far place has to be read to be near home, as text; "" if there is no way."""
     if draft.in_metres or draft.frame is None or draft.home is None:
         return ""
     latitude_deg, longitude_deg = draft.frame.to_geodetic(position)
@@ -163,7 +163,7 @@ def _meant(draft: MissionDocument, position: Point) -> str:
 def _check_units_of_places(draft: MissionDocument) -> bool:
     """Whether the places are of another unit, or of none: degrees as metres, or zeros.
 
-    Nothing else needs to be said about a mission within a metre.
+    Nothing else needs to be reported about a mission within a metre.
     """
     if draft.home is None or draft.frame is None:
         return False
@@ -338,10 +338,10 @@ def _check_ways(draft: MissionDocument, areas: MissionAreas) -> None:
 
 
 def _walls(names: Sequence[str]) -> str:
-    words = ["the fence" if name == FENCE else f"'{name}'" for name in names]
-    if not words:
+    labels = ["the fence" if name == FENCE else f"'{name}'" for name in names]
+    if not labels:
         return "what lies between leaves no room"
-    return f"{' and '.join(words)} {'leaves' if len(words) == 1 else 'leave'} no room"
+    return f"{' and '.join(labels)} {'leaves' if len(labels) == 1 else 'leave'} no room"
 
 
 # Where it is wrong, for pictures
@@ -349,7 +349,7 @@ def _walls(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What is to be drawn in red.
+    """The faults to draw in red.
 
     Attributes:
         count: how many problems there are.

@@ -12,7 +12,7 @@ class CheckVerdict(Enum):
     """How a line of the card stands."""
 
     GOOD = "ok"
-    LOOK = "look"  # the pilot should look at it
+    LOOK = "look"  # the pilot should check it
     BAD = "stop"  # nothing takes off like that
 
 
@@ -21,11 +21,11 @@ GOOD, LOOK, BAD = CheckVerdict
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line: what was looked at, how it stands, what was found, what to do."""
+    """One line: the subject, the verdict, the finding, what to do."""
 
     name: str  # the first column of the card
     verdict: CheckVerdict
-    found: str  # in words
+    found: str  # for people
     advice: str = ""  # what to do; empty: nothing
 
     def __str__(self) -> str:
@@ -62,7 +62,7 @@ class Card:
 
     @property
     def summary(self) -> str:
-        """How many checks passed, in words."""
+        """How many checks passed, as text."""
         total, bad = len(self.checks), len(self.bad)
         warned = sum(check.verdict is LOOK for check in self.checks)
         others = [counted(warned, "warnings")] if warned else []

@@ -1,4 +1,4 @@
-"""What `air-router check` tells of a mission that can be flown, to people and to programs."""
+"""What `air-router check` prints of a mission that can be flown, for people and for programs."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,7 +19,7 @@ _MOST_STOPS = 8
 _MOST_RUNS = 24
 
 _Row = tuple[str, str]
-"""What a line of the summary is about, and what it says."""
+"""The subject of a line of the summary, and its text."""
 
 
 def summary(findings: MissionSurvey) -> list[str]:
@@ -39,8 +39,8 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
     mission, planner = findings.mission, findings.mission.planner
     flown = (mission.altitude_above_home_m, *(w.altitude_above_home_m for w in mission.waypoints))
     flies, allowed = _altitudes(flown), _altitudes(mission.altitudes_m)
-    asked = f"; {allowed} on request" if allowed != flies else ""
-    yield "flies", f"{flies} above home at {mission.speed_m_s:g} m/s{asked}"
+    on_request = f"; {allowed} on request" if allowed != flies else ""
+    yield "flies", f"{flies} above home at {mission.speed_m_s:g} m/s{on_request}"
     kept_m, margin_m = mission.planning_distance_m, mission.tracking.planned_m
     margin = f"clearance {planner.clearance_m:g} m + tracking margin {margin_m:.2f} m"
     yield "keeps", f"{kept_m:.2f} m from zones and fence ({margin}){_own(mission)}"
@@ -74,9 +74,9 @@ def _expected(mission: Mission) -> Iterator[_Row]:
     off = f"{margin.error_m:.2f} m off a leg at {mission.speed_m_s:g} m/s, {margin.turn_m:.2f} m"
     yield "plans for", f"{conditions}: it may be {off} in turns"
     near = [kind for kind in kinds if math.isfinite(kind.kept_m)]
-    words = ", ".join(f"{kind.name} {kind.kept_m:.1f} m" for kind in near)
+    text = ", ".join(f"{kind.name} {kind.kept_m:.1f} m" for kind in near)
     if mission.zones or mission.fences:
-        yield "expected", f"at the least, of zones and fence: {words}"
+        yield "expected", f"at the least, of zones and fence: {text}"
     for kind in kinds:
         if kind.short_m > 0:
             short = f"{kind.kept_m:.2f} m of {kind.to}, {kind.promised_m:g} m are promised"
@@ -123,8 +123,8 @@ def _team(findings: MissionSurvey) -> Iterator[_Row]:
         found: dict[str, list[str]] = {}
         for robot, topic in finders(mission).items():
             found.setdefault(f"{topic.name} ({topic.type})", []).append(robot)
-        for topic_words, robots in found.items():
-            yield "found by", f"{topic_words}: {_names(robots)}"
+        for topic_text, robots in found.items():
+            yield "found by", f"{topic_text}: {_names(robots)}"
     for layer in mission.layers:
         does = "explores and searches" if layer.explore else "only searches"
         shown = " (its mission is shown here)" if layer.uav == mission.uav else ""
@@ -270,17 +270,17 @@ def _tight(step: SurveyedLeg) -> dict[str, Any]:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Numbers in few words: 1, 4-6, 9."""
+    """Numbers as short ranges: 1, 4-6, 9."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:
             runs[-1].append(number)
         else:
             runs.append([number])
-    words = [str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs]
-    if len(words) <= _MOST_RUNS:
-        return ", ".join(words)
-    return f"{', '.join(words[:_MOST_RUNS])} ... ({sum(map(len, runs))} waypoints)"
+    ranges = [str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs]
+    if len(ranges) <= _MOST_RUNS:
+        return ", ".join(ranges)
+    return f"{', '.join(ranges[:_MOST_RUNS])} ... ({sum(map(len, runs))} waypoints)"
 
 
 def _names(zones: Iterable[str], comma: str = ", ") -> str:

@@ -1,7 +1,7 @@
 """What the true vehicle is expected to keep from zones and fences at the least, by kind of leg.
 
 Routes keep the clearance and the tracking margin; a leg that begins where the vehicle is keeps the
-clearance and what it may be off (`TrackingMargin`). What is left of that at the worst is expected.
+clearance and what it may be off (`TrackingMargin`). The least that remains is expected.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ class ExpectedClearance:
     """Of one kind of leg.
 
     Attributes:
-        name: Which, in words.
+        name: Which, as text.
         kept_m: Expected at the least.
         promised_m: The clearance that the mission promises there.
-        to: What it is nearest to, in words.
+        to: The nearest zone or fence, as text.
         advice: What the operator does if it is too little.
     """
 

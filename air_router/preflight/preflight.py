@@ -1,4 +1,4 @@
-"""The checks before a flight: what is looked at, whether it is good, and what to do where not.
+"""The checks before a flight: the facts, the verdicts, and what to do.
 
 Pure: facts in, lines of the card out; `preflight_survey` gathers the facts. Each check is a table
 of what may be the case, how that stands, what was found and what to do; the first row counts that
@@ -109,7 +109,7 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
 
 
 def _own_home(mission: Mission, info: VehicleInfo) -> Check | None:
-    """What is wrong with the home that the autopilot has itself; None if nothing."""
+    """The problem of the autopilot's own home; None: there is none."""
     if info.home is None:
         return Check("place", LOOK, "the vehicle has no home position yet", "wait for GPS")
     if not mission.airspace.point_clear(info.home):
@@ -172,9 +172,11 @@ def health(inspection: Inspection, *, simulated: bool = False) -> Check:
 def gps(fix: GpsFix | None, planned_m: float) -> Check:
     """The satellite receiver, and the accuracy that the mission is planned for."""
     if fix is None:
-        return Check("GPS", LOOK, "no word of a receiver", "is GPS_RAW_INT on this link?")
+        return Check("GPS", LOOK, "no GPS receiver reported", "is GPS_RAW_INT on this link?")
     satellites = 0 if fix.satellites is None else fix.satellites
-    seen = f", {satellites} satellites" if fix.satellites is not None else ", satellites not told"
+    seen = (
+        f", {satellites} satellites" if fix.satellites is not None else ", satellites not reported"
+    )
     found = f"fix{seen}" + ("" if fix.accuracy_m is None else f", good to {fix.accuracy_m:.1f} m")
     poor = satellites < GOOD_SATELLITES
     inaccurate = (fix.accuracy_m or 0.0) > planned_m
@@ -191,7 +193,7 @@ def gps(fix: GpsFix | None, planned_m: float) -> Check:
 
 
 def wind(wind_m_s: tuple[float, float] | None, planned_m_s: float) -> Check:
-    """The wind, if the vehicle tells it, and the one that the mission is planned for.
+    """The wind, if the vehicle reports it, and the one that the mission is planned for.
 
     On the ground most do not.
     """
@@ -200,7 +202,7 @@ def wind(wind_m_s: tuple[float, float] | None, planned_m_s: float) -> Check:
             f"go by the forecast, {planned_m_s:g} m/s are planned for; in flight PX4 estimates it "
             "where EKF2_DRAG_CTRL is set up"
         )
-        return Check("wind", LOOK, "the vehicle does not tell it", advice)
+        return Check("wind", LOOK, "the vehicle does not report it", advice)
     if math.hypot(*wind_m_s) > planned_m_s:
         advice = (
             f"{planned_m_s:g} m/s are planned for: gusts may take it nearer to zones than their "
@@ -276,7 +278,7 @@ def disk(free_bytes: int | None) -> Check:
 
 
 def notes(mission: Mission) -> list[Check]:
-    """What the mission's files say that is not flown as it is written, or not at all."""
+    """Parts of the mission's files that are flown otherwise than written, or not at all."""
     return [
         Check(
             "mission",

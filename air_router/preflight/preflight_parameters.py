@@ -25,16 +25,16 @@ class WantedParameter:
 
     Attributes:
         name: PX4's.
-        wanted: In words.
+        wanted: As text.
         why: What happens otherwise.
         good: Whether a value is as wanted.
         stops: Whether a value is such that nothing takes off.
         accept: By which name a mission file accepts any other value; without that, nothing takes
-            off. None: it is only told.
+            off. None: it is only reported.
         scaled: PX4's start script multiplies it by the speed of a simulation.
         since: The first version of PX4 that has it; None: all have.
         before: The first version that has it no more; None: all have it since.
-        gone: What is instead of it from `before` on, in words.
+        replacement: What replaces it from `before` on, as text.
     """
 
     name: str
@@ -46,10 +46,10 @@ class WantedParameter:
     scaled: bool = False
     since: Version | None = None
     before: Version | None = None
-    gone: str = ""
+    replacement: str = ""
 
     def is_in(self, version: Version | None) -> bool:
-        """Whether this version of PX4 has it; one that is not told may have any."""
+        """Whether this version of PX4 has it; an unknown one may have any."""
         return version is None or (
             (self.since is None or self.since <= version)
             and (self.before is None or version < self.before)
@@ -150,7 +150,7 @@ WANTED: Final = (
         lambda _mission, value: bool(round(value) & 1),
         accept="sticks_do_not_override",
         before=(1, 18),
-        gone="MAN_OVERRIDE_SPD instead",
+        replacement="MAN_OVERRIDE_SPD instead",
     ),
     WantedParameter(
         "MAN_OVERRIDE_SPD",
@@ -209,11 +209,11 @@ WANTED: Final = (
     WantedParameter(
         "COM_OBC_LOSS_T",
         "at most 10 s",
-        "the ground station hears late that this computer is gone",
+        "the ground station notices late that this computer has failed",
         lambda _mission, value: value <= 10.0,
         scaled=True,
         before=(1, 18),
-        gone="5 s in any case",
+        replacement="5 s in any case",
     ),
     WantedParameter(
         "COM_LOW_BAT_ACT",
@@ -259,7 +259,7 @@ WANTED: Final = (
 
 
 def names(version: Version | None) -> tuple[str, ...]:
-    """The parameters that are looked at in a version of PX4; None: it is not told."""
+    """The parameters that are checked in a version of PX4; None: it is unknown."""
     return tuple(dict.fromkeys(each.name for each in WANTED if each.is_in(version)))
 
 
@@ -283,10 +283,10 @@ def parameters(
     """A line for each parameter that is not as wanted, and one for the others.
 
     Args:
-        mission: What is to be flown.
-        values: Of the parameters, by name; None for one that the vehicle did not tell.
-        version: Of PX4; None where it is not told: then values say which parameters there are.
-        absent: Those that PX4 says it does not have.
+        mission: The mission.
+        values: Of the parameters, by name; None for one that the vehicle did not report.
+        version: Of PX4; None where it is unknown: then `values` has the parameters that exist.
+        absent: Those that PX4 reports as missing.
         rate: Seconds of the vehicle in a second of ours: more than 1 in a fast simulation.
     """
     rows = [each for each in WANTED if each.is_in(version)]
@@ -303,17 +303,17 @@ def parameters(
     unknown = [name for name in looked_at if values.get(name) is None and name not in absent]
     if none:
         found = f"{_px4(version)} has none: {', '.join(none)}"
-        advice = "find out from its release notes what is instead of them, and look at that"
+        advice = "find their replacements in its release notes, and check those"
         checks.append(Check("parameters", LOOK, found, advice))
     if version is None and len(unknown) == len(looked_at):  # which was requested, too
         advice = (
-            "see to it that what is sent arrives (the wire to its RX, the port); if PX4 has a "
+            "make sure that messages arrive at PX4 (the wire to its RX, the port); if PX4 has a "
             "signing key, say --signing-key FILE"
         )
         return [*checks, Check("parameters", BAD, "PX4 answers no request", advice)]
     if unknown:
-        found = f"not told: {', '.join(unknown)}"
-        checks.append(Check("parameters", LOOK, found, "look at them yourself"))
+        found = f"not reported: {', '.join(unknown)}"
+        checks.append(Check("parameters", LOOK, found, "check them yourself"))
     good = len(looked_at) - len(none) - len(unknown) - len(wrong)
     found = f"{good} of {len(looked_at)} are as wanted{_gone(version)}"
     return [*checks, Check("parameters", GOOD, found)]
@@ -324,13 +324,13 @@ def _px4(version: Version | None) -> str:
 
 
 def _gone(version: Version | None) -> str:
-    """Which of them this version has no more, and what is instead; empty: it has all."""
-    gone = [
-        f"{each.name} ({each.gone})"
+    """Those that this version has no more, and their replacements; empty: it has all."""
+    removed = [
+        f"{each.name} ({each.replacement})"
         for each in WANTED
-        if version is not None and each.gone and not each.is_in(version)
+        if version is not None and each.replacement and not each.is_in(version)
     ]
-    return f"; {_px4(version)} has no {', no '.join(gone)}" if gone else ""
+    return f"; {_px4(version)} has no {', no '.join(removed)}" if removed else ""
 
 
 def straight_return(mission: Mission) -> Check:

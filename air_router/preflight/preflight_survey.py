@@ -1,4 +1,4 @@
-"""Gathers what the pre-flight card looks at: of the vehicle, of this computer, of the team."""
+"""Gathers the facts for the pre-flight card: of the vehicle, of this computer, of the team."""
 
 import asyncio
 import shutil
@@ -27,7 +27,7 @@ _GREETING: Final = b"\xff"
 
 @dataclass(frozen=True, slots=True)
 class PreflightSurvey:
-    """What is looked at before a flight."""
+    """The checks before a flight."""
 
     mission: Mission  # to be flown
     router: Router  # of the mission
@@ -39,9 +39,9 @@ class PreflightSurvey:
     simulated: bool = False  # what no simulation has is not judged: sticks, wind, GPS time, radios
 
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
-        """Look at everything; nothing on board is changed.
+        """Check everything; nothing on board is changed.
 
-        A vehicle that flies or is armed has a pilot: it is asked nothing more. Nor is one that is
+        A vehicle that flies or is armed has a pilot: nothing more is requested. Nor is one that is
         no multicopter with PX4.
         """
         first = [preflight.vehicle(info), preflight.standing(telemetry)]
@@ -76,7 +76,7 @@ class PreflightSurvey:
         return Card(tuple(checks))
 
     async def card_in_the_air(self, vehicle: Vehicle, info: VehicleInfo) -> Card:
-        """Look at what still matters once it flies; nothing on board is changed."""
+        """Check what still matters once it flies; nothing on board is changed."""
         inspection = await vehicle.inspect(names(version_of(info.version)))
         rate, mission = await self._rate(), self.mission
         return Card(

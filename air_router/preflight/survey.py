@@ -1,4 +1,4 @@
-"""What can be said of a checked mission before it flies: lengths, times, the tightest places."""
+"""Facts about a checked mission before it flies: lengths, times, the tightest places."""
 
 import math
 from dataclasses import dataclass

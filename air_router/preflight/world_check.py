@@ -1,6 +1,6 @@
-"""The check of what is simulated around a mission: its world file, its team, its rovers.
+"""The check of the simulated world around a mission: its world file, its team, its rovers.
 
-`sitl` reads these; it lies above this package, so it is asked as a program.
+`sitl` reads these; it lies above this package, so it runs as a program.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ class WorldRefusedError(AirRouterError):
 
 
 class WorldUncheckedError(AirRouterError):
-    """A package that the simulated world needs is not installed; the message says how to do it."""
+    """A package that the simulated world needs is not installed; the message has the command."""
 
     exit_code = ExitCode.MISSING_EXTRA
 
@@ -54,8 +54,8 @@ def check_world(mission: Path, rovers: Iterable[tuple[str, str]] = ()) -> None:
         WorldUncheckedError: an extra is missing.
         KeyboardInterrupt: the operator ends it.
     """
-    words = [word for name, where in rovers for word in ("--rover", f"{name}={where}")]
-    code, stdout, stderr = _sitl("team", str(mission), "--check", *words)
+    options = [part for name, where in rovers for part in ("--rover", f"{name}={where}")]
+    code, stdout, stderr = _sitl("team", str(mission), "--check", *options)
     if code == ExitCode.DONE:
         return
     if code == INTERRUPTED:
@@ -68,16 +68,16 @@ def check_world(mission: Path, rovers: Iterable[tuple[str, str]] = ()) -> None:
     raise WorldRefusedError(stderr.strip())
 
 
-def _sitl(*words: str) -> tuple[int, str, str]:
-    """Run the program; returns its exit code, and what it says on stdout and stderr."""
-    said, errors, argv = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["sitl", *words]
+def _sitl(*options: str) -> tuple[int, str, str]:
+    """Run the program; returns its exit code, and its stdout and stderr."""
+    stdout, errors, argv = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["sitl", *options]
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(errors):
+        with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(errors):
             runpy.run_module("sitl", run_name="__main__", alter_sys=False)
     except SystemExit as end:
-        return int(end.code or ExitCode.DONE), said.getvalue(), errors.getvalue()
+        return int(end.code or ExitCode.DONE), stdout.getvalue(), errors.getvalue()
     finally:
         sys.argv = argv
         raise_when_interrupted()
-    return ExitCode.DONE, said.getvalue(), errors.getvalue()
+    return ExitCode.DONE, stdout.getvalue(), errors.getvalue()

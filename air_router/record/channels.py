@@ -45,7 +45,7 @@ class RecordChannel(NamedTuple):
     Attributes:
         topic: Its name.
         schema_name: The name of the messages' schema; `schema`: its bytes.
-        encoding: Of the messages: "json", or "protobuf" for what is drawn.
+        encoding: Of the messages: "json", or "protobuf" for drawings.
     """
 
     topic: str
@@ -120,7 +120,7 @@ def _timed(topic: str, of: Any) -> RecordChannel:
 def viewer_schema(of: Any) -> Plain:
     """The JSON schema of a declared type as far as the viewers of records understand it.
 
-    One type each, no alternatives and no references, nothing said of what may be null.
+    One type each, no alternatives and no references, null is not mentioned.
     """
     if of in _recorded_classes():
         defined = _recorded_schemas()
@@ -159,7 +159,7 @@ def _understood(schema: Plain, defined: Mapping[str, Plain]) -> Plain:
     elif schema["type"] == "array":
         parts = [schema["items"]] if "items" in schema else schema.get("prefixItems", [])
         items = _any_of([_understood(part, defined) for part in parts])
-        # Of lists in lists viewers know nothing, so that of those nothing is said.
+        # Of lists in lists viewers know nothing, so those have no schema.
         nested = items["type"] == "array"
         kept["items"] = {"type": "object", "properties": {}} if nested else items
     return kept

@@ -1,6 +1,6 @@
 """A flight in the messages that Foxglove's panels draw by themselves, of its SDK's typed schemas.
 
-Nothing here is needed to replay a flight: it is what is recorded anyway, said once more for the
+Nothing here is needed to replay a flight: it shows recorded values once more, for the
 eye. In three dimensions places are metres east, north and above home. Needs the extra `foxglove`.
 """
 
@@ -66,8 +66,8 @@ class FlightDrawing:
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
-        self._frame = mission.frame  # of what is drawn in metres
-        self._done_s: dict[float, float] = {}  # Unix times, by how often what is drawn
+        self._frame = mission.frame  # of drawings in metres
+        self._done_s: dict[float, float] = {}  # Unix times, by interval
         self._vehicle: Place | None = None  # newest; east, north, up in m
         self._robots: dict[str, Point] = {}  # newest positions
         self._links: dict[str, LinkMetrics] = {}  # newest, by peer
@@ -83,7 +83,7 @@ class FlightDrawing:
 
     @singledispatchmethod
     def draw(self, value: object, unix_s: float) -> Iterator[Drawn]:
-        """What is drawn of an event, a decision, a link or the map, at a time on the vehicle."""
+        """The drawing of an event, a decision, a link or the map, at a time on the vehicle."""
         del value, unix_s
         return iter(())
 
@@ -142,17 +142,17 @@ class FlightDrawing:
         return due
 
     def _team(self, unix_s: float) -> Drawn:
-        """Where robots were heard of, and the links to those that are heard, by strength."""
+        """Reported positions of robots, and the links with a signal, by strength."""
         entities = []
         for name, position in self._robots.items():
             link = self._links.get(name)
             signal = None if link is None else link.signal
-            words = name if signal is None else f"{name} {signal.text}"
+            text = name if signal is None else f"{name} {signal.text}"
             lines = []
             if self._vehicle is not None and signal is not None:
                 ends = [self._vehicle, (*position, 0.0)]
                 lines = [_line(_LIST, ends, _by_strength(signal), 3.0)]
-            texts, spheres = [_text(words, (*position, 3.0))], [_ball((*position, 0.0))]
+            texts, spheres = [_text(text, (*position, 3.0))], [_ball((*position, 0.0))]
             entities.append(_entity(name, unix_s, spheres=spheres, lines=lines, texts=texts))
         return _drawn("/scene/robots", fg.SceneUpdate(entities=entities))
 
@@ -279,7 +279,7 @@ def _graph(mission: Mission, unix_s: float) -> fg.SceneEntity:
 
 
 def _walls(  # noqa: PLR0913, PLR0917 - all that is seen of an area
-    name: str, words: str, polygon: Polygon, band: Band, colour: Colour, unix_s: float
+    name: str, text: str, polygon: Polygon, band: Band, colour: Colour, unix_s: float
 ) -> fg.SceneEntity:
     """An area as its border at the top, and what hangs down from it."""
     lines, corners = [], []
@@ -294,8 +294,8 @@ def _walls(  # noqa: PLR0913, PLR0917 - all that is seen of an area
     middle = polygon.representative_point()
     points = [fg.Point3(**_xyz(corner)) for corner in corners]
     wall = fg.TriangleListPrimitive(pose=_pose(), points=points, color=_colour(colour, 0.25))
-    text = _text(words, (middle.x, middle.y, band.upper_m))
-    return _entity(name, unix_s, lines=lines, triangles=[wall], texts=[text])
+    label = _text(text, (middle.x, middle.y, band.upper_m))
+    return _entity(name, unix_s, lines=lines, triangles=[wall], texts=[label])
 
 
 def _entity(name: str, unix_s: float, **parts: list[Any]) -> fg.SceneEntity:
@@ -320,14 +320,14 @@ def _ball(place: Place) -> fg.SpherePrimitive:
     return fg.SpherePrimitive(pose=_pose(place), size=size, color=_colour(_ROBOT))
 
 
-def _text(words: str, place: Place) -> fg.TextPrimitive:
+def _text(text: str, place: Place) -> fg.TextPrimitive:
     return fg.TextPrimitive(
         pose=_pose(place),
         billboard=True,
         font_size=12.0,
         scale_invariant=True,
         color=_colour(_TEXT),
-        text=words,
+        text=text,
     )
 
 

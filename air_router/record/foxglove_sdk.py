@@ -60,13 +60,13 @@ def foxglove_mcap(log: Log) -> bytes:
 
 
 class _RecordDrawing:
-    """Draws what a record says, whatever was drawn in flight."""
+    """Draws a record, whatever was drawn in flight."""
 
     def __init__(self) -> None:
         self._made: tuple[FlightDrawing, Mapper] | None = None  # None until the setup
 
     def drawn(self, entry: RecordEntry, unix_s: float) -> Iterable[Drawn]:
-        """What is drawn of an entry."""
+        """The drawing of an entry."""
         if entry.kind == "setup":
             self._made = FlightDrawing(entry.value.mission), Mapper(entry.value.mission)
             return self._made[0].begin(unix_s)
@@ -78,7 +78,7 @@ class _RecordDrawing:
 
 
 class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
-    """Serves a flight to Foxglove while it lasts. Nothing can be asked of it.
+    """Serves a flight to Foxglove while it lasts. It takes no requests.
 
     Args:
         host: The address to serve on; another than this machine's shows the flight to the network.
@@ -107,7 +107,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
         self.address = f"ws://{host}:{self._server.port}"
 
     def send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
-        """Send a message; what fails is told now and then, and the flight goes on."""
+        """Send a message; failures are logged now and then, and the flight goes on."""
         self._newest[channel.topic] = (channel, time_ns, data)
         with self._harmless:
             self._channels.send(channel, time_ns, data)

@@ -81,15 +81,15 @@ class RecordMessage(NamedTuple):
     channel: RecordChannel
     time_ns: int  # Unix time on the vehicle's clock
     data: bytes  # in the channel's encoding
-    entry: RecordEntry  # what it says
+    entry: RecordEntry  # its content
 
 
 class Log:
-    """One record. After it was gone through, `ending` says how it ends.
+    """One record. Once it was read, `ending` has how it ends.
 
     Attributes:
         path: Where it is.
-        ending: None: whole. Otherwise what is wrong with its end; all before it is good.
+        ending: None: whole. Otherwise the fault of its end; all before it is good.
         damaged: Bytes of it are wrong; one that only ends early, as after a power cut, is not.
     """
 
@@ -110,17 +110,17 @@ class Log:
             yield part.entry if isinstance(part, RecordMessage) else part
 
     def messages(self) -> Iterator[RecordMessage]:
-        """Every message as it stands, and what it says; what was drawn for viewers is left out.
+        """Every raw message with its content; drawings for viewers are left out.
 
         Raises:
-            LogError: as when it is gone through.
+            LogError: as on iteration.
         """
         for part in self._readable():
             if isinstance(part, RecordMessage):
                 yield part
 
     def _readable(self) -> Iterator[RecordEntry | RecordMessage]:
-        """All parts, with every fault of the file told as one."""
+        """All parts, with every fault of the file as one error."""
         try:
             yield from self._parts()
         except (TypeError, ValueError) as error:
@@ -166,8 +166,8 @@ class Log:
             entry = self._entry(channel.root, _object(record.data))
             yield RecordMessage(channel, record.log_time, record.data, entry)
 
-    def _check_count(self, told: Statistics, count: list[int]) -> None:
-        if count != [told.message_count, told.attachment_count]:
+    def _check_count(self, expected: Statistics, count: list[int]) -> None:
+        if count != [expected.message_count, expected.attachment_count]:
             self.damaged = True
             self.ending = "it is damaged: something of it cannot be found"
 
@@ -262,7 +262,7 @@ def _note(t: float, data: dict[str, Any]) -> RecordEntry:
 
 
 def _only(kind: type, plain: Any) -> Any:
-    """What is recorded in its own place. Raises CodecError: it is none of this class."""
+    """A value that has a channel of its own. Raises CodecError: it is none of this class."""
     value = decode(plain)
     if not isinstance(value, kind):
         raise CodecError(f"{shown(plain)} is no {kind.__name__}")
@@ -279,4 +279,4 @@ _READERS: Final[dict[str, Callable[[float, dict[str, Any]], RecordEntry]]] = {
     "links": lambda t, data: RecordEntry(t, "link", _only(LinkMetrics, data)),
     "patches": lambda t, data: RecordEntry(t, "patch", base64.b64decode(data["patch"])),
 }
-"""By the first part of a topic; what is drawn for viewers is in the record twice."""
+"""By the first part of a topic; drawings for viewers are in the record twice."""

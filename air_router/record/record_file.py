@@ -57,7 +57,7 @@ def open_record(
         folder: Where the file goes.
         names: How its name begins, and ends: the UAV's.
         mission: The path of the mission, as the operator wrote it.
-        trouble: Told when nothing more can be recorded.
+        trouble: Called when nothing more can be recorded.
 
     Raises:
         OSError: it cannot be made.
@@ -72,8 +72,8 @@ def open_record(
         **{name: _version(name) for name in _VERSIONS_OF},
     }
     uav = "".join(c if c.isalnum() else "_" for c in names[1])[:40]
-    words = [names[0], time.strftime("%Y%m%dT%H%M%SZ", time.gmtime()), uav]
-    stem = "-".join(word for word in words if word)
+    parts = [names[0], time.strftime("%Y%m%dT%H%M%SZ", time.gmtime()), uav]
+    stem = "-".join(part for part in parts if part)
     number = 1
     while True:
         name = f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap"
@@ -97,7 +97,7 @@ def _version(name: str) -> str:
 
 
 class _Sink:
-    """Where the MCAP writer writes to: into memory, and what is whole from there to the disk.
+    """Where the MCAP writer writes to: into memory, and whole chunks from there to the disk.
 
     What a disk refuses waits in memory, and the file ends where it was whole; so a disk on which
     there is room again gets everything that happened meanwhile.
@@ -130,7 +130,7 @@ class _Sink:
         self._whole = self._position
 
     def sync(self) -> None:
-        """Put what is whole on the disk. Raises OSError: it does not take it now."""
+        """Write the whole chunks. Raises OSError: the disk does not take them now."""
         data = bytes(self._waiting[: self._whole - self._on_disk])
         try:
             self._append(data)
@@ -157,9 +157,9 @@ class RecordFile:
 
     Args:
         path: The new file.
-        trouble: Told, on the thread that writes, when the disk takes nothing, when it does again,
+        trouble: Called, on the writing thread, when the disk takes nothing, when it does again,
             and when the file is given up.
-        facts: What is known of the whole file, as texts.
+        facts: Facts about the whole file, as texts.
 
     Raises:
         OSError: the file cannot be made.
@@ -174,7 +174,7 @@ class RecordFile:
         self._writer = Writer(self._sink)  # type: ignore[arg-type]
         self._channels: dict[str, int] = {}  # MCAP ids, by topic
         self._schemas: dict[str, int] = {}  # MCAP ids, by name
-        # what is to be written, and its bytes; None: the end
+        # what to write, and its bytes; None: the end
         self._queue: queue.SimpleQueue[tuple[Callable[[], None], int] | None] = queue.SimpleQueue()
         self._given = self._taken = 0  # bytes: each is counted on one thread only
         self._failed = False  # the disk does not take it: it is not written any more
@@ -247,7 +247,7 @@ class RecordFile:
             work()
         except Exception as error:  # noqa: BLE001 - no fault of a record may end a flight
             self._fail(_reason(error))
-            self._sync()  # what is whole
+            self._sync()  # the whole chunks
 
     def _sync(self) -> None:
         """Put it on the disk; what that does not take is kept, up to a limit, for the next time."""

@@ -41,7 +41,7 @@ _LATEST_UNIX_S: Final = 1.8e10  # in the year 2540
 
 CLOCK, LINKS, MAP, GRID = "clock", "links", "map", "grid"
 EVERY_S: Final = {CLOCK: 10.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
-"""So often the vehicle's Unix time is noted beside its own clock, the links are looked at, the size
+"""So often the vehicle's Unix time is noted beside its own clock, the links are measured, the size
 of the map is noted, and the whole map is drawn while it grows."""
 
 PATCH_BYTES: Final = 200_000_000
@@ -68,16 +68,16 @@ class Recorder(Closeable):
     """Writes one flight's record. Without a folder nothing is kept.
 
     Times are seconds on the vehicle's clock. Nothing that goes wrong with the record is an error
-    of the flight's: `trouble` is told once, perhaps on another thread.
+    of the flight's: `trouble` is called once, perhaps on another thread.
 
     Args:
         folder: Where the file goes; it is made when it is not there.
         mission: The path of the mission, as the operator wrote it.
         unix_s: The vehicle's Unix time.
-        trouble: Told when nothing more can be recorded; see `report_to`.
+        trouble: Called when nothing more can be recorded; see `report_to`.
         stem: How the file's name begins; `name`: the UAV's, with which it ends.
         must: A folder that cannot be written to is an error.
-        viewer: Shows what is recorded while it happens, also where nothing is kept.
+        viewer: Shows the recording while it happens, also where nothing is kept.
 
     Attributes:
         folder: Where records are, also if this one cannot be; None where nothing is to be kept.
@@ -106,7 +106,7 @@ class Recorder(Closeable):
         self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
         self._last_ns = 0  # of the newest message; never runs back
-        self._heard_s = -math.inf  # when the newest event was, vehicle's clock
+        self._event_s = -math.inf  # when the newest event was, vehicle's clock
         self._done_s: dict[str, float] = {}  # when each of `EVERY_S` was, vehicle's clock
         self._maps = self._grid_cells = self._motions = 0  # versions, cells and motions recorded
         self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)  # motions and their numbers
@@ -131,7 +131,7 @@ class Recorder(Closeable):
         """Call this when nothing more can be recorded, perhaps on another thread."""
         self._trouble = trouble
 
-    # What is recorded.
+    # Recording.
 
     def begin(self, setup: FlightSetup, **facts: object) -> None:
         """Record what the controller is made of, and how it is flown."""
@@ -151,10 +151,10 @@ class Recorder(Closeable):
         if self._idle:
             return
         self._flown = True
-        if now_s < self._heard_s - REBOOT_S:  # times go on from where they were
+        if now_s < self._event_s - REBOOT_S:  # times go on from where they were
             self._epoch_s = None
             self._done_s.clear()
-        self._heard_s = now_s
+        self._event_s = now_s
         self._write("event", event, now_s)
         if self._due(CLOCK, now_s):
             self.note("Clock", now_s, {"unix_s": self._unix_s()})
@@ -183,14 +183,14 @@ class Recorder(Closeable):
         """Record the links on which something has happened, and what peers are known to hold.
 
         Args:
-            links: Asked now and then for the metrics by peer.
-            held: Asked then for the newest stamp by peer, robot and topic.
+            links: Called now and then for the metrics by peer.
+            held: Called then for the newest stamp by peer, robot and topic.
             now_s: As everywhere.
         """
         if self._idle or not self._due(LINKS, now_s):
             return
         for peer, link in links().items():
-            # Ages change all the time; contacts are told by events.
+            # Ages change all the time; contacts are events.
             steady = dataclasses.replace(link, newest_age_s=None, topic_ages_s={}, contacts=())
             if self._links.get(peer) != steady:
                 self._links[peer] = steady
@@ -199,10 +199,10 @@ class Recorder(Closeable):
                 self._show(link, now_s)
         for peer, holdings in held().items():
             known = self._held.setdefault(peer, {})
-            news = [[*key, s] for key, s in sorted(holdings.items()) if known.get(key) != s]
-            if news:
+            changed = [[*key, s] for key, s in sorted(holdings.items()) if known.get(key) != s]
+            if changed:
                 known.update(holdings)
-                self.note("Held", now_s, {"peer": peer, "held": news})
+                self.note("Held", now_s, {"peer": peer, "held": changed})
 
     def patch(self, patch: bytes, now_s: float) -> None:
         """Record a patch that was painted into the map, as it came."""
@@ -261,7 +261,7 @@ class Recorder(Closeable):
         """On the thread that writes."""
         try:
             self._trouble(text)
-        except RuntimeError:  # the listener has gone
+        except RuntimeError:  # the listener has ended
             _log.error(text)
 
     def _write(self, kind: str, value: object, now_s: float) -> None:
@@ -294,7 +294,7 @@ class Recorder(Closeable):
             return None
 
     def _show(self, value: object, now_s: float) -> None:
-        """Record what is drawn of it."""
+        """Record its drawing."""
         if self._drawing is not None:
             self._draw(partial(self._drawing.draw, value), self._time_s(now_s))
 
@@ -316,7 +316,7 @@ class Recorder(Closeable):
             self._viewer.send(channel, self._last_ns, data)
 
     def _time_s(self, now_s: float) -> float:
-        """Unix seconds for displays: they run with the vehicle's clock, whatever GPS says later.
+        """Unix seconds for displays: they run with the vehicle's clock, whatever GPS reports later.
 
         Where that is behind the computer's, by which the record began, they go on from there.
         """

@@ -1,4 +1,4 @@
-"""Where the record of a flight goes, as the command line says."""
+"""Where the record of a flight goes, as given on the command line."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ record_argument = click.argument(
 
 
 def record_of(arguments: Options) -> Path:
-    """What `record_argument`'s argument says.
+    """The record that `record_argument`'s argument names.
 
     Raises:
-        UsageError: it says nothing, and no flight was recorded where they usually are.
+        UsageError: it is empty, and no flight was recorded where they usually are.
     """
     if arguments.log is not None:
         return Path(arguments.log)
     folders = (LOCAL_FOLDER, default_folder())
     found = (path for folder in folders for path in folder.rglob("*.mcap"))
-    records = [path for path in found if path.is_file()]  # no link to one that is gone
+    records = [path for path in found if path.is_file()]  # no link to a removed one
     if not records:
         raise UsageError(f"neither logs/ nor {default_folder()} has a record of a flight; name one")
     return max(records, key=lambda path: path.stat().st_mtime)

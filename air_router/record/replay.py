@@ -1,6 +1,6 @@
 """Runs the decisions of a recorded flight again.
 
-The same events at the same times must give the same actions. What is replayed is the controller,
+The same events at the same times must give the same actions. It replays the controller,
 and nothing else: no vehicle, no sockets, no clock. A difference means that the program has changed
 since, that the record is not whole, or that a decision depends on something that is not in its
 events.
@@ -20,7 +20,7 @@ from air_router.record.serialization import decode, plain_of
 from air_router.vehicle import Telemetry
 
 CONTEXT: Final = 10
-"""So many events before a difference are told; positions in between only as the last one."""
+"""Events that are printed before a difference; of positions in between only the last."""
 
 _TOLD: Final = frozenset({"setup", "Reaction", "HomeBy", "LetGo", "Unwritable"})
 """What comes between an event with its actions and the next; all else may come among them."""
@@ -48,7 +48,7 @@ class ReplayDifference:
         t: On the vehicle's clock.
         event: What happened.
         recorded: What was decided in flight.
-        replayed: What is decided now; an exception as its text.
+        replayed: The decisions now; an exception as its text.
         state: The state of the mission then, in the replay.
         before: The events before it.
     """
@@ -63,12 +63,12 @@ class ReplayDifference:
     def lines(self) -> Iterator[str]:
         """As text."""
         yield f"first difference at {self.t:.3f} s, in {self.state}:"
-        for told in self.before:
-            yield f"  {told.t:10.3f}  {told.event}"
-            yield from (f"              -> {action}" for action in told.actions)
+        for step in self.before:
+            yield f"  {step.t:10.3f}  {step.event}"
+            yield from (f"              -> {action}" for action in step.actions)
         yield f"  {self.t:10.3f}  {self.event}"
-        for word, actions in (("recorded", self.recorded), ("replayed", self.replayed)):
-            yield from (f"    {word}: {action}" for action in actions or ["nothing"])
+        for label, actions in (("recorded", self.recorded), ("replayed", self.replayed)):
+            yield from (f"    {label}: {action}" for action in actions or ["nothing"])
 
     def as_json(self) -> dict[str, Any]:
         """As plain data; what was before it is for people."""
@@ -106,7 +106,7 @@ class Replay:
 
 
 class Replayer:
-    """Tells a controller what the one of a record was told.
+    """Gives a controller the events of a record.
 
     Args:
         controller: What decides; None: made from the setup in the record.
@@ -147,7 +147,7 @@ class Replayer:
 def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedStep]:
     """Events with their actions, and all else that is recorded, in order.
 
-    Nothing that the controller was told after it was let go is in it. The last event of a record
+    Events after the vehicle was released are not in it. The last event of a record
     that was cut off is left out: not all that followed may be there.
     """
     current: RecordedStep | None = None
@@ -219,7 +219,7 @@ def replay_record(entries: Iterable[RecordEntry], controller: Controller | None 
 
 
 def _as_recorded(action: object) -> str:
-    """An action as it would be read from a record, in words."""
+    """An action as text, as it would be read from a record."""
     try:
         return repr(decode(plain_of(action)))
     except TypeError:  # an exception as its text

@@ -43,8 +43,8 @@ from geo.airspace import Airspace, Shape, Zone
 from mocha_link.links import LinkMetrics
 
 SCHEMA_VERSION: Final = 2
-"""Of what is in a record; it changes when older programs cannot read it any more, or this one
-theirs. The schemas of each are in docs/schemas."""
+"""Version of the records' content; it changes when older programs cannot read it any more, or this
+one theirs. The schemas of each are in docs/schemas."""
 
 TYPE_KEY: Final = "type"
 
@@ -74,7 +74,7 @@ def _text(value: object) -> str:
 
 
 # A union is written strictly: a whole number where a float is declared, and those of NumPy's, have
-# to be made what is declared.
+# to be made the declared type.
 _SINGLE: Final[dict[Any, Any]] = {
     float: Annotated[
         float,
@@ -125,7 +125,7 @@ def _tuple(arguments: tuple[Any, ...]) -> Any:
 
 
 def _union(members: tuple[Any, ...]) -> Any:
-    """One of these; objects are told apart by their `type`, which is needed where there are two."""
+    """One of these; a `type` distinguishes objects where there are two kinds."""
     classes: list[Any] = [member for member in members if dataclasses.is_dataclass(member)]
     others = [written_as(member) for member in members if member not in classes]
     if len(classes) == 1:
@@ -147,7 +147,7 @@ _GENERIC: Final[dict[Any, Callable[[tuple[Any, ...]], Any]]] = {
 
 
 def _name_of(value: Any) -> str:
-    """What tells an object, or its JSON, from those of other classes."""
+    """The tag of an object, or of its JSON, among other classes."""
     return str(value.get(TYPE_KEY)) if isinstance(value, dict) else type(value).__name__
 
 

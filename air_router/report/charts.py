@@ -1,4 +1,4 @@
-"""What is drawn of a flight over time: each figure for a wide page and for a phone."""
+"""Plots of a flight over time: each figure for a wide page and for a phone."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ _FAR_M: Final = 60.0  # from zones and fence: farther is seldom drawn
 _SYNC_COLOURS: Final = {"complete": "accent", "partial": "around", "broken off": "wrong"}
 
 Legend = Sequence[tuple[str, str]]
-"""What stands for what: the name of a colour, and words."""
+"""The legend: the name of a colour, and its label."""
 
 
 class Figure(NamedTuple):
@@ -76,7 +76,7 @@ class Frame(NamedTuple):
 
 
 class Bar(NamedTuple):
-    """A block from one time to another, with what is shown where the pointer is."""
+    """A block from one time to another, with its tooltip."""
 
     from_s: float
     to_s: float
@@ -119,21 +119,21 @@ class Chart:
     def line(self, series: Series, colour: str, *, steps: bool = False) -> None:
         """A line; with `steps` each value stays until the next."""
         times, values = zip(*series, strict=True) if series else ((), ())
-        look: dict[str, Any] = {"drawstyle": "steps-post"} if steps else {}
+        style: dict[str, Any] = {"drawstyle": "steps-post"} if steps else {}
         since = [t - self.begin_s for t in times]
-        self.axes.plot(since, values, color=colours()[colour], **look)
+        self.axes.plot(since, values, color=colours()[colour], **style)
 
-    def limit(self, value: float, words: str) -> None:
-        """A line across, with words."""
+    def limit(self, value: float, label: str) -> None:
+        """A line across, with a label."""
         self.axes.axhline(value, color=colours()["wrong"], linewidth=1.2, dashes=(5, 3))
-        self.words(
-            1.0, value, words, transform=self.axes.get_yaxis_transform(), ha="right", va="bottom"
+        self.text(
+            1.0, value, label, transform=self.axes.get_yaxis_transform(), ha="right", va="bottom"
         )
 
-    def words(self, x: float, y: float, words: str, **look: Any) -> Any:
-        """Words that can be read across lines."""
+    def text(self, x: float, y: float, label: str, **style: Any) -> Any:
+        """A text that is legible across lines."""
         box = {"facecolor": colours()["halo"], "edgecolor": "none", "pad": 1.5, "alpha": 0.8}
-        return self.axes.text(x, y, words, color=colours()["ink"], bbox=box, **look)
+        return self.axes.text(x, y, label, color=colours()["ink"], bbox=box, **style)
 
 
 def figures(history: FlightHistory) -> list[Figure]:
@@ -238,7 +238,7 @@ def _timeline(history: FlightHistory) -> Figure:
         [
             *((colour, ", ".join(states)) for colour, states in alike.items()),
             *([("contact", "in range")] if history.links.contacts else []),
-            *((_SYNC_COLOURS[o], words) for o, words in labels.items() if o in outcomes),
+            *((_SYNC_COLOURS[o], label) for o, label in labels.items() if o in outcomes),
         ],
     )
 
@@ -262,9 +262,9 @@ def _states(history: FlightHistory, chart: Chart, lane: int) -> None:
             fontsize=10.5 if chart.width_px == WIDE_PX else 9.5, fontweight="bold",
             color=colours()["on-state"],
         )  # fmt: skip
-        for words in (f"{stay.state} {stay.robot}" if stay.robot else stay.state, stay.state, ""):
-            text.set_text(words)
-            if not words or text.get_window_extent().width < end - x - 2:
+        for label in (f"{stay.state} {stay.robot}" if stay.robot else stay.state, stay.state, ""):
+            text.set_text(label)
+            if not label or text.get_window_extent().width < end - x - 2:
                 break
 
 
@@ -348,7 +348,7 @@ def _map(history: FlightHistory) -> Figure | None:
         "map",
         "Map coverage",
         f"Share of the {most:,} cells that the UAV had mapped by the end: its own, and what each "
-        "robot is known to hold, because it said so or fetched it. What robots pass on among "
+        "robot is known to hold, because it reported so or fetched it. What robots pass on among "
         "themselves shows when the UAV meets them again.",
         _drawn(history, Frame("map", "map coverage over time", "%"), draw),
         [("accent", "the UAV"), *((robot_colour(history, name), name) for name in known)],
@@ -361,7 +361,7 @@ def _distance(history: FlightHistory) -> Figure | None:
     clearance_m = history.mission.planner.clearance_m
     distances_m = [away_m for _, away_m in history.distances]
     nearest_m, farthest_m = min(distances_m), max(distances_m)
-    # What is near is to be told apart, also where the vehicle was far away now and then.
+    # Short distances stay legible, also where the vehicle was far away at times.
     top_m = max(3 * clearance_m, min(farthest_m, max(_FAR_M, 2 * nearest_m)), 1.0)
 
     def draw(chart: Chart) -> None:

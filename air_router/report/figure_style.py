@@ -1,4 +1,4 @@
-"""How our figures look, in files and in pages: colours, quiet axes, text that stays text.
+"""The style of our figures, in files and in pages: colours, quiet axes, text that stays text.
 
 The colours are those of the map pages. A figure is drawn in the light ones; in a page each of them
 becomes the page's variable, so it follows light and dark. Needs matplotlib.
@@ -26,7 +26,7 @@ PX: Final = 1 / 72
 """Inches of one pixel: the unit of our SVG."""
 
 NAME: Final = "name"
-"""The gid of words on a map begins so: it becomes their class in the style sheet."""
+"""The gid of a text on a map begins so: it becomes its class in the style sheet."""
 
 _COLOUR: Final = re.compile(r"--([\w-]+):\s*(#\w+);")
 _LIGHT, _DARK = ":root {", ':root[data-theme="dark"] {'
@@ -96,7 +96,7 @@ def figure_style(name: str = "") -> Iterator[None]:
 
 
 def keep_letters(figure: Figure) -> None:
-    """Take from all words of a figure what shows no letter: it would be no XML either."""
+    """Remove unprintable characters from all texts of a figure: XML does not allow them."""
     for text in figure.findobj(Text):
         text.set_text(sanitize(text.get_text()))
 
@@ -110,7 +110,7 @@ def embedded(
         figure: Made in `figure_style`, and still in it.
         kind: Its class in the style sheet.
         label: What it shows, for those who do not see it.
-        tooltips: What is shown where the pointer is: for each part of the artist of a gid.
+        tooltips: The tooltips, for each part of the artist of a gid.
         saving: As for `Figure.savefig`.
     """
     keep_letters(figure)
@@ -125,11 +125,11 @@ def embedded(
         gid = group.attrib.pop("id", "")
         if gid.startswith(NAME):
             group.set("class", gid)
-        told = tooltips.get(gid, ())
+        texts = tooltips.get(gid, ())
         drawn = (part for part in group.iter() if part.tag in {f"{_SVG}use", f"{_SVG}path"})
         shapes = [part for part in drawn if "id" not in part.attrib]
-        for shape, words in zip(shapes, told, strict=False):
-            ET.SubElement(shape, "title").text = sanitize(words)
+        for shape, text in zip(shapes, texts, strict=False):
+            ET.SubElement(shape, "title").text = sanitize(text)
     for element in root.iter():
         _shorten(element)
     root.attrib = {

@@ -34,7 +34,7 @@ from air_router.vehicle import REBOOT_S, Telemetry
 from mocha_link.links import LinkEvent
 
 TRACK_S: Final = 0.5
-"""So often the track has a point, and its distance to zones and fence is looked at."""
+"""Interval of the track's points and of their distances to zones and fence."""
 
 BATTERY_STEP: Final = 0.005
 
@@ -64,7 +64,7 @@ class RequestRecord:
     """A request, and the answer (None: none)."""
 
     t: float
-    what: str  # in words
+    what: str  # for people
     by: str  # who requested it
     accepted: bool | None = None
     why: str = ""  # of the answer
@@ -77,7 +77,7 @@ class WaitInterval:
     from_s: float
     to_s: float
     interlock: str
-    why: str  # in words
+    why: str  # for people
 
 
 class TrackPoint(NamedTuple):
@@ -105,7 +105,7 @@ class FlightHistory:
     Attributes:
         setup: What was flown.
         about: Versions and the like.
-        ending: What is wrong with the end of the record; None if it is whole.
+        ending: The fault at the end of the record; None if it is whole.
         vehicle: Who answered: a note of the record.
         mission: With the zones and fences that it had at the end.
         totals: Duration, distance, clearance and closest approach, as `FlownTrack.totals`.
@@ -124,7 +124,7 @@ class FlightHistory:
         links: Contacts, syncs and what came by them.
         report: The report at the end; empty if there is none.
         from_s, to_s: Time of the first and of the last event.
-        finish: Why it ended, as the controller said.
+        finish: Why it ended, as the controller reported.
         unix_offset_s: Unix time at 0.
     """
 
@@ -155,7 +155,7 @@ class FlightHistory:
 
     @property
     def outcome(self) -> str:
-        """How it ended: as reported at the end, else as the controller said."""
+        """How it ended: as reported at the end, else as the controller reported."""
         return str(self.report.get("outcome") or self.finish or "the record ends in flight")
 
     @property
@@ -164,7 +164,7 @@ class FlightHistory:
         return None if self.unix_offset_s is None else self.unix_offset_s + self.from_s
 
     def found(self, robot: str) -> int:
-        """How often a search for a robot ended with its being heard."""
+        """How often a search for a robot ended with its radio in range."""
         return sum(stay.robot == robot and stay.state == State.COMM.name for stay in self.states)
 
     def as_json(self) -> dict[str, Any]:
@@ -222,7 +222,7 @@ def history_of(log: Log) -> FlightHistory:
     return fold.end(log.ending)
 
 
-# The fold: what is recorded goes in, in its order; what does not change any more comes out.
+# The fold: entries go in, in their order; a frozen history comes out.
 
 
 @dataclass(slots=True)
@@ -283,7 +283,7 @@ class _Decisions:
     def event(self, t: float, event: Any) -> None:
         if isinstance(event, Asked):
             self._open[event.by, event.request_id] = len(self.requests)
-            self.requests.append(RequestRecord(t, _request_words(event), event.by))
+            self.requests.append(RequestRecord(t, _request_text(event), event.by))
         elif isinstance(event, CommandFailed):
             self.failures.append((t, f"{type(event.action).__name__}: {event.reason}"))
 
@@ -334,7 +334,7 @@ class HistoryFold:
     """Folds what is recorded of a flight into its history.
 
     Args:
-        setup: What is flown.
+        setup: The setup of the flight.
         about: Versions and the like.
     """
 
@@ -351,7 +351,7 @@ class HistoryFold:
         self._unix_offset_s: float | None = None
 
     def take(self, entry: RecordEntry) -> None:
-        """Take in what is recorded next."""
+        """Take in the next entry."""
         flown = self._positions.flown
         match entry.kind:
             case "note":
@@ -365,7 +365,7 @@ class HistoryFold:
                 self._decisions.action(entry.t, entry.value)
 
     def end(self, ending: str | None) -> FlightHistory:
-        """There is no more; `ending`: what is wrong with the end of the record.
+        """There is no more; `ending`: the fault at the end of the record.
 
         Raises:
             NothingFlownError: there was no event.
@@ -440,7 +440,7 @@ class HistoryFold:
             self._decisions.event(t, event)
 
 
-def _request_words(event: Asked) -> str:
+def _request_text(event: Asked) -> str:
     match event:
         case SeekNow(robot=robot):
             return f"seek {robot}"
@@ -449,6 +449,6 @@ def _request_words(event: Asked) -> str:
             return f"go to {places}"
         case ChangeAltitude(altitude_m=altitude_m):
             return f"hold at {altitude_m:g} m"
-    words = {"HoldNow": "hold", "GoOn": "resume", "ExploreNow": "explore", "ComeHome": "home"}
-    words |= {"LandNow": "land here", "Reload": "reload the mission file"}
-    return words.get(type(event).__name__, type(event).__name__)
+    texts = {"HoldNow": "hold", "GoOn": "resume", "ExploreNow": "explore", "ComeHome": "home"}
+    texts |= {"LandNow": "land here", "Reload": "reload the mission file"}
+    return texts.get(type(event).__name__, type(event).__name__)

@@ -26,7 +26,7 @@ _OUTCOMES: Final = {
     "pilot": "pilot took over",
     "failsafe": "autopilot failsafe",
 }
-"""Words for what programs read; any other outcome is a sentence already."""
+"""Texts for outcomes of programs; any other outcome is a sentence already."""
 
 _REQUESTS: Final = {
     "the page's word": "returned on request from the web page",
@@ -87,7 +87,7 @@ def page_of(history: FlightHistory, source: str) -> str:
 
 
 def _printable(value: Any) -> Any:
-    """Text of others without what is no letter, such as a change of the writing direction."""
+    """Text of others without control characters, such as a change of the writing direction."""
     return sanitize(value) if type(value) is str else value
 
 
@@ -131,7 +131,7 @@ def _closest(history: FlightHistory) -> Tile:
         return Tile("closest approach", "none", "no zones, no fence")
     (closest_m, what), required_m = history.closest, history.totals["clearance_m"]
     more = f"to {what}; required {required_m:g} m"
-    # As it is compared: a report of 5.0 m where 5 m are required is not a breach.
+    # As compared: a report of 5.0 m where 5 m are required is not a breach.
     bad = round(closest_m, 2) < required_m
     return Tile("closest approach", f"{closest_m:.1f} m", more, bad)
 

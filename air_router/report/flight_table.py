@@ -52,7 +52,7 @@ def table(report: dict[str, Any]) -> str:
 
 
 def goals_line(report: Mapping[str, Any]) -> str:
-    """How many vehicles simulated robots have found, if they looked for any."""
+    """How many vehicles simulated robots have found, if they searched for any."""
     goals = report.get("world", {}).get("goals", {"total": 0})
     if not goals["total"]:
         return ""
@@ -62,13 +62,13 @@ def goals_line(report: Mapping[str, Any]) -> str:
 def pace_line(report: Mapping[str, Any]) -> str:
     """How fast a simulation went, if it was one, and for whom it had to wait."""
     pace = report.get("world", {}).get("pace", {})
-    asked, kept = pace.get("asked"), pace.get("kept")
+    requested, kept = pace.get("asked"), pace.get("kept")
     if kept is None:
         return ""
     waited = {name: of["waited_s"] for name, of in pace.get("processes", {}).items()}
     text = f"simulated at {kept:.1f} times real time"
-    if kept < KEPT_SHARE * asked:
-        text += f" of the {asked:g} requested"
+    if kept < KEPT_SHARE * requested:
+        text += f" of the {requested:g} requested"
         if any(seconds >= 1 for seconds in waited.values()):
             who = ", ".join(f"{seconds:.0f} s for {name}" for name, seconds in waited.items())
             text += f"; the world waited {who}"
@@ -87,8 +87,8 @@ def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
     """The report of several flights as text: a part for each, and how near they came."""
     parts = []
     for uav, part in report["uavs"].items():
-        told = table(part) if part else f"no report (exit code {codes[uav]}): see above\n"
-        parts.append(f"\n{uav}\n{told}")
+        text = table(part) if part else f"no report (exit code {codes[uav]}): see above\n"
+        parts.append(f"\n{uav}\n{text}")
     lines = []
     for pair in report["world"].get("vehicles", ()):
         if pair["closest_m"] is not None:
@@ -103,7 +103,7 @@ def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
 
 
 def size_words(count: float) -> str:
-    """So many bytes, in words of at most four digits."""
+    """A number of bytes, with at most four digits."""
     if count < 10_000:
         return f"{count:.0f} B"
     if count < 10_000_000:

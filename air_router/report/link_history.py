@@ -26,16 +26,16 @@ class LinkHistory:
     """What the links of a flight did.
 
     Attributes:
-        names: Every robot that was sought or heard of, in order.
+        names: Every robot that was sought or known to the node, in order.
         contacts, syncs: In the order of their ends.
         counts: How many syncs began, and how they ended.
         totals: Syncs that were not broken off, and their bytes.
         ages: By robot, (t, age in seconds of the newest of its messages that we held): before and
             after each that came.
         map_shares: By robot, (t, share of the painted cells in the map that it is known to have):
-            by what it said that it holds, and by what it has fetched from us. At least: it may have
+            from its own reports, and from what it has fetched. At least: it may have
             got a newer one from another robot since we met it.
-        signal: By robot, (t, value, unit); no value: it was not heard.
+        signal: By robot, (t, value, unit); no value: no signal.
     """
 
     names: tuple[str, ...]
@@ -58,7 +58,7 @@ class LinkHistory:
         }
 
     def of(self, robot: str) -> dict[str, Any]:
-        """What is known of one robot, as plain data."""
+        """The data of one robot, as plain values."""
         return {
             "contacts": [asdict(c) for c in self.contacts if c.robot == robot],
             "syncs": [asdict(s) for s in self.syncs if s.robot == robot],
@@ -89,8 +89,8 @@ class LinkFold:
     """Adds up the events of the links; `end` gives their history.
 
     Attributes:
-        own: The UAV's own name: how old its own news are is no question.
-        sought: Robots that the mission seeks, though nothing may be heard of them.
+        own: The UAV's own name: the age of its own messages does not matter.
+        sought: Robots that the mission seeks, even if they never connect.
         links: Contacts and syncs.
         published: (t, known cells) of the versions of the map that were given out.
     """
@@ -99,7 +99,7 @@ class LinkFold:
     sought: tuple[str, ...] = ()
     links: Interactions = field(default_factory=Interactions)
     published: list[tuple[float, int]] = field(default_factory=list)
-    # t, value and unit, by peer; no value: it was not heard
+    # t, value and unit, by peer; no value: no signal
     signal: dict[str, list[tuple[float, float | None, str]]] = field(default_factory=dict)
     _newest_s: dict[str, float] = field(default_factory=dict)  # stamp, by robot
     _maps: list[float] = field(default_factory=list)  # stamps of our own maps
@@ -117,8 +117,8 @@ class LinkFold:
             case MessageStored():
                 self._stored(t, event)
             case RssiChanged(peer=peer, rssi_dbm=rssi_dbm, signal=signal):
-                heard = (rssi_dbm, "dBm") if signal is None else (signal.value, signal.unit.value)
-                self.signal.setdefault(peer, []).append((t, *heard))
+                value = (rssi_dbm, "dBm") if signal is None else (signal.value, signal.unit.value)
+                self.signal.setdefault(peer, []).append((t, *value))
 
     def holds(self, t: float, peer: str, held: list[list[Any]]) -> None:
         """A peer is known to hold these: robot, topic, stamp."""

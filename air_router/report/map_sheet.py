@@ -34,20 +34,20 @@ with needs_extra("a picture", "plot", "air-router"):
 _WIDTH_INCH: Final = 8.0
 _FLATTEST, _TALLEST = 0.4, 1.8  # of a sheet: height by width
 _DPI: Final = 130
-_SMALL: Final = 6.5  # of words: their size in points
-_TOUCH_PX: Final = 1.0  # words may be so near to others
+_SMALL: Final = 6.5  # points: the size of text
+_TOUCH_PX: Final = 1.0  # texts may be this near to others
 
 
 class MapSheet:
     """A picture in the proportions of what it shows, with quiet axes in metres.
 
-    Of several things with one label the legend names one. What is drawn with a higher `zorder`
+    Of several things with one label the legend names one. Marks with a higher `zorder`
     covers what has a lower one.
 
     Args:
         points: There is room for all of them.
         ground: The colour below everything.
-        width_inch: Of the map; words keep their size.
+        width_inch: Of the map; text keeps its size.
         tallest: Its height by its width, at most.
 
     Attributes:
@@ -72,8 +72,8 @@ class MapSheet:
         self._height_inch = width_inch * (north - south) / (east - west)
         self._figure = Figure(figsize=(width_inch, self._height_inch))
         self._labels: set[str] = set()  # in the legend
-        self._taken: list[tuple[str, Bbox]] = []  # words and where they stand; "" is a mark
-        self._names: list[Annotation] = []  # words with an outline in their ground's colour
+        self._taken: list[tuple[str, Bbox]] = []  # texts and their boxes; "" is a mark
+        self._names: list[Annotation] = []  # texts with an outline in the colour of their ground
         self._columns = max(2, round(width_inch / 2))  # of the legend
         self.tooltips: dict[str, Sequence[str]] = {}  # in a page, by the gid of what was drawn
         self.axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -133,14 +133,14 @@ class MapSheet:
         In a page, `tooltips` are shown where the pointer is, one for each mark.
         """
         if places:
-            look: dict[str, Any] = {"edgecolor": Ink.HALO, "linewidth": 1, "zorder": 7} | style
-            look["gid"] = f"marks{len(self.tooltips)}"
-            self.tooltips[look["gid"]] = tooltips
+            whole: dict[str, Any] = {"edgecolor": Ink.HALO, "linewidth": 1, "zorder": 7} | style
+            whole["gid"] = f"marks{len(self.tooltips)}"
+            self.tooltips[whole["gid"]] = tooltips
             east, north = zip(*places, strict=True)
             self.axes.scatter(
-                east, north, s=size, marker=marker, color=colour, label=self._once(label), **look
+                east, north, s=size, marker=marker, color=colour, label=self._once(label), **whole
             )
-            for place in places:  # words may touch it
+            for place in places:  # text may touch it
                 x, y = self.axes.transData.transform(place)
                 reach = math.sqrt(size) / 3 * self._figure.dpi / 72
                 self._taken.append(
@@ -154,7 +154,7 @@ class MapSheet:
     def name(
         self, text: str, place: Point, colours: tuple[str, str], *, below: bool = False, z: float
     ) -> None:
-        """A name in a colour and one around it, at a place, or below or beside what is there.
+        """A name in a colour and one around it, at a place, or below or beside the marks there.
 
         Not once more where it would cover itself.
         """
@@ -166,8 +166,8 @@ class MapSheet:
         """The number of a waypoint, beside it; in this direction, if nothing is there."""
         turns = (math.radians(turn) for turn in (0, 45, -45, 90, -90, 135, -135, 180))
         offs = [(7.5 * math.cos(angle + turn), 6.5 * math.sin(angle + turn)) for turn in turns]
-        look = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
-        self._write(text, place, offs, Ink.WRONG if wrong else Ink.TEXT, Ink.HALO, **look)
+        style = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
+        self._write(text, place, offs, Ink.WRONG if wrong else Ink.TEXT, Ink.HALO, **style)
 
     def save(self, path: Path, title: str, subtitle: str, warning: str = "") -> None:
         """Write what the picture shows around it, and the whole into a file.
@@ -198,13 +198,13 @@ class MapSheet:
             )
         self._finish()
         keep_letters(self._figure)
-        look: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.12, "dpi": _DPI}
+        style: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.12, "dpi": _DPI}
         if path.suffix == ".svg":
-            look["metadata"] = {"Date": None}  # the same mission, the same bytes
+            style["metadata"] = {"Date": None}  # the same mission, the same bytes
         try:
             picture = io.BytesIO()
             suffix = path.suffix.removeprefix(".") or None
-            self._figure.savefig(picture, format=suffix, facecolor="white", **look)
+            self._figure.savefig(picture, format=suffix, facecolor="white", **style)
             write_whole(path, picture.getvalue(), replace=True)
         except (OSError, ValueError) as error:
             raise PictureError(f"cannot write the picture {path}: {error}") from None
@@ -214,8 +214,8 @@ class MapSheet:
         self._finish()
         for name in self._names:  # outlined by the style sheet: text with an effect would be paths
             name.set_path_effects([])
-        look: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03}
-        return embedded(self._figure, kind, label, self.tooltips, **look)
+        style: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03}
+        return embedded(self._figure, kind, label, self.tooltips, **style)
 
     def _finish(self) -> None:
         """The legend below the map, and its scale."""
@@ -245,11 +245,11 @@ class MapSheet:
         halo: str,
         **style: Any,
     ) -> None:
-        """Words so many points off a place: where nothing is, else where they cover least.
+        """A text some points off a place: where there is room, else where it covers least.
 
-        Not once more where the same words stand: they name this, too.
+        Not repeated beside the same text, which names this place, too.
         """
-        look: dict[str, Any] = {"fontsize": _SMALL, "ha": "center", "va": "center"} | style
+        whole: dict[str, Any] = {"fontsize": _SMALL, "ha": "center", "va": "center"} | style
         note = self.axes.annotate(
             text,
             place,
@@ -259,10 +259,10 @@ class MapSheet:
             color=ink,
             annotation_clip=True,
             path_effects=[patheffects.withStroke(linewidth=2.4, foreground=halo)],
-            **look,
+            **whole,
         )
         box = note.get_window_extent().padded(_TOUCH_PX)
-        if any(words == text and Bbox.intersection(box, other) for words, other in self._taken):
+        if any(label == text and Bbox.intersection(box, other) for label, other in self._taken):
             note.remove()
             return
         scale = self._figure.dpi / 72
@@ -287,9 +287,9 @@ class MapSheet:
         bar = Line2D(*zip(*corners, strict=True), transform=place, color=Ink.TEXT, linewidth=1.0)
         bar.set_clip_on(False)
         self.axes.add_line(bar)
-        look: dict[str, Any] = {"ha": "center", "color": Ink.TEXT}
+        style: dict[str, Any] = {"ha": "center", "color": Ink.TEXT}
         middle_m, arrow_m = east - bar_m / 2, east - bar_m - 0.03 * width_m
-        self.axes.text(middle_m, high, f"{bar_m:g} m", transform=place, fontsize=7.5, **look)
+        self.axes.text(middle_m, high, f"{bar_m:g} m", transform=place, fontsize=7.5, **style)
         self.axes.annotate(
             "N",
             xy=(arrow_m, top),
@@ -299,7 +299,7 @@ class MapSheet:
             fontsize=8,
             arrowprops={"arrowstyle": "-|>", "color": Ink.TEXT, "linewidth": 1.1},
             annotation_clip=False,
-            **look,
+            **style,
         )
 
 
@@ -310,7 +310,7 @@ def _shared(box: Bbox, other: Bbox) -> float:
 
 
 def drawn(shape: Shape) -> BaseGeometry:
-    """A shape as it looks: circles round."""
+    """The drawn shape: circles are round."""
     if isinstance(shape, Circle):
         return ShapelyPoint(shape.centre).buffer(shape.radius_m, quad_segs=48)
     return shape.polygon

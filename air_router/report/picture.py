@@ -1,6 +1,6 @@
-"""Pictures of a mission: zones, waypoint graph, a route, a flown track, and what is wrong.
+"""Pictures of a mission: zones, waypoint graph, a route, a flown track, and its faults.
 
-Of a coverage too: the area, what is seen of it, and the rows. Needs matplotlib.
+Of a coverage too: the area, the part that is seen, and the rows. Needs matplotlib.
 """
 
 import math
@@ -53,7 +53,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
 
     Args:
         mission: fences, zones with their clearance, waypoints, home, rally points. Zones that do
-            not apply at its altitudes and in its time are drawn faint. What is impossibly far from
+            not apply at its altitudes and in its time are drawn faint. Anything impossibly far from
             home is left out.
         path: the file to write.
         graph: draw its edges too.
@@ -61,7 +61,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
         track: where the vehicle flew.
         meetings: robots that it found, and where it was then.
         around: straight legs that are flown around something.
-        faults: what is wrong with the mission, in red.
+        faults: the faults of the mission, in red.
 
     Raises:
         PictureError: the file cannot be written, or its ending is not a picture's.
@@ -95,7 +95,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
 
 
 @figure_style()
-def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
+def draw_coverage(field: Field, plan: Coverage, path: Path, caption: str) -> None:
     """Draw a coverage into a file; its name's ending (.png, .svg, .pdf) chooses the format.
 
     Raises:
@@ -124,8 +124,8 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     for place in home:
         sheet.home(place)
     sheet.marks([plan.rows[0].start], "o", 36, Ink.ROUTE, "first row")
-    told = told.replace(" m2", " m²").replace(" deg", "°")
-    sheet.save(path, sanitize(field.draft.name), told)
+    caption = caption.replace(" m2", " m²").replace(" deg", "°")
+    sheet.save(path, sanitize(field.draft.name), caption)
 
 
 def _subtitle(mission: Mission) -> str:
@@ -151,7 +151,7 @@ def _verdict(faults: Faults | None) -> str:
 
 
 def draw_airspace(sheet: MapSheet, mission: Mission) -> None:
-    """Fences and zones, with what is kept from the zones that apply."""
+    """Fences and zones, with the clearance of the zones that apply."""
     if mission.fences:
         inside = shapely.intersection_all([drawn(fence) for fence in mission.fences])
         sheet.shape(inside, facecolor=Ink.GROUND, zorder=1)
@@ -166,7 +166,7 @@ def draw_airspace(sheet: MapSheet, mission: Mission) -> None:
 def _draw_zones(
     sheet: MapSheet, zones: Sequence[Zone], grown: Sequence[BaseGeometry], kept: str
 ) -> None:
-    """Zones that apply, and each grown by what is kept from it, with the name for that."""
+    """Zones that apply, and each grown by its clearance, with the name for that."""
     if not zones:
         return
     buffers = shapely.union_all(grown)

@@ -27,11 +27,11 @@ def track_figure(history: FlightHistory) -> Figure:
     """Zones, fence, waypoints, the track, robots, and where it came closest."""
     mission = history.mission
     track = [Point(at.east_m, at.north_m) for at in history.track]
-    heard = {name: fixes for name, fixes in history.robots.items() if name in history.links.names}
+    reports = {name: fixes for name, fixes in history.robots.items() if name in history.links.names}
     places = [mission.home, *(w.position for w in mission.waypoints), *track]
     shapes = mission.fences or [zone.shape for zone in mission.zones]
     places += [corner for shape in shapes for corner in shape.corners]
-    places += [Point(fix.east_m, fix.north_m) for fixes in heard.values() for fix in fixes]
+    places += [Point(fix.east_m, fix.north_m) for fixes in reports.values() for fix in fixes]
     near = [place for place in places if not far(place, mission)]
 
     def draw(kind: str) -> str:
@@ -41,18 +41,18 @@ def track_figure(history: FlightHistory) -> Figure:
             sheet = MapSheet(near, ground, width_inch=width_inch, tallest=tallest)
             draw_airspace(sheet, mission)
             _waypoints(sheet, history)
-            _robots(sheet, history, heard)
+            _robots(sheet, history, reports)
             if len(track) > 1:
                 sheet.way(track, Ink.TRACK, 1.2, "flown track", 5)
             sheet.home(mission.home)
             _closest(sheet, history)
-            for name, fixes in heard.items():
+            for name, fixes in reports.items():
                 colour = colours()[robot_colour(history, name)]
                 last = Point(fixes[-1].east_m, fixes[-1].north_m)
                 sheet.name(name, last, (colour, Ink.HALO), below=True, z=9.5)
             return sheet.svg(kind, "the flown track")
 
-    caption = "Robots are drawn at the positions they reported." if heard else ""
+    caption = "Robots are drawn at the positions they reported." if reports else ""
     if history.closest is not None:
         closest_m, what = history.closest
         caption = (
@@ -64,25 +64,25 @@ def track_figure(history: FlightHistory) -> Figure:
 
 def _waypoints(sheet: MapSheet, history: FlightHistory) -> None:
     seen = [w for w in history.mission.waypoints if not far(w.position, history.mission)]
-    told = [f"waypoint {waypoint.number}" for waypoint in seen]
-    look = {"edgecolor": Ink.TEXT, "linewidth": 0.6}
+    tooltips = [f"waypoint {waypoint.number}" for waypoint in seen]
+    style = {"edgecolor": Ink.TEXT, "linewidth": 0.6}
     places = [waypoint.position for waypoint in seen]
-    sheet.marks(places, "o", 6, Ink.HALO, "waypoint", tooltips=told, **look)
+    sheet.marks(places, "o", 6, Ink.HALO, "waypoint", tooltips=tooltips, **style)
 
 
 def _robots(
-    sheet: MapSheet, history: FlightHistory, heard: dict[str, tuple[RobotFix, ...]]
+    sheet: MapSheet, history: FlightHistory, reports: dict[str, tuple[RobotFix, ...]]
 ) -> None:
-    """Where robots reported to be, once for each spot that can be told apart."""
+    """Where robots reported to be, once for each spot that can be distinguished."""
     west, east = sheet.axes.get_xlim()
-    for name, fixes in sorted(heard.items()):
+    for name, fixes in sorted(reports.items()):
         spots = np.array([(fix.east_m, fix.north_m) for fix in fixes]) // ((east - west) / _DOTS)
         _, first = np.unique(spots, axis=0, return_index=True)
         kept: Sequence[RobotFix] = [fixes[i] for i in sorted(first.tolist())]
         places = [Point(fix.east_m, fix.north_m) for fix in kept]
         colour = colours()[robot_colour(history, name)]
-        told = [f"{name}, heard at {clock(fix.t - history.from_s)}" for fix in kept]
-        sheet.marks(places, "o", 9, colour, name, linewidth=0, zorder=5.5, tooltips=told)
+        tooltips = [f"{name}, reported at {clock(fix.t - history.from_s)}" for fix in kept]
+        sheet.marks(places, "o", 9, colour, name, linewidth=0, zorder=5.5, tooltips=tooltips)
 
 
 def _closest(sheet: MapSheet, history: FlightHistory) -> None:
@@ -90,5 +90,5 @@ def _closest(sheet: MapSheet, history: FlightHistory) -> None:
         return
     away_m, *place = history.closest_at
     ring = {"facecolor": "none", "edgecolor": Ink.WRONG, "linewidth": 1.4, "zorder": 9}
-    told = f"closest approach, about {away_m:.1f} m"
-    sheet.marks([Point(*place)], "o", 55, Ink.WRONG, "closest approach", tooltips=[told], **ring)
+    tooltip = f"closest approach, about {away_m:.1f} m"
+    sheet.marks([Point(*place)], "o", 55, Ink.WRONG, "closest approach", tooltips=[tooltip], **ring)

@@ -1,7 +1,7 @@
 """ROS 2 actions: their goals, and the services and topics that an action is made of.
 
 A goal is a request to the flight, followed to its end. It is over when the flight leaves the state
-that it asked for. What led out of it, a signal of the state machine, says whether it was reached.
+that it requested. What led out of it, a signal of the state machine, says whether it was reached.
 """
 
 import base64
@@ -23,7 +23,7 @@ Change = Mapping[str, Any]
 
 ANY: Final[GoalId] = base64.b64encode(bytes(16)).decode()
 _KEPT: Final = 32
-"""So many goals that are over can still be asked for their results."""
+"""Finished goals whose results are kept for clients."""
 
 
 STATUS_LIST: Final = "action_msgs/GoalStatusArray"
@@ -59,7 +59,7 @@ class GoalSpec:
         begin: State and signal with which it begins.
         on: Signals that lead on within it, by state.
         done: State and signal by which it is reached.
-        reached: What is said then.
+        reached: The message then.
     """
 
     begin: tuple[str, str]
@@ -156,7 +156,7 @@ class Goals:
         yield from [goal for goal in self.goals.values() if not goal.over]
 
     def to_cancel(self, goal_id: GoalId, until_s: float) -> tuple[Cancel, list[Goal]]:
-        """The goals that a request to cancel means, as action_msgs/CancelGoal says.
+        """The goals that a request to cancel means, as action_msgs/CancelGoal defines.
 
         `goal_id` may be `ANY`; `until_s`: those that came by then, too; 0: none.
         """
@@ -207,28 +207,28 @@ class ActionServer:
         self._feedback, self._statuses = f"{inside}/feedback", f"{inside}/status"
         self._results = f"{inside}/get_result"
         self._waiting: list[tuple[GoalId, Values]] = []  # for their results
-        self._told: list[Values] | None = None  # statuses published last
+        self._published: list[Values] | None = None  # statuses published last
         graph.advertise(self._feedback, f"{kind}_FeedbackMessage", 10, lasting=False)
         graph.advertise(self._statuses, STATUS_LIST)
         serve(f"{inside}/send_goal", f"{kind}_SendGoal", self._send_goal)
         serve(f"{inside}/cancel_goal", CANCEL, self._cancel)
         serve(self._results, f"{kind}_GetResult", self._get_result)
-        self.tell()
+        self.publish()
 
     def feed(self, feedback: Values) -> None:
-        """Tell how far a goal that is under way has come."""
+        """Publish the feedback of the goal under way."""
         for goal in self.goals.active():
             values = {"goal_id": {"uuid": goal.goal_id}, "feedback": feedback}
             self._graph.publish(self._feedback, f"{self._kind}_FeedbackMessage", values)
 
-    def tell(self) -> None:
-        """Tell how goals stand, and the results that are waited for."""
+    def publish(self) -> None:
+        """Publish the status of goals, and results that clients wait for."""
         statuses = [
             {"goal_info": _info(goal), "status": goal.status.value}
             for goal in self.goals.goals.values()
         ]
-        if statuses != self._told:
-            self._told = statuses
+        if statuses != self._published:
+            self._published = statuses
             self._graph.publish(self._statuses, STATUS_LIST, {"status_list": statuses})
         waiting, self._waiting = self._waiting, []
         for goal_id, request in waiting:
@@ -239,7 +239,7 @@ class ActionServer:
                 self._graph.reply(self._results, f"{self._kind}_GetResult", request, result)
 
     def _send_goal(self, request: Values) -> Values:
-        """Take a goal; a refusal of the flight is its result, for ROS has no words before it."""
+        """Take a goal; a refusal is its result, the first ROS message that has a reason."""
         now_s = self._unix_s()
         goal = self.goals.begin(request["goal_id"]["uuid"], now_s, self._newest())
         if goal is None:

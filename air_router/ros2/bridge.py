@@ -1,6 +1,6 @@
-"""Between one flight and ROS 2: looks at the flight, and hands it what ROS programs ask for.
+"""Bridges one flight and ROS 2: publishes its status, and forwards the requests of ROS programs.
 
-The flight is asked as every program asks it, and answers as it answers every program.
+It is a client of the flight's control endpoint, as every program is.
 """
 
 import contextlib
@@ -27,15 +27,15 @@ from air_router.ros2.ros_graph import RosGraph
 from mocha_link.bridges import channel
 from mocha_link.errors import RequestError
 
-LOOK_S: Final = 0.2
-SLOW_LOOKS: Final = 5
-"""So many looks are as long as the pause between two of what changes slowly."""
+POLL_S: Final = 0.2
+SLOW_POLLS: Final = 5
+"""Polls between two messages about what changes slowly."""
 
-MAP_LOOKS: Final = 5 * SLOW_LOOKS
+MAP_POLLS: Final = 5 * SLOW_POLLS
 """Of the map, which takes the flight's time: as often as robots are given it."""
 
 _MOST_WAITING: Final = 100
-"""Requests of ROS programs that wait for their turn; more are not heard."""
+"""Requests of ROS programs that wait for their turn; more are refused."""
 
 BY: Final = "ROS 2"
 TEXT: Final = "std_msgs/String"
@@ -50,13 +50,13 @@ class AnotherVehicleError(AirRouterError):
 
 
 class Ros2Bridge:
-    """Runs until a signal ends it; a flight that is gone may come back.
+    """Runs until a signal ends it; a flight that is lost may come back.
 
     Args:
-        client: Asks the flight.
+        client: Sends requests to the flight.
         graph: The ROS programs.
-        requests: Whether those may ask for something, too.
-        say: Takes what the operator is to know; called from other threads as well.
+        requests: Whether ROS programs may send requests.
+        say: Takes messages to the operator; called from other threads as well.
         unix_s: The time of messages.
     """
 
@@ -76,29 +76,29 @@ class Ros2Bridge:
         self._name = ""  # the flight's; empty: none was found yet
         self._scene: Scene  # of the flight found last
         self._view: dict[str, Any] = {}  # the newest answer to `view`
-        self._looks = 0  # large things are looked at now and then
+        self._polls = 0  # large things are polled less often
         self._seen: dict[str, int] = {}  # revisions published last
         self._actions: dict[str, ActionServer] = {}  # by name
-        self._silent = False  # the flight does not answer, as told
+        self._silent = False  # the operator knows that the flight does not answer
 
     def run(self) -> None:
-        """Look, and answer between two looks.
+        """Poll the flight, and answer requests in between.
 
         Raises:
             AnotherVehicleError: the endpoint is that of another UAV now.
         """
-        look_s = time.monotonic()
+        poll_s = time.monotonic()
         while True:
-            wait_s = look_s - time.monotonic()
+            wait_s = poll_s - time.monotonic()
             if wait_s <= 0:
-                self.look()
-                look_s = time.monotonic() + LOOK_S
+                self.poll()
+                poll_s = time.monotonic() + POLL_S
                 continue
             with contextlib.suppress(queue.Empty):
                 self._jobs.get(timeout=wait_s)()
 
-    def look(self) -> None:
-        """Ask the flight how it is, and tell ROS."""
+    def poll(self) -> None:
+        """Request the flight's status, and publish it."""
         try:
             view = self._newest_view()
             now_s = self._unix_s()
@@ -113,12 +113,12 @@ class Ros2Bridge:
         self._view = view
         for action in self._actions.values():
             action.goals.follow(view["changes"])
-            action.tell()
+            action.publish()
         return view
 
     def _slow(self, view: dict[str, Any], now_s: float) -> Iterator[OutgoingMessage]:
-        self._looks += 1
-        if self._looks % SLOW_LOOKS != 1:
+        self._polls += 1
+        if self._polls % SLOW_POLLS != 1:
             return
         self._feed(view)
         yield self._scene.team(view)
@@ -127,13 +127,13 @@ class Ros2Bridge:
             answer = self._client.request({"request": "view", "areas": True})
             self._seen["areas"] = answer["areas_revision"]
             yield self._scene.areas(answer["areas"])
-        if self._looks % MAP_LOOKS == 1 and self._seen.get("cells") != view["known_cells"]:
+        if self._polls % MAP_POLLS == 1 and self._seen.get("cells") != view["known_cells"]:
             answer = self._client.request({"request": "view", "map": True})
             self._seen["cells"] = answer["known_cells"]
             yield self._scene.map(answer["map"], now_s)
 
     def _feed(self, view: dict[str, Any]) -> None:
-        """Tell the actions how far they are."""
+        """Give the actions their feedback."""
         place, goal, left_s = view["position"], view["goal"], view["time_left_s"]
         away_m = math.nan
         if place is not None and goal is not None:
@@ -173,7 +173,7 @@ class Ros2Bridge:
             for action in self._actions.values():
                 action.goals.abort("that flight has ended")
 
-    # What ROS programs ask for.
+    # Requests of ROS programs.
 
     def _offer(self) -> None:
         for topic, kind in TOPICS.items():
@@ -182,7 +182,9 @@ class Ros2Bridge:
             return
         self._graph.advertise(self._topic(ANSWERS), TEXT, 10, lasting=False)
         self._graph.subscribe(
-            self._topic("~/ask"), TEXT, lambda asked: self._later("ask", partial(self._ask, asked))
+            self._topic("~/ask"),
+            TEXT,
+            lambda request: self._later("ask", partial(self._ask, request)),
         )
         for verb in TRIGGERS:
             self._serve(f"/{self._name}/{verb}", messages.TRIGGER, partial(self._trigger, verb))
@@ -198,7 +200,7 @@ class Ros2Bridge:
                 kind,
                 course,
                 ask=ask,
-                hold=lambda: self._asked(self._client.hold),
+                hold=lambda: self._answer_of(self._client.hold),
                 newest=self._newest,
                 unix_s=self._unix_s,
             )
@@ -210,7 +212,7 @@ class Ros2Bridge:
         return _number(self._view)
 
     def _serve(self, service: str, kind: str, answer: Answer) -> None:
-        """Have a service answered between two looks."""
+        """Answer a service between two polls."""
 
         def respond(request: Values) -> None:
             reply = answer(request)
@@ -218,31 +220,31 @@ class Ros2Bridge:
                 self._graph.reply(service, kind, request, reply)
 
         self._graph.serve(
-            service, kind, lambda asked: self._later(service, partial(respond, asked))
+            service, kind, lambda request: self._later(service, partial(respond, request))
         )
 
     def _later(self, what: str, job: Callable[[], None]) -> None:
-        """Do something between two looks; from any thread."""
+        """Run a job between two polls; from any thread."""
         try:
             self._jobs.put_nowait(job)
         except queue.Full:
             self._say(f"{what}: too many requests; this one is not answered")
 
-    def _ask(self, asked: Values) -> None:
-        """Ask in words, as at the terminal: for programs that have no services of ours."""
+    def _ask(self, message: Values) -> None:
+        """Take a request as text, as typed at the terminal: for programs without our services."""
         try:
-            request = parse_command(asked["data"]).model_dump(exclude_none=True)
+            request = parse_command(message["data"]).model_dump(exclude_none=True)
             answer = self._client.request({**request, "by": BY})
         except (ControlUnreachableError, RequestError) as error:
             answer = {"accepted": False, "why": str(error)}
         self._graph.publish(self._topic(ANSWERS), TEXT, {"data": json.dumps(answer)})
 
     def _trigger(self, verb: str, _: Values) -> Values:
-        answer = self._asked(getattr(self._client, verb))
+        answer = self._answer_of(getattr(self._client, verb))
         return {"success": answer.accepted, "message": answer.why}
 
     def _altitude(self, request: Values) -> Values:
-        answer = self._asked(partial(self._client.altitude, request["altitude_m"]))
+        answer = self._answer_of(partial(self._client.altitude, request["altitude_m"]))
         return {"success": answer.accepted, "message": answer.why, "code": answer.code or ""}
 
     def _goto(self, goal: Values) -> ControlAnswer:
@@ -250,14 +252,14 @@ class Ros2Bridge:
         if any(height not in (0.0, "nan") for height in heights):
             return _refused(_ALTITUDE)
         points = [(point["latitude"], point["longitude"]) for point in goal["points"]]
-        return self._asked(partial(self._client.goto, points, hold_s=goal["hold_s"] or None))
+        return self._answer_of(partial(self._client.goto, points, hold_s=goal["hold_s"] or None))
 
     def _seek(self, goal: Values) -> ControlAnswer:
-        return self._asked(partial(self._client.seek, goal["robot"]))
+        return self._answer_of(partial(self._client.seek, goal["robot"]))
 
     @staticmethod
-    def _asked(ask: Callable[[], ControlAnswer]) -> ControlAnswer:
-        """What the flight answers; that it does not is an answer, too."""
+    def _answer_of(ask: Callable[[], ControlAnswer]) -> ControlAnswer:
+        """The flight's answer; a refusal where it does not answer."""
         try:
             return ask()
         except (ControlUnreachableError, ControlError) as error:

@@ -1,4 +1,4 @@
-"""What a flight says and is asked in ROS 2: standard messages, and types of services and actions.
+"""The ROS 2 interface of a flight: standard messages, and types of services and actions.
 
 Messages are made of the flight's answer to `view`. The frame `map` has its origin where the
 mission's frame has it, x east, y north, z metres above home; `<uav>/base_link` is the vehicle in
@@ -21,7 +21,7 @@ from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import SemanticGrid
 
 Values = dict[str, Any]
-"""A message as plain values; what is left out is zero or empty."""
+"""A message as plain values; missing fields are zero or empty."""
 
 PACKAGE: Final = "air_router_msgs"
 GOTO: Final = f"{PACKAGE}/GoTo"
@@ -66,7 +66,7 @@ TOPICS: Final[Mapping[str, str]] = {
     "/tf": "tf2_msgs/TFMessage",
     "/diagnostics": "diagnostic_msgs/DiagnosticArray",
 }
-"""What is published, and as which type; a topic that begins with ``~/`` belongs to the vehicle."""
+"""The published topics and their types; a topic that begins with ``~/`` belongs to the vehicle."""
 
 
 class Scene:
@@ -93,7 +93,7 @@ class Scene:
         header = {"stamp": stamp(unix_s), "frame_id": MAP_FRAME}
         body = f"{self._name}/base_link"
         at = self._xyz(view["position"], view["altitude_m"])
-        heading_deg = view["heading_deg"]  # without one it looks east, as what has none in ROS
+        heading_deg = view["heading_deg"]  # without one it looks east, the default of ROS
         turned = math.radians((90.0 - (90.0 if heading_deg is None else heading_deg)) / 2)
         rotation = {"z": math.sin(turned), "w": math.cos(turned)}
         yield "~/pose", {"header": header, "pose": {"position": at, "orientation": rotation}}
@@ -118,7 +118,7 @@ class Scene:
         )
 
     def team(self, view: Mapping[str, Any]) -> OutgoingMessage:
-        """Robots where they were heard last, links to those that the radio hears, the goal."""
+        """Last positions of robots, links with a signal, and the goal."""
         places = {robot: self._xyz(pair) for robot, pair in view["heard"].items()}
         markers = [
             marker
@@ -130,8 +130,8 @@ class Scene:
         ]
         if view["position"] is not None:
             here = self._xyz(view["position"], view["altitude_m"])
-            heard = [link["peer"] for link in view["links"] if link["signal"] is not None]
-            lines = [end for peer in heard if peer in places for end in (here, places[peer])]
+            linked = [link["peer"] for link in view["links"] if link["signal"] is not None]
+            lines = [end for peer in linked if peer in places for end in (here, places[peer])]
             markers.append(_marker("link", 0, _LINES, _LINK, lines))
             if view["goal"] is not None:
                 ends = [here, self._xyz(view["goal"], view["altitude_m"])]
@@ -178,12 +178,12 @@ class Scene:
         elif waiting is not None:
             level, message = _WARN, f"{message}: waiting: {waiting['why']}"
         keys = ("robot", "time_left_s", "points_left", "waypoints_left", "mode", "armed", "battery")
-        told = {key: view.get(key) for key in keys}
-        told["waiting"] = None if waiting is None else waiting["interlock"]
-        statuses = [self._status("mission", level, message, told)]
+        facts = {key: view.get(key) for key in keys}
+        facts["waiting"] = None if waiting is None else waiting["interlock"]
+        statuses = [self._status("mission", level, message, facts)]
         for alarm in view.get("alarms", ()):
-            words = f"{alarm['text']}. {alarm['instruction']}"
-            statuses.append(self._status(f"alarm {alarm['about']}", _ERROR, words, {}))
+            text = f"{alarm['text']}. {alarm['instruction']}"
+            statuses.append(self._status(f"alarm {alarm['about']}", _ERROR, text, {}))
         for link in view["links"]:
             level, message = _OK, link["signal"]
             if link["team_differs"]:
@@ -200,13 +200,13 @@ class Scene:
     def _diagnostics(self, statuses: Sequence[Values], unix_s: float) -> OutgoingMessage:
         return "/diagnostics", {"header": {"stamp": stamp(unix_s)}, "status": list(statuses)}
 
-    def _status(self, what: str, level: int, message: str, told: Mapping[str, Any]) -> Values:
+    def _status(self, what: str, level: int, message: str, facts: Mapping[str, Any]) -> Values:
         return {
             "level": level,
             "name": f"{self._name}: {what}",
             "message": message,
             "hardware_id": self._name,
-            "values": [{"key": key, "value": str(value)} for key, value in told.items()],
+            "values": [{"key": key, "value": str(value)} for key, value in facts.items()],
         }
 
     def _xyz(self, pair: Sequence[float], up_m: float = 0.0) -> Values:

@@ -17,7 +17,7 @@ from mocha_link.bridges import Dds
 from mocha_link.ros import RosCodec, RosError
 
 _DEPTH: Final = 10
-_MATCH_S, _LOOK_S = 0.2, 0.005
+_MATCH_S, _POLL_S = 0.2, 0.005
 """So long a reply waits for a client whose request was faster than its own subscription."""
 
 _LOG = logging.getLogger(__name__)
@@ -78,9 +78,9 @@ class RosGraph:
         while time.monotonic() < until_s and len(writer.get_matched_subscriptions()) < len(
             reader.get_matched_publications()
         ):
-            time.sleep(_LOOK_S)
-        asked = {key: request[key] for key in HEADER}
-        self.publish(topic, kind, {**asked, **values})
+            time.sleep(_POLL_S)
+        header = {key: request[key] for key in HEADER}
+        self.publish(topic, kind, {**header, **values})
 
     def close(self) -> None:
         """Leave the domain."""

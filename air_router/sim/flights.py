@@ -54,7 +54,7 @@ class FlightProcess:
         process: The process.
         screen: Where it prints to and reads from: our end of its terminal, or a pipe.
         out: The file that its stdout goes to.
-        said: The bytes of a line that has not ended yet.
+        pending: The bytes of a line that has not ended yet.
         report: What it reported on stdout, known at its end; empty if it did not fly.
     """
 
@@ -62,7 +62,7 @@ class FlightProcess:
     process: subprocess.Popen[bytes]
     screen: int
     out: IO[bytes]
-    said: bytes = b""
+    pending: bytes = b""
     report: dict[str, Any] = field(default_factory=dict)
 
     def close(self) -> None:
@@ -114,9 +114,9 @@ class StatusBlock:
             self._write(self._erased() + self._block())
 
     def say(self, name: str, text: str) -> None:
-        """Print a line of news that stays."""
-        news = f"{self._prefix(name)}{text}\n"
-        self._write(self._erased() + news + self._block() if self.live else news)
+        """Print a line that stays."""
+        line = f"{self._prefix(name)}{text}\n"
+        self._write(self._erased() + line + self._block() if self.live else line)
 
     def end(self) -> None:
         """Leave the block standing and go on below it."""
@@ -151,9 +151,9 @@ class Flights:
     Args:
         commands: For each UAV the arguments of `air-router`.
         out: The terminal, stderr by default.
-        keyboard: Where words are typed, stdin by default; what is no terminal is left alone.
+        keyboard: Where requests are typed, stdin by default; anything but a terminal is left alone.
         program: What takes the arguments.
-        overhear: Is told every line that one of them says, and whose it is; a line that it takes
+        overhear: Takes every line that one of them prints, and its UAV; a line that it accepts
             (it answers True) is not printed.
     """
 
@@ -188,7 +188,7 @@ class Flights:
             for flight in self.flights:
                 self._listen(flight.screen, partial(self._take_said, flight))
             if self._block.live and self._keyboard.isatty():
-                self._listen(self._keyboard, self._take_words)
+                self._listen(self._keyboard, self._take_line)
             while self._more():
                 ready = self._selector.select(_LOOK_S)
                 for key, _ in ready:
@@ -203,7 +203,7 @@ class Flights:
         return next(code for code in _GRAVITY if code in codes)
 
     def _more(self) -> bool:
-        """Whether something may still be said."""
+        """Whether output may still come."""
         keys = self._selector.get_map().values()
         return any(key.fileobj is not self._keyboard for key in keys)
 
@@ -228,29 +228,29 @@ class Flights:
             chunk = os.read(flight.screen, _CHUNK)
         except OSError:  # a terminal whose other end is closed
             chunk = b""
-        *whole, flight.said = (flight.said + chunk).split(b"\n")
+        *whole, flight.pending = (flight.pending + chunk).split(b"\n")
         for line in whole:
             # What stands before the last carriage return was drawn over.
             text = line.rstrip(b"\r").rpartition(b"\r")[2].decode(errors="replace").rstrip()
             if text and not self._overhear(flight.uav, text):
                 self._block.say(flight.uav, text)
-        _, drawn, status = flight.said.rpartition(b"\r")
+        _, drawn, status = flight.pending.rpartition(b"\r")
         if drawn and status.strip():
             self._block.show(flight.uav, status.decode(errors="replace").rstrip())
         if not chunk:
             self._block.show(flight.uav, "ended")
         return bool(chunk)
 
-    def _take_words(self) -> bool:
+    def _take_line(self) -> bool:
         """`home` goes to all, `titan home` to one."""
         line = line_of(self._keyboard)
         name, _, rest = line.strip().partition(" ")
         names = [flight.uav for flight in self.flights]
-        words = rest if name in {*names, _ALL} else line.strip()
-        for flight in self.flights if words else ():
+        request = rest if name in {*names, _ALL} else line.strip()
+        for flight in self.flights if request else ():
             if name in {flight.uav, _ALL} or name not in names:
                 with contextlib.suppress(OSError):
-                    os.write(flight.screen, f"{words}\n".encode())
+                    os.write(flight.screen, f"{request}\n".encode())
         return bool(line) or self._keyboard.isatty()  # Ctrl-D ends nothing
 
 

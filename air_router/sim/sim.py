@@ -122,7 +122,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
 
     def overhear(uav: str, line: str) -> bool:
         """Their own pages are for the joint page only."""
-        address = None if page is None else PageAddress.heard(line)
+        address = None if page is None else PageAddress.in_line(line)
         if page is None or address is None:
             return False
         page.found(uav, address)

@@ -76,23 +76,23 @@ class SimVehicle:
 
 
 class WorldIncompleteError(AirRouterError):
-    """A process of the simulated world lacks a package; it said how to install it."""
+    """A process of the simulated world lacks a package; its message has how to install it."""
 
     exit_code = ExitCode.MISSING_EXTRA
 
 
 class Child:
-    """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM.
+    """A process of the simulated world: reports on stdout when it is ready, ends on SIGTERM.
 
     Attributes:
-        ended: What it said at its end, if it says something then.
+        ended: Its last message, if it sends one at its end.
     """
 
     def __init__(self, name: str, arguments: list[str], log: Path) -> None:
         self.ended: dict[str, Any] = {}
         self._name = name
         self._log = log
-        self._stopping = False  # asked to end
+        self._stopping = False  # SIGTERM was sent
         try:
             stderr = new_file(log)
         except OSError as error:
@@ -112,14 +112,14 @@ class Child:
             )
 
     def ready(self) -> dict[str, Any]:
-        """What it says when it is ready.
+        """Its message when it is ready.
 
         Raises:
             NoVehicleError: it ended or stayed silent instead.
             WorldIncompleteError: it lacks a package.
         """
         stdout = self._process.stdout
-        assert stdout is not None  # noqa: S101 - it was asked for
+        assert stdout is not None  # noqa: S101 - it was requested
         deadline_s = time.monotonic() + READY_S
         line = b""
         while not line.endswith(b"\n"):
@@ -129,10 +129,12 @@ class Child:
             byte = os.read(stdout.fileno(), 1)
             if not byte:
                 code = self._process.wait()
-                said = self._log.read_text(errors="replace").strip() or "nothing"
+                output = self._log.read_text(errors="replace").strip() or "nothing"
                 if code == ExitCode.MISSING_EXTRA:
-                    raise WorldIncompleteError(said)
-                raise NoVehicleError(f"sitl {self._name} ended with code {code}; it said: {said}")
+                    raise WorldIncompleteError(output)
+                raise NoVehicleError(
+                    f"sitl {self._name} ended with code {code}; its output: {output}"
+                )
             line += byte
         ready: dict[str, Any] = json.loads(line)
         threading.Thread(target=self._watch, name=f"sitl {self._name}", daemon=True).start()
@@ -144,7 +146,7 @@ class Child:
         if self._stopping:
             return
         how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
-        lost = _LOST.get(self._name.partition("-")[0], "the simulated vehicle is gone")
+        lost = _LOST.get(self._name.partition("-")[0], "the simulated vehicle has ended")
         _log.warning(
             "sitl %s %s: %s; type 'home' or press Ctrl-C, then start the simulation anew (its log: "
             "%s)",
@@ -152,7 +154,7 @@ class Child:
         )
 
     def stop(self) -> None:
-        """End it and wait until it has ended, with what it says then in `ended`."""
+        """End it and wait until it has ended, with its last message in `ended`."""
         self._stopping = True
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
@@ -198,7 +200,7 @@ class SimWorld(Closeable):
         self._altitudes_m = {layer.uav: layer.altitude_m for layer in layers}  # of cruise
         self._report = folder / "world.json"  # what the world writes at its end
         self._children: list[Child] = []  # in the order of their start
-        self._clock: Child | None = None  # the first vehicle, which tells the pace
+        self._clock: Child | None = None  # the first vehicle, which sets the pace
         self.pace: PaceSource | None = None
         try:
             seats, ready = self._with_ours() if options.px4 is None else self._with_px4(options.px4)
@@ -247,12 +249,12 @@ class SimWorld(Closeable):
         for number, uav in zip(_free_instances(len(self._uavs)), self._uavs, strict=True):
             files = ["--log-dir", str(self._folder / _named("px4", uav))]
             vehicles.append(self._start_vehicle("px4", uav, number, [*where, *files]))
-        told = [vehicle.ready() for vehicle in vehicles]
+        reports = [vehicle.ready() for vehicle in vehicles]
         seats = [
             SimVehicle(uav, str(ready["mavlink"]), int(ready["system_id"]))
-            for uav, ready in zip(self._uavs, told, strict=True)
+            for uav, ready in zip(self._uavs, reports, strict=True)
         ]
-        return seats, self._start_team([str(ready["truth"]) for ready in told], []).ready()
+        return seats, self._start_team([str(ready["truth"]) for ready in reports], []).ready()
 
     def _start_vehicle(self, command: str, uav: str, number: int, arguments: list[str]) -> Child:
         common = [command, str(self._mission), "--speed", str(self._options.speed)]

@@ -81,7 +81,7 @@ class _Question:
         key: Its name among the arguments.
         metavar: Its name in the help.
         help: What it is, there.
-        text: How it is asked for on a terminal.
+        text: The prompt on a terminal.
         read: What makes a value of an answer; raises ValueError.
         default: The answer if there is none; None: there has to be one.
     """
@@ -93,8 +93,8 @@ class _Question:
     read: Callable[[str], Any]
     default: str | None = None
 
-    def asked(self, ask: Callable[[str], str]) -> Any:
-        """The answer on a terminal; asked again until it can be read."""
+    def prompted(self, ask: Callable[[str], str]) -> Any:
+        """The answer on a terminal; repeated until it is valid."""
         shown = "" if self.default is None else f" [{self.default}]"
         while True:
             try:
@@ -190,7 +190,7 @@ def run(arguments: Options) -> int:
 
 
 def _answered(arguments: Options, ask: Callable[[str], str] | None) -> dict[str, Any]:
-    """Every answer: as an option, else asked for on the terminal if there is one, else its default.
+    """Every answer: as an option, else from the terminal if there is one, else its default.
 
     Raises:
         UsageError: one is missing that has no default.
@@ -199,7 +199,7 @@ def _answered(arguments: Options, ask: Callable[[str], str] | None) -> dict[str,
     for question in _QUESTIONS:
         value = getattr(arguments, question.key)
         if value is None and ask is not None:
-            value = question.asked(ask)
+            value = question.prompted(ask)
         elif value is None and question.default is None:
             raise UsageError(f"say --{question.key}, or answer on a terminal: {question.text}")
         elif value is None:

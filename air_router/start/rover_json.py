@@ -1,4 +1,4 @@
-"""A rover in plain Python: says where it is, and takes the UAV's map."""
+"""A rover in plain Python: publishes its position, and fetches the UAV's map."""
 
 import json
 import sys
@@ -12,7 +12,7 @@ node.connect(sys.argv[1])  # where its gossip node serves
 while True:
     pose = {"stamp_s": time.time(), "latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
     node.send_multipart([b'{"request": "publish", "topic": "/pose"}', json.dumps(pose).encode()])
-    print("said where it is", node.recv_json()["ok"])
+    print("position published", node.recv_json()["ok"])
     node.send_json({"request": "latest", "robot": "titan", "topic": "/map"})
     about, *grid = node.recv_multipart()
     print("has a map of", sum(map(len, grid)), "bytes", flush=True)

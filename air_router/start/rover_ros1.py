@@ -1,4 +1,4 @@
-"""A rover with types of ROS 1, without a ROS: says its GPS fix, and takes the UAV's map."""
+"""A rover with types of ROS 1, without a ROS: publishes its GPS fix, and fetches the UAV's map."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""A rover with types of ROS 2 on DDS, without a ROS: says its odometry, and takes the UAV's map."""
+"""A rover with types of ROS 2 on DDS, without a ROS: publishes odometry, fetches the UAV's map."""
 
 import sys
 import time

@@ -38,13 +38,13 @@ from mocha_link.path_safety import check_links
 from mocha_link.sanitize import sanitize
 
 MOST_TILES: Final = 5_000
-"""More are fetched only where the user says so: two hours of a server's time."""
+"""More are fetched only on request: two hours of a server's time."""
 
 MOST_MB: Final = 200.0
 """Nor more bytes, whatever the server answers."""
 
 FINEST: Final = 19
-"""The finest zoom level that is fetched unless the user says so: 0.3 m a pixel at the equator."""
+"""The finest zoom level that is fetched by default: 0.3 m a pixel at the equator."""
 
 _COARSEST_TILES: Final = 4
 """Of the coarsest level there are so many, at most: the whole mission in one view."""
@@ -59,7 +59,7 @@ _FORBIDDEN: Final = {
 _MB: Final = 1_000_000
 _CHUNK: Final = 64 * 1024
 _FASTEST: Final = 10.0  # tiles per second
-_EVERY: Final = 50  # tiles, so often it is told how far it is
+_EVERY: Final = 50  # tiles between two reports of progress
 _TIMEOUT_S: Final = 20.0  # in which nothing comes
 _WHOLE_S: Final = 60.0  # in which a tile has come
 _TRIES: Final = 3
@@ -115,7 +115,7 @@ class TileFetcher:
 
     Attributes:
         template: The address of a tile, with {z}, {x} and {y} where its numbers stand.
-        per_second: So many are asked for, at most.
+        per_second: Requests per second, at most.
         contact: Where the server's operator reaches the user; goes along with every request.
         pause: Lets so many seconds pass.
         most_bytes: So many are kept of what it answers, in one run.
@@ -154,12 +154,14 @@ class TileFetcher:
             self.pause(max(0.0, self._asked_s + 1 / self.per_second - time.monotonic()))
             self._asked_s = time.monotonic()
             try:
-                data = self._asked(key)
+                data = self._requested(key)
             except urllib.error.HTTPError as error:
                 if error.code in _NOTHING_THERE:
                     return None
                 if error.code not in _LATER:
-                    raise _stopped(where, f"the server says {error.code} {error.reason}") from None
+                    raise _stopped(
+                        where, f"the server answered {error.code} {error.reason}"
+                    ) from None
                 self.pause(_wait_s(error.headers.get("Retry-After")))
                 continue
             except (OSError, ValueError, http.client.HTTPException) as error:
@@ -169,7 +171,7 @@ class TileFetcher:
             return data or None
         raise _stopped(where, "the server is busy")
 
-    def _asked(self, key: TileKey) -> bytes:
+    def _requested(self, key: TileKey) -> bytes:
         marks = {"{z}": key.zoom, "{x}": key.column, "{y}": key.row}
         address = self.template
         for mark, number in marks.items():
@@ -203,9 +205,9 @@ def fetch(
     area: TileArea,
     fetcher: TileFetcher,
     attribution: str,
-    tell: Callable[[int], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> Fetched:
-    """Fetch what the file does not have yet; `tell` is told how many tiles were looked at.
+    """Fetch what the file does not have yet; `progress` takes the number of tiles done.
 
     Raises:
         UsageError: the file is another one, or cannot be written.
@@ -217,7 +219,7 @@ def fetch(
         file.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", facts.items())
         file.commit()
         for count, key in enumerate(area):
-            tell(count)
+            progress(count)
             place = (key.zoom, key.column, (1 << key.zoom) - 1 - key.row)
             if file.execute(_HAS, place).fetchone():
                 before += 1
@@ -329,15 +331,15 @@ def zooms_of(text: str) -> range:
     return zooms
 
 
-def _wait_s(told: str | None) -> float:
+def _wait_s(header: str | None) -> float:
     try:
-        return min(max(float(told or ""), 1.0), _LONGEST_WAIT_S)
+        return min(max(float(header or ""), 1.0), _LONGEST_WAIT_S)
     except ValueError:  # a date, or nothing
         return _LONGEST_WAIT_S / _TRIES
 
 
 def _why(error: Exception) -> str:
-    """What went wrong on the way, in words."""
+    """The error of a request, for the user."""
     if isinstance(error, http.client.IncompleteRead):
         return f"the answer broke off ({error})"
     if isinstance(error, http.client.HTTPException) and not isinstance(error, OSError):
@@ -426,7 +428,9 @@ def run(arguments: Options) -> int:
     if not arguments.most_mb > 0:
         raise UsageError("--most-mb is more than 0")
     if not arguments.attribution.strip():
-        raise UsageError("--attribution says whom the map has to name; the server's terms say that")
+        raise UsageError(
+            "give --attribution: whom the map has to name, as the server's terms require"
+        )
     if arguments.mission is None and arguments.bounds is None:
         raise UsageError("give the place: --mission M or --bounds S,W,N,E")
     if arguments.mission is None:
@@ -448,11 +452,11 @@ def run(arguments: Options) -> int:
         most_bytes=arguments.most_mb * _MB,
     )
 
-    def tell(done: int) -> None:
+    def progress(done: int) -> None:
         if done % _EVERY == 0:
             print(f"{done} of {count} tiles", file=sys.stderr, flush=True)
 
-    fetched = fetch(arguments.file, area, fetcher, arguments.attribution, tell)
+    fetched = fetch(arguments.file, area, fetcher, arguments.attribution, progress)
     print(
         f"{arguments.file}: {fetched.new} tiles fetched, {fetched.before} were there, "
         f"{fetched.none} the server does not have ({fetched.bytes / _MB:.1f} MB)"

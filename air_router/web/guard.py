@@ -2,12 +2,12 @@
 
 A page on the internet can make a browser send requests to this machine, and by rebinding its name
 in the DNS even read the answers. So requests must name this server as their host, and what a page
-sends must come from a page of ours. On an address that other machines reach, a token is asked for.
+sends must come from a page of ours. On an address that other machines reach, a token is required.
 
 A connection that is opened and left costs a file descriptor, and a process has a thousand of them:
 the flight needs some. So each address has its share, all together theirs, and a connection on which
-no whole request has come in time is closed; of too many the one goes that is least in use. What is
-refused is closed without a word in the log.
+no whole request has come in time is closed; of too many the least used is closed. What is
+refused is closed without a line in the log.
 """
 
 import asyncio
@@ -87,7 +87,7 @@ class Guard:
         token = (self.token or "").encode()
         given = (request.query.get(TOKEN, ""), request.cookies.get(_cookie(request), ""))
         return any(
-            hmac.compare_digest(word.encode("utf-8", "surrogateescape"), token) for word in given
+            hmac.compare_digest(each.encode("utf-8", "surrogateescape"), token) for each in given
         )
 
     @staticmethod
@@ -106,7 +106,7 @@ async def add_headers(request: web.Request, response: web.StreamResponse) -> Non
 
 
 def cookie_of(port: int) -> str:
-    """What the cookie of a page at that port is called: cookies do not know ports."""
+    """The name of the cookie of a page at that port: cookies do not know ports."""
     return f"air_router_{port}"
 
 
@@ -129,7 +129,7 @@ def _host_of(url: str) -> tuple[str | None, int | None]:
 
 
 def _from_our_page(request: web.Request) -> bool:
-    """Whether a page that sent this is ours; programs that are no browser say nothing."""
+    """Whether a page that sent this is ours; other programs send no such header."""
     origin = request.headers.get("Origin")
     if origin is not None:
         own = _own_host(request)
@@ -151,7 +151,7 @@ class ConnectionLimit:
     def __init__(self, make: Callable[[], asyncio.BaseProtocol]) -> None:
         self._make = make
         self._open: list[asyncio.Transport] = []  # the one that was used last is the last one
-        self._asked: WeakSet[asyncio.BaseTransport] = WeakSet()  # those that have sent a request
+        self._served: WeakSet[asyncio.BaseTransport] = WeakSet()  # those that have sent a request
         self._busy: Counter[asyncio.BaseTransport] = Counter()  # those that are being answered
 
     def __call__(self) -> asyncio.BaseProtocol:
@@ -164,7 +164,7 @@ class ConnectionLimit:
         if transport is None:
             yield
             return
-        self._asked.add(transport)
+        self._served.add(transport)
         self._busy[transport] += 1
         try:
             yield
@@ -197,14 +197,14 @@ class ConnectionLimit:
         idle = [each for each in those if each not in self._busy]
         if not idle:
             return False
-        gone = min(idle, key=lambda each: each in self._asked)  # of equal ones the first
-        gone.abort()
-        if gone in self._open:
-            self._open.remove(gone)
+        victim = min(idle, key=lambda each: each in self._served)  # of equal ones the first
+        victim.abort()
+        if victim in self._open:
+            self._open.remove(victim)
         return True
 
     def _look(self, transport: asyncio.Transport) -> None:
-        if transport not in self._asked and not transport.is_closing():
+        if transport not in self._served and not transport.is_closing():
             transport.abort()
 
 

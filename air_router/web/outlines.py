@@ -14,7 +14,7 @@ from geo.frame import Floats, FrameError, LocalFrame, Point
 
 DECIMALS = 7
 _QUARTER = 8
-"""Segments of a quarter circle in buffers; they are only looked at."""
+"""Segments of a quarter circle in buffers; they are only shown."""
 
 Degrees = list[float]
 Rings = list[list[Degrees]]
@@ -52,7 +52,7 @@ def area_beside(
     *,
     is_fence: bool = False,
 ) -> dict[str, Any]:
-    """An area without handles; `buffers`: what is kept from it, at least and when planning."""
+    """An area without handles; `buffers`: the required clearance, and that of routes."""
     return {
         "keys": None,
         "name": name,

@@ -23,7 +23,7 @@ _END_S: Final = 5.0
 """A page that has not ended by then ends with the program."""
 
 SHOWN_AT: Final = "the flight is shown at "
-"""What a flight says before its page's address."""
+"""What a flight prints before its page's address."""
 
 DEFAULT_PORT: Final = 8425
 
@@ -39,10 +39,10 @@ class Web:
     """Where a page is served, and the tiles that lie under its map.
 
     Attributes:
-        host: The address to serve on; at one that other machines reach a token is asked for.
+        host: The address to serve on; at one that other machines reach a token is required.
         port: 0 takes a free one.
         tiles: The file with the tiles; None: nothing lies under the map.
-        token: What is asked for, on any address; None: made up where one is needed.
+        token: The required token, on any address; None: made up where one is needed.
     """
 
     host: str = "127.0.0.1"
@@ -52,7 +52,7 @@ class Web:
 
     @property
     def backdrop(self) -> dict[str, Any] | None:
-        """What lies under the map, as the page is told of it; None: nothing."""
+        """The backdrop of the map, as pages receive it; None: none."""
         return None if self.tiles is None else self.tiles.view()
 
 
@@ -64,7 +64,7 @@ class Served(Protocol):
     """A page with a server of its own."""
 
     def serving(self, say: Say) -> AbstractAsyncContextManager[object]:
-        """Serve while in the context; `say` is told where.
+        """Serve while in the context; `say` takes the address.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
@@ -182,7 +182,7 @@ def shown_beside(page: Served, say: Say) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(RuntimeError):  # it has ended by itself, and said why
+        with suppress(RuntimeError):  # it has ended by itself, and reported why
             loop.call_soon_threadsafe(end.set)
         thread.join(_END_S)
 
@@ -228,7 +228,7 @@ class PageAddress:
         return cls(f"[{host}]" if ":" in host else host, port, token)
 
     @classmethod
-    def heard(cls, line: str) -> PageAddress | None:
+    def in_line(cls, line: str) -> PageAddress | None:
         """The address in a line that a flight printed; None if there is none."""
         _, _, address = line.partition(SHOWN_AT)
         with suppress(UsageError):
@@ -237,7 +237,7 @@ class PageAddress:
 
     @property
     def place(self) -> str:
-        """Where it is, without what is secret: "127.0.0.1:8425"."""
+        """Host and port, without the token: "127.0.0.1:8425"."""
         return f"{self.host}:{self.port}"
 
     @property

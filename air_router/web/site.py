@@ -1,6 +1,6 @@
-"""A web server for one page: on this machine only unless told otherwise, and guarded.
+"""A web server for one page: on this machine only by default, and guarded.
 
-Which browsers show it, what they are told and what they say is here too.
+Its browsers, and the messages to and from them, are here too.
 """
 
 import asyncio
@@ -46,7 +46,7 @@ _KEEPALIVE_S: Final = 15.0  # after an answer; browsers have a socket for what t
 _NUMBER: Final = "[0-9]{1,9}"
 _KEPT: Final = {"Cache-Control": "private, max-age=3600"}
 _NOT_KEPT: Final = {"Cache-Control": "no-store"}
-# One pixel that is not seen: for a browser, a tile that is not found is an error to be told.
+# One transparent pixel: for a browser, a missing tile is an error to be logged.
 _NOTHING: Final = Tile(
     "image/png",
     base64.b64decode(
@@ -54,7 +54,7 @@ _NOTHING: Final = Tile(
         "YII="
     ),
 )
-_EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
+_EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only on request
 _SOMEWHERE: Final = "192.0.2.1"  # kept free for documentation
 _TYPES: Final = {
     ".js": "text/javascript",
@@ -88,13 +88,13 @@ class _PageFile(NamedTuple):
 class _Tiles:
     """The tiles under the map: read in a thread, for the loop may be that of a flight.
 
-    What is not there, or cannot be read, is an empty picture; the first fault is logged.
+    A tile that is missing or cannot be read is an empty picture; the first fault is logged.
     """
 
     def __init__(self, tiles: TileFile) -> None:
         self._tiles = tiles
         self._worker = ThreadPoolExecutor(1, "map tiles")  # SQLite files stay on one thread
-        self._told = False  # the first fault was logged
+        self._logged = False  # the first fault was logged
 
     def add_to(self, app: web.Application) -> None:
         """Serve the tiles, until the application ends."""
@@ -103,18 +103,18 @@ class _Tiles:
         app.on_cleanup.append(self._end)
 
     async def _answer(self, request: web.Request) -> web.Response:
-        asked = request.match_info
+        wanted = request.match_info
         tile, headers = _NOTHING, _NOT_KEPT
-        if asked["tag"] == self._tiles.tag:  # else of a page from before, of another file
-            place = int(asked["zoom"]), int(asked["column"]), int(asked["row"])
+        if wanted["tag"] == self._tiles.tag:  # else of a page from before, of another file
+            place = int(wanted["zoom"]), int(wanted["column"]), int(wanted["row"])
             loop = asyncio.get_running_loop()
             try:
                 found = await loop.run_in_executor(self._worker, self._tiles.tile, *place)
                 tile, headers = found or _NOTHING, _KEPT
             except TileError as error:
-                if not self._told:
+                if not self._logged:
                     _LOG.warning("the map stays empty in places: %s", error)
-                self._told = True
+                self._logged = True
         return web.Response(body=tile.data, content_type=tile.kind, headers=headers)
 
     async def _end(self, app: web.Application) -> None:
@@ -267,7 +267,7 @@ def as_json(message: dict[str, Any]) -> str:
     return json.dumps(message, separators=(",", ":"), allow_nan=False)
 
 
-# All browsers that show a page: what they are told, and what they say.
+# All browsers that show a page, and the messages to and from them.
 
 
 _MOST_WAITING: Final = 1_000
@@ -282,7 +282,7 @@ class PageOutbox:
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self._socket = socket
         self._waiting: dict[str, str] = {}  # text by kind, in order
-        self._news = asyncio.Event()  # set while something waits
+        self._waits = asyncio.Event()  # set while something waits
         self._full = False  # the page reads nothing
 
     def post(self, kind: str, text: str) -> None:
@@ -292,14 +292,14 @@ class PageOutbox:
         else:
             self._waiting.pop(kind, None)
             self._waiting[kind] = text
-        self._news.set()
+        self._waits.set()
 
     async def run(self) -> None:
-        """Send until the page is gone or reads no more."""
+        """Send until the page has closed or reads no more."""
         with contextlib.suppress(ClientConnectionResetError, ConnectionResetError):
             while not self._socket.closed and not self._full:
-                await self._news.wait()
-                self._news.clear()
+                await self._waits.wait()
+                self._waits.clear()
                 while self._waiting and not self._full:
                     kind = next(iter(self._waiting))
                     await self._socket.send_str(self._waiting.pop(kind))
@@ -309,7 +309,7 @@ class PageOutbox:
 class Browsers:
     """All browsers that show a page, each with an outbox.
 
-    `receive` takes a text from a page, `welcome` tells a new page what there is; both are called
+    `receive` takes a text from a page, `welcome` sends a new page everything; both are called
     in the server's event loop and must be quick. After each text a page is not read for `pause_s`.
     """
 
@@ -331,7 +331,7 @@ class Browsers:
             outbox.post(kind, text)
 
     async def converse(self, request: web.Request, socket: web.WebSocketResponse) -> None:
-        """Talk with a page until it has left."""
+        """Serve a page until it has left."""
         del request
         outbox = PageOutbox(socket)
         self._outboxes.add(outbox)

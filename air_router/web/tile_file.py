@@ -1,8 +1,8 @@
 """MBTiles 1.3: the tiles of a map, pictures of 2^z by 2^z squares of the world, in a SQLite file.
 
-Files come from anywhere: what is read of them is bounded, in bytes and in steps of the database,
+Files come from anywhere: reads are bounded, in bytes and in steps of the database,
 and nothing in them is run. They are opened for every tile anew: that costs less than the tile, and
-neither a thread nor a file that is replaced has to be looked after.
+neither threads nor a replaced file need care.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ _MARKUP = re.compile(r"<!--.*?(-->|$)|</?[a-z!][^>]*(>|$)", re.DOTALL | re.IGNOR
 _VECTORS = ("pbf", "mvt")
 _COMPRESSED = (b"\x1f\x8b", b"\x78\x9c", b"\x78\xda", b"\x78\x01")
 _INDEX = "CREATE UNIQUE INDEX tile_index ON tiles (zoom_level, tile_column, tile_row)"
-_HOW = "docs/editing.md says how such a file is made"
+_HOW = "docs/editing.md shows how to make one"
 
 Bounds = tuple[float, float, float, float]
 """South, west, north and east border in degrees."""
 
 
 class TileError(AirRouterError):
-    """A tile cannot be shown: its row is damaged, or the file has gone."""
+    """A tile cannot be shown: its row is damaged, or the file was removed."""
 
 
 class Tile(NamedTuple):
@@ -80,7 +80,7 @@ class TileFile:
 
     @classmethod
     def read(cls, path: Path) -> TileFile:
-        """What is in a file.
+        """The contents of a file.
 
         Raises:
             UsageError: it is no MBTiles file, is damaged, or its tiles are no pictures.
@@ -133,9 +133,9 @@ class TileFile:
 
 
 def read_bounds(text: str) -> Bounds | None:
-    """West, south, east and north border, as MBTiles says it; None if the text is none."""
+    """West, south, east and north border, as MBTiles writes it; None if the text is none."""
     try:
-        west, south, east, north = (float(word) for word in text.split(","))
+        west, south, east, north = (float(part) for part in text.split(","))
     except ValueError:
         return None
     good = -90 <= south < north <= 90 and -180 <= west < east <= 180
@@ -143,7 +143,7 @@ def read_bounds(text: str) -> Bounds | None:
 
 
 def plain(html: str) -> str:
-    """The words of a text that may be HTML, in one line that is not too long."""
+    """The plain text of what may be HTML, in one line that is not too long."""
     text = _NOT_SHOWN.sub(" ", html[: 10 * _MOST_LETTERS])
     text = unescape(_MARKUP.sub("", text))
     text = "".join(letter if letter.isprintable() else " " for letter in text)
@@ -220,9 +220,9 @@ def _check_pictures(path: Path, file: sqlite3.Connection, facts: dict[str, str])
             (MOST_TILE_BYTES, _SAMPLES),
         )
     ]
-    said = facts.get("format", "").lower()
+    found = facts.get("format", "").lower()
     vectors = [isinstance(head, bytes) and head.startswith(_COMPRESSED) for head in heads]
-    if said in _VECTORS or "vector" in said or (vectors and all(vectors)):
+    if found in _VECTORS or "vector" in found or (vectors and all(vectors)):
         raise UsageError(
             f"{path} holds vector tiles, which this map does not draw; take one with PNG, JPEG or "
             f"WebP tiles; {_HOW}"
@@ -236,7 +236,7 @@ def _check_pictures(path: Path, file: sqlite3.Connection, facts: dict[str, str])
 
 
 def _zooms(path: Path, file: sqlite3.Connection) -> tuple[int, int]:
-    """The coarsest and the finest zoom level: of the tiles, for not every file says it rightly."""
+    """The coarsest and the finest zoom level, as the tiles have them: not all files state them."""
     found = "SELECT zoom_level FROM tiles WHERE zoom_level BETWEEN 0 AND ? ORDER BY zoom_level"
     levels = [
         file.execute(f"{found} {order} LIMIT 1", (HIGHEST_ZOOM,)).fetchone()
@@ -285,15 +285,15 @@ def _tile_at(zoom: int, latitude_deg: float, longitude_deg: float) -> tuple[int,
 
 
 def _why(path: Path, error: sqlite3.Error) -> str:
-    """What is wrong with a file that SQLite does not read, and what to do."""
-    said = str(error)
-    if said == "interrupted":
+    """Why SQLite does not read a file, and what to do."""
+    found = str(error)
+    if found == "interrupted":
         name = shlex.quote(str(path))
         return f"{path} takes too long to search; give it an index: sqlite3 {name} '{_INDEX}'"
-    if "locked" in said or "busy" in said:
+    if "locked" in found or "busy" in found:
         return f"{path} is being written by another program; wait until that has ended"
-    if "readonly" in said:
+    if "readonly" in found:
         return f"{path} was left half written by another program; make it anew"
-    if "no such" in said:
-        return f"{path} is a database, but not of MBTiles ({said}); {_HOW}"
-    return f"{path} cannot be read as MBTiles ({said}); copy it again, or make it anew"
+    if "no such" in found:
+        return f"{path} is a database, but not of MBTiles ({found}); {_HOW}"
+    return f"{path} cannot be read as MBTiles ({found}); copy it again, or make it anew"

@@ -65,7 +65,7 @@ globalThis.WebSocket = class extends WebSocket {
   }
 };
 """
-IS_ANSWERED = "(count) => document.querySelectorAll('#news li.answer').length >= count"
+IS_ANSWERED = "(count) => document.querySelectorAll('#log li.answer').length >= count"
 
 
 def expect(what):
@@ -154,7 +154,7 @@ class Looker:
 
     def ask(self, press, answers=1):
         """Ask, and read the answers."""
-        lines = self.page.locator("#news li.answer")
+        lines = self.page.locator("#log li.answer")
         count = lines.count()
         press()
         self.page.wait_for_function(IS_ANSWERED, arg=count + answers)

@@ -50,8 +50,8 @@ def test_an_alarm_cannot_be_missed_and_covers_nothing(shown, size):
     alarm, warning = page.locator("#alarms [role=alert]"), page.locator("#alarms [role=status]")
     expect(alarm).to_contain_text(f"ALARM{BREACH.text}. {FLY_OUT}")  # in words, not colour alone
     expect(warning).to_contain_text(f"Warning{NEAR.text}. {BE_READY}")
-    expect(page.locator("#news .alarm")).to_contain_text("ALARM: ")
-    expect(page.locator("#news .warning")).to_contain_text("Warning: ")
+    expect(page.locator("#log .alarm")).to_contain_text("ALARM: ")
+    expect(page.locator("#log .warning")).to_contain_text("Warning: ")
     for theme in ("light", "dark"):
         page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
         assert page.evaluate(CROWDED) == []
@@ -77,7 +77,7 @@ def test_an_alarm_sounds_once_a_person_has_touched_the_page_and_until_it_is_ackn
     page.locator("#alarms button").click()
     expect(page.locator("#alarms")).to_be_hidden()
     assert page.locator("body.alarmed").count() == 0
-    expect(page.locator("#news .alarm")).to_have_count(1)  # what was said stays
+    expect(page.locator("#log .alarm")).to_have_count(1)  # what was said stays
     announce(BREACH)  # again: it is to be seen again
     expect(page.locator("#alarms [role=alert]")).to_have_count(1)
 
@@ -86,7 +86,7 @@ def test_what_is_over_is_shown_no_longer(shown):
     looker, announce = shown
     page = looker.page
     announce(Announce("position not heard", Severity.ALARM, FLY_OUT, "position"))
-    expect(page.locator("#news .alarm")).to_have_count(1)
+    expect(page.locator("#log .alarm")).to_have_count(1)
     expect(page.locator("#alarms")).to_be_hidden()  # the controller does not know of it
 
 
@@ -97,7 +97,7 @@ def test_what_comes_again_and_again_is_one_line_with_a_count_but_each_alarm_has_
         announce(Announce("searching"), NEAR)
         announce(Announce("talking"))
     announce(*4 * [BREACH])
-    news = page.locator("#news li")
+    news = page.locator("#log li")
     expect(news.filter(has_text="talking")).to_have_text("2 s talking again 3 times")
     expect(news.filter(has_text="searching")).to_have_text("2 s searching again 3 times")
     expect(news.filter(has_text=NEAR.text)).to_have_count(1)

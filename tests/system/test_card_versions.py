@@ -118,7 +118,7 @@ def cards(request, tmp_path_factory):
 def test_every_parameter_is_told(cards):
     assert cards.before["vehicle"]["verdict"] == "ok"
     assert int(cards.before["parameters"]["found"].split()[0]) > 0
-    assert not [line for line in cards.before.values() if "not told" in line["found"]]
+    assert not [line for line in cards.before.values() if "not reported" in line["found"]]
 
 
 @pytest.mark.parametrize("name", WRONG)

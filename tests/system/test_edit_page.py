@@ -235,7 +235,7 @@ def test_zones_are_reshaped_and_a_draft_is_saved_when_that_is_confirmed(mission,
     page.drag(page.middle(corner), page.middle(page.place("waypoint 3")))
     page.expect_problems(1)
     page.save()
-    page.page.get_by_role("button", name="Go on editing").click()
+    page.page.get_by_role("button", name="Keep editing").click()
     page.page.keyboard.press("Control+z")
     page.expect_problems(0)
     page.page.keyboard.press("Control+Shift+z")
@@ -417,7 +417,7 @@ def test_a_number_is_what_was_written_or_the_person_is_asked_again(mission, open
         return field.evaluate("input => input.validationMessage")
 
     for text, reason in (
-        ("1,500", '"1,500" may be 1500 or 1.500: write the one that is meant'),
+        ("1,500", '"1,500" is ambiguous: 1500 or 1.500; write one of these'),
         ("40 m", '"40 m" is not a number: write it like 40 or 40.5'),
         ("1e3", '"1e3" is not a number: write it like 40 or 40.5'),
         ("-3", '"-3" is less than 0'),
@@ -468,9 +468,9 @@ def test_a_route_between_two_waypoints_is_shown_over_tiles(mission, open_page):
 def test_a_change_on_the_disk_is_told_and_a_lost_program_too(mission, open_page):
     page = open_page(mission, "--host", "127.0.0.1")
     mission.write_text(mission.read_text().replace("name: zone 3", "name: hall"))
-    page.page.get_by_role("button", name="Load it").click()
+    page.page.get_by_role("button", name="Load the file").click()
     expect(page.zone("hall")).to_have_count(1)
-    gone = page.page.locator("#gone")
+    gone = page.page.locator("#offline")
     expect(gone).to_be_hidden()
     page.program.interrupt()
     code, _ = page.program.finish()

@@ -32,9 +32,9 @@ AIR = (".leaflet-control-zoom", ".leaflet-control-scale", "#facts", "#free")
 
 
 class Refusing:
-    """RequestHandler what is asked of a flight that is only looked at."""
+    """Refuses every request to a flight that is only watched."""
 
-    def grant(self, command, by):
+    def execute(self, command, by):
         raise RequestError(f"{by} asks for {type(command).__name__}")
 
 
@@ -224,7 +224,7 @@ def test_a_recorded_flight_that_goes_back_forgets_what_came_later(replayed):
     assert page.locator("#when").bounding_box() == left
     go(replayed, 10)
     page.wait_for_function("() => !document.getElementById('robots').textContent.includes('map')")
-    assert "not heard" in robots.inner_text()
+    assert "no position received" in robots.inner_text()
     words = page.locator("#vehicle").inner_text().split()
     assert words[words.index("heading") + 1] == "90°"
     assert {"14", "15.8"} <= set(words)
@@ -292,7 +292,7 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
         looker.shows("#hint", "asks for _Altitude")
         end()
         looker.page.locator('[data-verb="hold"]:disabled').wait_for()
-        assert hold.get_attribute("title") == "the flight does not answer"
+        assert hold.get_attribute("title") == "no connection to the flight"
         looker.shows("#why", "does not answer")
         looker.page.close()
 

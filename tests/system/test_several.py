@@ -135,8 +135,8 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     page = browser.new_page(viewport={"width": 1000, "height": 700})
     looker = Operator(page, address)
     page.wait_for_function(BOTH_MOVE)
-    looker.shows("#news li:has(b.uav1)", "→ SEARCH")
-    looker.shows("#news li", ": found")
+    looker.shows("#log li:has(b.uav1)", "→ SEARCH")
+    looker.shows("#log li", ": found")
     looker.shows("#facts", "titan · ")
     corridor = page.locator("path.area.zone[data-name='home of titan']")
     assert corridor.count() == 0
@@ -151,15 +151,15 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     looker.shows("#state", "HOLD")
     assert looker.state("atlas") == "HOLD"
     assert looker.state("titan") != "HOLD"
-    assert page.locator("#news li.answer:has(b.uav1)").count() == 0
+    assert page.locator("#log li.answer:has(b.uav1)").count() == 0
 
     page.evaluate("() => { elsewhere = (where) => where.replace('atlas', 'phantom'); }")
     page.evaluate("sockets.findLast(({ url }) => url.includes('atlas')).close()")
-    looker.shows("#gone", "atlas does not answer")
-    looker.shows("#tabs button.uav2 .chip", "gone")
+    looker.shows("#offline", "atlas does not answer")
+    looker.shows("#tabs button.uav2 .chip", "offline")
     page.wait_for_function(AGES_CHANGE)
     page.evaluate("() => { elsewhere = (where) => where; }")
-    page.locator("#gone").wait_for(state="hidden")
+    page.locator("#offline").wait_for(state="hidden")
     looker.shows("#state", "HOLD")
     robots = looker.robots()
     assert set(robots) <= {"europa", "io"}
@@ -167,8 +167,8 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
 
     page.evaluate(NONSENSE)
     # The words stay where they were; they are visible only until the next try succeeds.
-    page.locator("#gone", has_text="titan is not understood").wait_for(state="attached")
-    page.locator("#gone").wait_for(state="hidden")
+    page.locator("#offline", has_text="titan sent an invalid message").wait_for(state="attached")
+    page.locator("#offline").wait_for(state="hidden")
     assert "not a position" in looker.faults.pop()
 
     page.set_viewport_size({"width": 390, "height": 844})
@@ -189,8 +189,8 @@ def take_pictures(looker):
     page.set_viewport_size({"width": 1280, "height": 800})
     page.locator("#fit").click()
     page.mouse.move(40, 400)
-    looker.shows("#news li:has(b.uav2)", ": found")
-    looker.shows("#news li:has(b.uav1)", ": found")
+    looker.shows("#log li:has(b.uav2)", ": found")
+    looker.shows("#log li:has(b.uav1)", ": found")
     page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / "live-several.png")
 
 

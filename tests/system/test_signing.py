@@ -322,7 +322,7 @@ def test_a_real_px4_that_has_its_key_since_yesterday_goes_by_our_time(
     link = ("--connect", url, "--sysid", px4.instance + 1, "--signing-key", key)
     code, out, said = answered("preflight", short_mission, *link, "--no-record", "--json")
     assert code == 0, (out, said)
-    assert "not told" not in out
+    assert "not reported" not in out
 
 
 @pytest.mark.timeout(100)

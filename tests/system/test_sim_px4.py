@@ -118,4 +118,4 @@ def test_a_flight_on_a_real_px4(command, short_mission, tmp_path, place):
     assert report["outcome"] == "done"
     assert {"INIT", "SEARCH", "EXPL", "HOME", "LAND"} <= set(report["states_visited"])
     assert report["closest_approach_m"] >= report["clearance_m"]
-    assert "not told" not in flight.said
+    assert "not reported" not in flight.said

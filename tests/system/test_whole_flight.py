@@ -177,16 +177,16 @@ class Operator(Looker):
     def lose_and_find_the_flight(self):
         """The page says so until it is connected again."""
         page = self.page
-        shown = page.locator("#news li").count()
+        shown = page.locator("#log li").count()
         faults = len(self.faults)
         page.evaluate(
             "() => { elsewhere = (where) => `${where}/nowhere`; sockets.at(-1).close(); }"
         )
-        page.locator("#gone").wait_for()
+        page.locator("#offline").wait_for()
         page.evaluate("() => { elsewhere = (where) => where; }")
-        page.locator("#gone").wait_for(state="hidden")
+        page.locator("#offline").wait_for(state="hidden")
         page.wait_for_function(
-            "(count) => document.querySelectorAll('#news li').length >= count", arg=shown
+            "(count) => document.querySelectorAll('#log li').length >= count", arg=shown
         )
         lost = self.faults[faults:]
         assert all("WebSocket" in fault for fault in lost), lost

@@ -1,4 +1,4 @@
-// What is selected, in words and numbers.
+// The selection, in text and numbers.
 
 import { byId, element, numberField, wordField } from "/page/element.js";
 import { offset } from "/page/map.js";

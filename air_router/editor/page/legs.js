@@ -13,7 +13,7 @@ export class Legs {
     /** Of each node: where it is, the nodes above it that it is joined to, and the line to them.
      *  @type {{at: number[], others: number[], line: any}[]} */
     this.nodes = [];
-    /** The lines of detours and legs, by looks and places. @type {Map<string, any>} */
+    /** The lines of detours and legs, by style and places. @type {Map<string, any>} */
     this.lines = new Map();
     this.route = this.line([], "route", "route", L.svg({ pane: "route" }));
     this.paint();
@@ -52,8 +52,8 @@ export class Legs {
     edges.forEach((others, node) => {
       const old = this.nodes[node];
       if (old?.others === others && ![node, ...others].some((one) => moved.has(one))) return;
-      const look = { weight: 1, opacity: 0.4, color: this.colour };
-      const line = old?.line ?? this.line([], "", "graph", this.canvas, look);
+      const style = { weight: 1, opacity: 0.4, color: this.colour };
+      const line = old?.line ?? this.line([], "", "graph", this.canvas, style);
       const from = at.get(node);
       this.nodes[node] = { at: from, others, line };
       line.setLatLngs(from ? others.filter((one) => at.get(one)).map((one) => [from, at.get(one)]) : []);
@@ -61,9 +61,9 @@ export class Legs {
   }
 
   /** @param {number[][]} points @param {string} className @param {string} pane @param {any} renderer
-   *  @param {object} [look] of a canvas */
-  line(points, className, pane, renderer, look = {}) {
-    return L.polyline(points, { className, pane, renderer, interactive: false, ...look }).addTo(this.map);
+   *  @param {object} [style] of a canvas */
+  line(points, className, pane, renderer, style = {}) {
+    return L.polyline(points, { className, pane, renderer, interactive: false, ...style }).addTo(this.map);
   }
 }
 

@@ -25,10 +25,10 @@ const TOAST_MS = 6000;
 /** @type {import("/page/legend.js").Sign[]} */
 const SIGNS = [
   ...MISSION,
-  ["line", "leg", "leg, flown straight"],
-  ["line", "leg around", "leg around what is in the way"],
-  ["line", "leg blocked", "leg that cannot be flown"],
-  ["line", "route", "route that was asked for"],
+  ["line", "leg", "direct leg"],
+  ["line", "leg around", "leg with a detour"],
+  ["line", "leg blocked", "blocked leg"],
+  ["line", "route", "requested route"],
 ];
 
 startTheme();
@@ -171,17 +171,17 @@ function markAreas() {
 async function save(options = {}) {
   try {
     await store.link.ask({ ask: "save", ...options });
-    toast(store.state?.problems.some((one) => !one.note) ? "Saved as a draft, with its problems." : "Saved.");
+    toast(store.state?.problems.some((one) => !one.note) ? "Saved as a draft with problems." : "Saved.");
   } catch (error) {
     await unsaved(error, options);
   }
 }
 
-/** Begin again with what is on the disk. */
+/** Load the file again. */
 async function load() {
   if (store.state?.dirty) {
-    const choices = [{ label: "Go on editing", value: "" }, { label: "Load it", value: "load", main: true }];
-    const text = "what you changed since the last save will be lost.";
+    const choices = [{ label: "Keep editing", value: "" }, { label: "Load the file", value: "load", main: true }];
+    const text = "changes since the last save will be lost.";
     if (!(await question("Load the file?", text, choices))) return;
   }
   await store.ask("reload");
@@ -190,15 +190,15 @@ async function load() {
 /** @param {any} error @param {object} options */
 async function unsaved(error, options) {
   if (error.kind === "unconfirmed") {
-    const choices = [{ label: "Go on editing", value: "" }, { label: "Save the draft", value: "save", main: true }];
+    const choices = [{ label: "Keep editing", value: "" }, { label: "Save the draft", value: "save", main: true }];
     if (await question("Save with problems?", error.message, choices)) {
       await save({ ...options, confirmed: true });
     }
   } else if (error.kind === "changed") {
     const choices = [
       { label: "Cancel", value: "" },
-      { label: "Load it, lose my changes", value: "reload" },
-      { label: "Overwrite it", value: "overwrite", main: true },
+      { label: "Load the file, discard my changes", value: "reload" },
+      { label: "Overwrite the file", value: "overwrite", main: true },
     ];
     const choice = await question("The file has changed", error.message, choices);
     if (choice === "overwrite") await save({ ...options, overwrite: true });
@@ -215,17 +215,17 @@ store.addEventListener("setting", (event) => {
 });
 store.addEventListener("disk", (event) => {
   if (!(/** @type {any} */ (event).detail.changed)) return;
-  const reload = { label: "Load it", act: () => load() };
-  say("The file was changed by another program.", reload);
+  const reload = { label: "Load the file", act: () => load() };
+  say("Another program has changed the file.", reload);
 });
 store.addEventListener("refused", (event) => {
   const { detail } = /** @type {any} */ (event);
-  if (detail.kind !== "gone") toast(detail.message);
+  if (detail.kind !== "offline") toast(detail.message);
   if (store.state) places.show(store.state.places);
   corners.show();
 });
 store.addEventListener("connected", (event) => {
-  byId("gone").hidden = /** @type {any} */ (event).detail;
+  byId("offline").hidden = /** @type {any} */ (event).detail;
 });
 tools.addEventListener("hint", (event) => say(/** @type {any} */ (event).detail));
 tools.addEventListener("chosen", () => places.mark());

@@ -19,7 +19,7 @@ export class Order {
     return this.store.state?.places.filter(({ kind, keys }) => kind === "waypoint" && keys) ?? [];
   }
 
-  /** @param {import("./store.js").Keys | null | undefined} keys @returns {number} -1 for what is none of them */
+  /** @param {import("./store.js").Keys | null | undefined} keys @returns {number} -1 for anything else */
   indexOf(keys) {
     return keys ? this.waypoints.findIndex((place) => same(place.keys, keys)) : -1;
   }

@@ -27,8 +27,8 @@ const SETTINGS = [
   ]],
   ["Team", [["team", "Team file", "none"], ["uav", "Flown by", "the only UAV"]]],
 ];
-const WORDS = ["team", "uav"];
-const OPTIONAL = ["duration_s", "endurance_s", ...WORDS];
+const TEXTS = ["team", "uav"];
+const OPTIONAL = ["duration_s", "endurance_s", ...TEXTS];
 
 export class Panel {
   /** @param {import("./store.js").Store} store
@@ -66,7 +66,7 @@ export class Panel {
       button.addEventListener("click", () => this.visit(problem.feature, problem.at));
       return element("li", { className: problem.note ? "note" : "" }, button);
     });
-    const none = element("li", { className: "none", textContent: "None: this mission can be flown." });
+    const none = element("li", { className: "none", textContent: "No problems: this mission can be flown." });
     byId("problems").replaceChildren(...(items.length ? items : [none]));
   }
 
@@ -86,7 +86,7 @@ export class Panel {
   /** @param {string} name @param {string} title @param {any} value @param {string} [none] @returns {HTMLElement} */
   setting(name, title, value, none = "") {
     const set = (changed) => this.store.edit({ do: "set_value", name, value: changed });
-    const field = WORDS.includes(name)
+    const field = TEXTS.includes(name)
       ? wordField(title, value ?? "", (text) => set(text || null), none)
       : numberField(title, value, set, none, OPTIONAL.includes(name));
     field.dataset.setting = name;

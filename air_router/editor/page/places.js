@@ -30,7 +30,7 @@ export class Places {
   show(places) {
     const left = new Set(this.markers.keys());
     const altitude = this.store.state?.settings.altitude_m;
-    const all = altitude !== this.altitude; // others are told then that have one of their own
+    const all = altitude !== this.altitude; // then places with an altitude of their own are labelled anew
     const changed = [];
     this.altitude = altitude;
     for (const place of places) {
@@ -103,7 +103,7 @@ export class Places {
     if (place.keys) this.store.edit({ do: "remove", keys: place.keys });
   }
 
-  /** Bring looks up to date. @param {Iterable<any>} [markers] all, if none are given */
+  /** Update the markers. @param {Iterable<any>} [markers] all, if none are given */
   mark(markers = this.markers.values()) {
     for (const marker of markers) {
       const { place } = marker;

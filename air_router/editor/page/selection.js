@@ -1,4 +1,4 @@
-// What is selected: one place, one corner or one area, by its keys.
+// The selection: one place, one corner or one area, by its keys.
 
 import { same } from "./store.js";
 
@@ -39,7 +39,7 @@ export class Selection extends EventTarget {
     }
   }
 
-  /** Let go of what is not there any more. @param {import("./store.js").State} state */
+  /** Deselect what no longer exists. @param {import("./store.js").State} state */
   check(state) {
     if (!this.now) return;
     const { sort, keys } = this.now;

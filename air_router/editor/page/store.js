@@ -1,4 +1,4 @@
-// The mission as the program has it, and what is asked of the program.
+// The mission as the server has it, and requests to the server.
 
 /** @typedef {(string | number)[]} Keys
  *  @typedef {{keys: Keys | null, kind: "home" | "waypoint" | "rally", index: number, node: number | null,
@@ -39,7 +39,7 @@ export class Store extends EventTarget {
     }
   }
 
-  /** News have passed by this page: of those that wait for it only the newest is kept. */
+  /** This page has missed an update: the server keeps only the newest message of a kind. */
   async catchUp() {
     if (this.behind) return;
     this.behind = true;
@@ -77,12 +77,12 @@ export class Store extends EventTarget {
     for (let next = this.queue.shift(); next; next = this.queue.shift()) {
       const { edit, gesture, done } = next;
       const ok = await this.ask("edit", { edit, gesture, revision: this.state?.revision });
-      done.forEach((tell) => tell(ok !== null));
+      done.forEach((resolve) => resolve(ok !== null));
     }
     this.busy = false;
   }
 
-  /** Ask the program for something; what it refuses is told as a "refused" event.
+  /** Send a request; a refusal is dispatched as a "refused" event.
    *  @param {string} what @param {object} [more] @returns {Promise<any>} null if it was refused */
   async ask(what, more = {}) {
     try {
@@ -94,11 +94,11 @@ export class Store extends EventTarget {
   }
 }
 
-/** A state with what is new; all that is as it was stays the same object.
- *  @param {any} state @param {any} news @returns {State} */
-function changed(state, { since, ...news }) {
+/** A state with an update; unchanged parts stay the same objects.
+ *  @param {any} state @param {any} update @returns {State} */
+function changed(state, { since, ...update }) {
   const next = { ...state };
-  for (const [name, value] of Object.entries(news)) {
+  for (const [name, value] of Object.entries(update)) {
     next[name] = value;
     if (!Array.isArray(state[name])) continue;
     next[name] = state[name].slice(0, value.length);

@@ -7,9 +7,9 @@ const CLOSE_PIXELS = 12;
 const HINTS = {
   waypoint: "Click where the next waypoint should be; it is inserted behind the selected one. Esc ends.",
   zone: "Click the corners of the zone; click the first one again, or press Enter, to close it.",
-  fence: "Click the corners of the fence; click the first one again, or press Enter, to close it. It replaces the one there is.",
+  fence: "Click the corners of the fence; click the first one again, or press Enter, to close it. It replaces the present fence.",
   circle: "Click the centre of the zone, then its edge.",
-  rally: "Click where the vehicle may land in need.",
+  rally: "Click where the vehicle may land in an emergency.",
   route: "Click two waypoints, or home, to see the route between them.",
 };
 
@@ -148,7 +148,7 @@ export class Tools extends EventTarget {
     if (drawn) this.selection.choose({ sort: "area", keys: drawn.keys, area: drawn.keys });
   }
 
-  /** Show what is being drawn. @param {number[]} at where the pointer is */
+  /** Show the shape being drawn. @param {number[]} at where the pointer is */
   follow(at) {
     if (["zone", "fence"].includes(this.tool) && this.corners.length) this.shape.setLatLngs([...this.corners, at]);
     if (this.tool === "circle" && this.corners.length) {

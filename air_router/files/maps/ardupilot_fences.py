@@ -1,7 +1,7 @@
 """Fences of ArduPilot's programs, from waypoint files ("QGC WPL 110") and from their old `.fen`.
 
 Polygons and circles to stay out of are zones. What to stay inside of is no zone: it is handed to
-who reads the file as a mission, and noted where zones are asked for.
+who reads the file as a mission, and noted where zones are read.
 """
 
 import math
@@ -88,7 +88,7 @@ class FenceArea:
 
 
 def fence_areas(items: Sequence[FenceItem]) -> Iterator[FenceArea]:
-    """The areas that items draw: each corner says how many corners its polygon has."""
+    """The areas that items draw: each corner has the number of its polygon's corners."""
     index = 0
     while index < len(items):
         item, taken = items[index], 1
@@ -180,10 +180,10 @@ OLD_FENCES: Final = OldFenceFormat()
 def _features(text: str, source: PlacedSource) -> Iterator[ZoneFeature]:
     file, items, others = ZoneFeature(source), [], 0
     for number, line in enumerate(text.splitlines()[1:], start=2):
-        words = line.split()
-        if not words:
+        parts = line.split()
+        if not parts:
             continue
-        numbers = [_number(word) for word in words]
+        numbers = [_number(part) for part in parts]
         if len(numbers) != _COLUMNS or None in numbers:
             message = f"'{line.strip()[:40]}' is no item of twelve numbers; export again"
             file.report((number, 1), message, "wrong-length")
@@ -209,8 +209,8 @@ def old_fence_items(text: str) -> list[FenceItem]:
     """The corners of an old fence; its first place, where a vehicle returned to, is none."""
     places = []
     for number, line in enumerate(text.splitlines(), start=1):
-        words = line.partition("#")[0].split()
-        pair = [_number(word) for word in words]
+        parts = line.partition("#")[0].split()
+        pair = [_number(part) for part in parts]
         if len(pair) == 2 and pair[0] is not None and pair[1] is not None:
             places.append((pair[0], pair[1], number))
     corners = places[1:]
@@ -236,9 +236,9 @@ def _feature(source: PlacedSource, area: FenceArea, number: int) -> ZoneFeature:
     return feature
 
 
-def _number(word: str) -> float | None:
+def _number(text: str) -> float | None:
     try:
-        value = float(word)
+        value = float(text)
     except ValueError:
         return None
     return value if math.isfinite(value) else None

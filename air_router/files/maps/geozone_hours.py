@@ -1,4 +1,4 @@
-"""When geozones apply: periods, days, hours with an offset. What is not certain makes it longer."""
+"""When geozones apply: periods, days, hours with an offset. Anything uncertain extends them."""
 
 from collections.abc import Callable
 from datetime import time, timedelta
@@ -12,8 +12,8 @@ Doubt = Callable[[Keys, ValueError], None]
 
 _DAY_MIN = 24 * 60
 _ALL_DAYS = frozenset(range(len(DAYS)))
-_DAY_WORDS: dict[str, frozenset[int]] = {
-    **{word.upper(): frozenset({number}) for word, number in DAY_NUMBERS.items()},
+_DAY_NAMES: dict[str, frozenset[int]] = {
+    **{name.upper(): frozenset({number}) for name, number in DAY_NUMBERS.items()},
     "ANY": _ALL_DAYS,
 }
 
@@ -49,7 +49,7 @@ def _period(entry: Any, keys: Keys, doubt: Doubt) -> Period:
 def _hours(entry: Any) -> Hours:
     """A day's entry in UTC. 23:59 as an end is midnight: no zone has a gap of a minute there."""
     if not isinstance(entry, dict):
-        raise ValueError("a day's entry is no object")  # noqa: TRY004 - told, not a fault of ours
+        raise ValueError("a day's entry is no object")  # noqa: TRY004 - reported, not a fault of ours
     for event in ("startEvent", "endEvent"):
         if entry.get(event):
             raise ValueError(f"it depends on the sun ({entry[event]!s:.10})")
@@ -62,15 +62,15 @@ def _hours(entry: Any) -> Hours:
     return Hours(days, time(*divmod(start_min, 60)), time(*divmod(end_min % _DAY_MIN, 60)))
 
 
-def _days(words: Any) -> frozenset[int]:
-    """The numbers of the days in a list of words like MON, monday or ANY; none means all."""
+def _days(names: Any) -> frozenset[int]:
+    """The numbers of the days in a list of names like MON, monday or ANY; none means all."""
     days: set[int] = set()
-    for word in words if isinstance(words, list) else [words]:
-        if word is None:
+    for name in names if isinstance(names, list) else [names]:
+        if name is None:
             return _ALL_DAYS
-        if not isinstance(word, str) or word.upper() not in _DAY_WORDS:
-            raise ValueError(f"'{str(word)[:20]}' is no day")
-        days |= _DAY_WORDS[word.upper()]
+        if not isinstance(name, str) or name.upper() not in _DAY_NAMES:
+            raise ValueError(f"'{str(name)[:20]}' is no day")
+        days |= _DAY_NAMES[name.upper()]
     return frozenset(days) or _ALL_DAYS
 
 

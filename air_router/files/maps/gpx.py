@@ -53,7 +53,7 @@ class GpxLine:
 class GpxDocument:
     """All of a GPX file that is read."""
 
-    file: ZoneFeature  # takes what is wrong with the file
+    file: ZoneFeature  # takes the problems of the file
     points: list[GpxPoint] = field(default_factory=list)  # waypoints outside of routes and tracks
     routes: list[GpxLine] = field(default_factory=list)
     tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
@@ -84,16 +84,16 @@ def _line(document: GpxDocument, named: Element, line: Element, tag: str) -> Gpx
 def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
     points, report = [], document.file.report
     for element in parent.all(tag):
-        words = [element.attributes.get(name, "") for name in ("lat", "lon")]
+        numbers = [element.attributes.get(name, "") for name in ("lat", "lon")]
         try:
-            place = place_of(*map(float, words))
+            place = place_of(*map(float, numbers))
         except ValueError:
-            advice = next(filter(None, map(number_advice, words)), "correct it")
+            advice = next(filter(None, map(number_advice, numbers)), "correct it")
             message = f"<{element.name}> needs 'lat' and 'lon' in degrees; {advice}"
             report(element.keys, message, "wrong-type")
             continue
         if place is None:
-            message = f"there is no place {words[0]:.20}, {words[1]:.20}; correct it"
+            message = f"there is no place {numbers[0]:.20}, {numbers[1]:.20}; correct it"
             report(element.keys, message, "not-on-earth")
         else:
             name, kind = element.text_of("name")[:80], element.text_of("type")

@@ -19,7 +19,7 @@ _TWO_COMMAS: Final = 4  # numbers that a place becomes by two decimal commas
 
 
 class GeometryReader(JsonValues):
-    """Reads values and geometries of a JSON document, noting what is wrong with them.
+    """Reads values and geometries of a JSON document, noting their problems.
 
     Attributes:
         feature: The one that is read: takes problems and notes.
@@ -48,7 +48,7 @@ class GeometryReader(JsonValues):
         return None
 
     def choice(self, keys: Keys, what: str, choices: Mapping[str, Any]) -> Any:
-        """What one of these words (in capitals or not) stands for; None, with a problem noted."""
+        """The meaning of one of these keywords (in any case); None, with a problem noted."""
         value = self.at(*keys)
         if isinstance(value, str) and value.upper() in choices:
             return choices[value.upper()]
@@ -83,7 +83,7 @@ class GeometryReader(JsonValues):
         return MapCircle(centre, radius_m)
 
     def shapes(self, keys: Keys) -> Shapes:
-        """The areas of a geometry; what is no area is noted."""
+        """The areas of a geometry; other shapes are noted."""
         kind = self.at(*keys, "type")
         places: Keys = (*keys, "coordinates")
         shape: MapOutline | MapCircle | None = None
@@ -131,7 +131,7 @@ class GeometryReader(JsonValues):
         ring = [place for place in places if place is not None]
         if not isinstance(values, list) or len(ring) < len(values):
             self.feature.saw(ring)
-            for corner in self.entries(keys, "a polygon's ring"):  # to tell what is wrong
+            for corner in self.entries(keys, "a polygon's ring"):  # to find the problem
                 self.position(corner)
             return None
         return self.feature.ring(ring, keys)

@@ -1,9 +1,9 @@
 """No-fly zones in JSON: GeoJSON of map programs, and the geozones of ED-269 and ED-318.
 
-One reader for all: `property_names` has under which names each of them says what. Polygons and
-points with a radius are read. Every area is a zone, unless its property `kind` says that it is
-something else: what we write has a `kind` each, and what is read back are its zones. Where a
-geozone is in doubt it is read as the larger one, and the operator is told.
+One reader for all: `property_names` has the names of the properties in each of them. Polygons and
+points with a radius are read. Every area is a zone, unless its property `kind` makes it
+something else: our files have a `kind` each, and their zones are read back. Where a
+geozone is in doubt it is read as the larger one, and the operator gets a note.
 """
 
 from collections.abc import Collection, Iterator
@@ -169,7 +169,7 @@ class _Reader(GeometryReader):
     def _published(self, keys: Keys, number: int) -> None:
         dialect, properties = self._dialect, (*keys, *self._dialect.properties)
         if not isinstance(self.at(*properties), dict):
-            self.wrong(properties, "what a zone says of itself must be an object")
+            self.wrong(properties, "the properties of a zone must be an object")
             return
         nested = (*properties, dialect.nested)
         about = nested if isinstance(self.at(*nested), dict) else properties
@@ -197,18 +197,18 @@ class _Reader(GeometryReader):
     def _restricted(self, about: Keys, identifier: str, name: str) -> bool:
         """Whether a zone is a no-fly zone; one of an unknown kind is, too."""
         names = self._dialect.restriction
-        said = [key for key in names if self.at(*about, key) is not None]
-        known = [key for key in said if str(self.at(*about, key)).upper() in RESTRICTIONS]
-        keys = (*about, next(iter(known or said), names[0]))
+        given = [key for key in names if self.at(*about, key) is not None]
+        known = [key for key in given if str(self.at(*about, key)).upper() in RESTRICTIONS]
+        keys = (*about, next(iter(known or given), names[0]))
         restriction = self.at(*keys)
-        word = restriction.upper() if isinstance(restriction, str) else ""
-        if word == NO_RESTRICTION:
+        value = restriction.upper() if isinstance(restriction, str) else ""
+        if value == NO_RESTRICTION:
             self._unrestricted += 1
             return False
         feature = self.feature
-        feature.name, feature.kinds = name, (word, identifier)
-        feature.allowed_as = (word, identifier)
-        if word not in RESTRICTIONS:
+        feature.name, feature.kinds = name, (value, identifier)
+        feature.allowed_as = (value, identifier)
+        if value not in RESTRICTIONS:
             message = f"unknown restriction {str(restriction)[:30]!r}: read as a no-fly zone"
             feature.note(keys, message, "unknown-restriction")
         return True
@@ -308,13 +308,13 @@ class _Reader(GeometryReader):
         if self.at(*keys) is None:
             return None
         value = self.number_within(keys, "an altitude", -1e6, 1e9, in_text=True)
-        word = self.at(*reference_keys)
-        if word is None:
+        written = self.at(*reference_keys)
+        if written is None:
             message = "an altitude that does not say from where it counts: read as without limit"
             self.feature.note(keys, message, "no-reference")
             return None
         reference = self.choice(reference_keys, "an altitude's reference", REFERENCES)
-        if reference is None and str(word).upper() == "WGS84":
+        if reference is None and str(written).upper() == "WGS84":
             message = "an altitude above the ellipsoid: read as without limit"
             self.feature.note(keys, message, "no-reference")
         if value is None or reference is None or value * metres_per_unit > MAX_ALTITUDE_M:

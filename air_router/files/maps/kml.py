@@ -56,7 +56,7 @@ _NOT_FOLLOWED: Final = frozenset(
 )
 _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack"})
 _AREAS: Final = frozenset({"Placemark", "Polygon"})
-"""What must not stand where it is not looked for: it would be left out without a word."""
+"""Elements that must not stand elsewhere: they would be left out silently."""
 
 _GROUND, _SEA = "relativeToGround", "absolute"  # KML's altitude modes
 _REFERENCES: Final = {_GROUND: Reference.GROUND, _SEA: Reference.AMSL}
@@ -69,7 +69,7 @@ MAX_BYTES: Final = 32 * 1024 * 1024
 
 _DJI_MISSION: Final = "templateType"
 _DJI_TEMPLATES: Final = frozenset({"waypoint", "mapping2d", "mapping3d", "mappingStrip"})
-"""What folders of DJI's missions are for: their polygons say what is surveyed."""
+"""What folders of DJI's missions are for: their polygons are survey areas."""
 
 
 class KmlFormat:
@@ -122,7 +122,7 @@ class _Reader:
         self._others = 0  # placemarks that are no zones
 
     def features(self, root: Element) -> Iterator[ZoneFeature]:
-        """One for each placemark, and for what is not read."""
+        """One for each placemark, and for parts that are not read."""
         if root.name not in _FOLDERS:
             file = ZoneFeature(self._source)
             message = f"the outermost element is <{root.name[:30]}>, not <kml>; choose another file"
@@ -157,7 +157,9 @@ class _Reader:
     def _refuse_hidden(self, element: Element) -> None:
         """Report an element that is not read, but for areas in it."""
         if any(inner.name in _AREAS for inner in element.all_below()):
-            message = f"what is in <{element.name[:30]}> is not read; put its areas into a Folder"
+            message = (
+                f"the content of <{element.name[:30]}> is not read; put its areas into a Folder"
+            )
             self._feature.report(element.keys, message, "not-kml")
 
     def _placemark(self, element: Element, folders: tuple[str, ...]) -> None:
@@ -245,19 +247,19 @@ class _Reader:
     def _places(self, element: Element) -> list[Geodetic] | None:
         """The places of <coordinates>; None, with a problem noted."""
         places: list[Geodetic] = []
-        for word in _tuples(element.text):
+        for part in _tuples(element.text):
             try:
-                longitude_deg, latitude_deg, _ = _numbers(word)
+                longitude_deg, latitude_deg, _ = _numbers(part)
             except ValueError:
-                message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
+                message = f"'{part[:40]}' is not longitude,latitude or longitude,latitude,altitude"
                 self._feature.saw(places)
-                meant = pair_in(word).strip("[]").replace(" ", "")
+                meant = pair_in(part).strip("[]").replace(" ", "")
                 advice = f"decimals stand behind a point: {meant}" if meant else "correct it"
                 self._feature.report(element.keys, f"{message}; {advice}", "wrong-type")
                 return None
             place = place_of(latitude_deg, longitude_deg)
             if place is None:
-                message = f"there is no place '{word[:40]}'"
+                message = f"there is no place '{part[:40]}'"
                 self._feature.saw(places)
                 self._feature.report_place(element.keys, message, longitude_deg, latitude_deg)
                 return None
@@ -267,9 +269,9 @@ class _Reader:
     def _height(self, polygon: Element) -> AltitudeLimit | None:
         """Where an extruded polygon ends; None: it has no limit."""
         reference = _REFERENCES.get(polygon.text_of("altitudeMode"))
-        words = _tuples(polygon.text_of("outerBoundaryIs", "LinearRing", "coordinates"))
+        parts = _tuples(polygon.text_of("outerBoundaryIs", "LinearRing", "coordinates"))
         try:
-            highest_m = max(_numbers(word)[2] for word in words)
+            highest_m = max(_numbers(part)[2] for part in parts)
         except ValueError:
             return None
         if reference is None:
@@ -291,7 +293,7 @@ def _data_elements(placemark: Element) -> Iterator[Element]:
 
 
 def _value(data: Element) -> Any:
-    """What it says, as JSON if it is some."""
+    """Its text, as JSON where it is JSON."""
     text = data.text_of("value") if data.name == "Data" else data.text.strip()
     try:
         return json.loads(text) if len(text) < _LONGEST_JSON else text
@@ -300,14 +302,14 @@ def _value(data: Element) -> Any:
 
 
 def _tuples(text: str) -> list[str]:
-    """The words of <coordinates>, a place each; with blanks after commas, as Google Earth reads."""
+    """The tuples of <coordinates>, a place each; blanks after commas as Google Earth reads them."""
     return _COMMA.sub(",", text).split()
 
 
-def _numbers(word: str) -> tuple[float, float, float]:
-    parts = [float(part) for part in word.split(",")]
+def _numbers(text: str) -> tuple[float, float, float]:
+    parts = [float(number) for number in text.split(",")]
     if not 2 <= len(parts) <= 3 or not all(map(math.isfinite, parts)):
-        raise ValueError(word)
+        raise ValueError(text)
     return parts[0], parts[1], parts[2] if len(parts) == 3 else 0.0
 
 
@@ -328,7 +330,7 @@ _STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
     "fence": ("ff2a7f2a", "00ffffff"),
     "zone": ("ff0000c0", "600000c0"),
 }
-_TITLES: Final = {  # of the folders, by what is in them
+_TITLES: Final = {  # of the folders, by their contents
     "fence": "Fence",
     "zone": "No-fly zones",
     **dict.fromkeys(("home", "waypoint"), "Waypoints"),

@@ -2,7 +2,7 @@
 
 Map programs have properties with the names of the mission file. Aviation writes limits in feet and
 flight levels, above the sea or the ground below: OpenAir as text, openAIP and the FAA as properties
-of GeoJSON. What is not certain makes a zone taller, never lower, and is told.
+of GeoJSON. Anything uncertain makes a zone taller, never lower, and is noted.
 """
 
 import json
@@ -29,8 +29,9 @@ from air_router.files import (
 from air_router.files.maps.property_names import (
     DATUMS,
     ENDLESS,
-    GROUND_WORDS,
+    GROUND_NAMES,
     LEVEL,
+    LIMIT_NAMES,
     METRES_PER_UNIT,
     OF_DIALECTS,
     OF_LIMITS,
@@ -38,7 +39,6 @@ from air_router.files.maps.property_names import (
     SIDES,
     UNITS,
     VALUES,
-    WORDS_OF_LIMITS,
 )
 from air_router.files.maps.zone_format import MAX_ALTITUDE_M, ZoneFeature
 from mocha_link.team import code_of, text_of_error
@@ -61,7 +61,7 @@ _NO_VALUE: Final = -9990.0
 """The FAA writes -9998 where there is none."""
 
 Note = Callable[[Keys, str, str], None]
-"""Takes the way to a property, what is to say of it, and the code."""
+"""Takes the keys of a property, the message, and the code."""
 
 
 def terms_of(
@@ -116,12 +116,12 @@ def limit_in_text(
     Unit and datum are those of a text that does not say them: as OpenAir has it, or "" for none.
 
     Raises:
-        ValueError: what is not certain, and how the zone is read therefore.
+        ValueError: the message has what is uncertain, and how the zone is read.
     """
-    words = text.strip().upper()
-    if words in ENDLESS or words in GROUND_WORDS:
-        return _limit(0.0, "FT", "GND", upper=upper) if words in GROUND_WORDS else None
-    match = _TEXT.fullmatch(words) if len(words) <= _LONGEST_TEXT else None
+    level = text.strip().upper()
+    if level in ENDLESS or level in GROUND_NAMES:
+        return _limit(0.0, "FT", "GND", upper=upper) if level in GROUND_NAMES else None
+    match = _TEXT.fullmatch(level) if len(level) <= _LONGEST_TEXT else None
     if match is None:
         raise ValueError(f"{text[:40]!r} is no altitude: read as without limit")
     if match["level"]:
@@ -162,13 +162,13 @@ def limits_in_properties(properties: Mapping[str, Any], note: Note) -> Altitudes
 def _of_layer(
     layer: Mapping[str, Any], way: Keys, note: Note
 ) -> tuple[Altitudes | None, set[Keys]]:
-    """The limits in an object, and the ways to all that says them."""
+    """The limits in an object, and the keys of all values that give them."""
     names = {_bare(name): name for name in list(layer)[::-1]}
     read: set[Keys] = set()
     found: list[AltitudeLimit | None] = []
     for side in SIDES:
-        said = (names[side + end] for end in VALUES if _said(layer, names, side + end))
-        name, description = next(said, None), names.get(f"{side}desc")
+        given = (names[side + end] for end in VALUES if _given(layer, names, side + end))
+        name, description = next(given, None), names.get(f"{side}desc")
         parts = [next((names[key] for key in keys if key in names), None) for keys in PARTS[side]]
         read |= {(*way, part) for part in (name, description, *parts) if part is not None}
         unit, datum = (None if part is None else layer[part] for part in parts)
@@ -191,8 +191,8 @@ def note_unread(
     Args:
         properties: Of a zone.
         read: The ways to what was.
-        note: Takes what is found.
-        known: The zone's limits: what says the same in metres needs no note.
+        note: Takes the notes.
+        known: The zone's limits: the same values in metres need no note.
     """
     limits = (known.lower, known.upper) if known is not None else ()
     metres = [0.0 if limit is None else limit.metres for limit in limits]
@@ -224,7 +224,7 @@ def _leaves(properties: Any, way: Keys) -> Iterator[tuple[Keys, str, Any]]:
 @lru_cache(maxsize=4096)
 def may_be_limit(name: str) -> bool:
     """Whether a property's name speaks of altitudes."""
-    return not WORDS_OF_LIMITS.isdisjoint(word.lower() for word in _WORD.findall(name))
+    return not LIMIT_NAMES.isdisjoint(part.lower() for part in _WORD.findall(name))
 
 
 @lru_cache(maxsize=4096)
@@ -233,7 +233,7 @@ def _bare(name: str) -> str:
     return name.replace("_", "").lower()
 
 
-def _said(layer: Mapping[str, Any], names: Mapping[str, str], key: str) -> bool:
+def _given(layer: Mapping[str, Any], names: Mapping[str, str], key: str) -> bool:
     return key in names and layer[names[key]] not in (None, "")
 
 
@@ -256,10 +256,10 @@ def _of_value(value: Any, unit: Any, datum: Any, side: str) -> AltitudeLimit | N
         value, unit, datum = (value.get(part) for part in ("value", "unit", "referenceDatum"))
     if value is None:
         return None
-    units, datums = ("" if word is None else str(word).strip() for word in (unit, datum))
+    units, datums = ("" if each is None else str(each).strip() for each in (unit, datum))
     if isinstance(value, str) and not NUMBER.fullmatch(value.strip()):
         return limit_in_text(value.strip(_POINTS), upper=side == "upper", unit=units, datum=datums)
-    if not (units or datums) and str(value).strip() in GROUND_WORDS:
+    if not (units or datums) and str(value).strip() in GROUND_NAMES:
         return _limit(0.0, "FT", "GND", upper=side == "upper")
     number = float(value) if NUMBER.fullmatch(str(value).strip()) else math.nan
     if number <= _NO_VALUE:
@@ -270,8 +270,8 @@ def _of_value(value: Any, unit: Any, datum: Any, side: str) -> AltitudeLimit | N
 def _limit(value: float, unit: str, datum: str, *, upper: bool) -> AltitudeLimit | None:
     known, reference = UNITS.get(unit.upper()), DATUMS.get(datum.upper(), Reference.HOME)
     if not math.isfinite(value) or known is None or reference is Reference.HOME:
-        words = " ".join(filter(None, (f"{value:g}", unit[:10], datum[:10])))
-        raise ValueError(f"{words} is no altitude: read as without limit")
+        text = " ".join(filter(None, (f"{value:g}", unit[:10], datum[:10])))
+        raise ValueError(f"{text} is no altitude: read as without limit")
     metres = value * (100 * METRES_PER_UNIT["FT"] if known == LEVEL else METRES_PER_UNIT[known])
     level = known == LEVEL or reference is None
     if level and upper:

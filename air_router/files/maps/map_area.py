@@ -114,14 +114,14 @@ class MapArea:
             shapes = [_on_map(outline, frame) for outline in outlines]
             return self.parts(shapes), self.problem(message, REPAIRED)
         except FrameError:
-            pass  # too large for a frame of its own; the mission's says so, if it is near
+            pass  # too large for its own frame; the mission's frame reports that, if it is near
         return [self], None
 
     def placed_areas(self, frame: LocalFrame) -> list[tuple[MapArea, Shape]] | Problem:
         """A sound area in a mission's frame.
 
-        What is sound in its own frame may touch itself by a hair in another one: rounding is
-        repaired without a word.
+        One that is valid in its own frame may touch itself by a hair in another: rounding is
+        repaired silently.
         """
         try:
             return [(self, self._shape(frame))]
@@ -159,7 +159,7 @@ class MapArea:
         )
 
     def _sound_on_map(self) -> bool:
-        """Whether it is an area in degrees; also false if that cannot be told, as around a pole."""
+        """Whether it is an area in degrees; also false if that is undecidable, as around a pole."""
         if isinstance(self.shape, MapCircle):
             return False
         rings, west_deg = [], self.shape.ring[0].longitude_deg

@@ -55,8 +55,8 @@ class OpenAirFormat:
     def read(self, content: bytes, path: Path) -> ZoneFeatures:
         """The airspaces; many such files are in Latin-1, whose letters stand in names only."""
         features = _features(content, PlacedSource(path))
-        words = "class, type or name"
-        return ZoneFeatures(features, self.name, words, words)
+        keys = "class, type or name"
+        return ZoneFeatures(features, self.name, keys, keys)
 
 
 OPENAIR: Final = OpenAirFormat()
@@ -72,7 +72,7 @@ def _features(raw: bytes, source: PlacedSource) -> Iterator[ZoneFeature]:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         text = raw.decode("latin1")
-        message = "not UTF-8 text: read as Latin-1; look at the names"
+        message = "not UTF-8 text: read as Latin-1; check the names"
         file.note(line_column(raw[: error.start]), message, "not-utf8")
     text = re.sub(r"\r\n?", "\n", text)
     if not _begins_airspace(text):
@@ -145,14 +145,14 @@ class _Reader:
         zone, self._zone = self._zone, None
         if zone is None:
             return
-        feature, words = self._feature, {key: value for key, (value, _) in zone.said.items()}
-        feature.name = words.get("AN", "")[:80] or f"{feature.source.path.stem} {zone.place[0]}"
-        feature.kinds = (zone.kind, words.get("AY", ""))
+        feature, values = self._feature, {key: value for key, (value, _) in zone.values.items()}
+        feature.name = values.get("AN", "")[:80] or f"{feature.source.path.stem} {zone.place[0]}"
+        feature.kinds = (zone.kind, values.get("AY", ""))
         feature.allowed_as = (*feature.kinds, feature.name)
         if zone.broken:
             feature.saw([*zone.corners, *(circle.centre for circle in zone.circles)])
         elif not zone.corners and not zone.circles:
-            if zone.said:  # else it only has the colours of its class
+            if zone.values:  # else it only has the colours of its class
                 feature.note(zone.place, f"'{feature.name}' has no border: left out", "no-area")
         else:
             self._add(zone)
@@ -175,7 +175,7 @@ class _Reader:
         self._feature.add(shapes, ZoneTerms(altitudes=altitudes))
 
     def _limit(self, zone: _Airspace, command: str) -> AltitudeLimit | None:
-        text, at = zone.said.get(command, ("", zone.place))
+        text, at = zone.values.get(command, ("", zone.place))
         what = "ceiling (AH)" if command == "AH" else "floor (AL)"
         if command in zone.contradicted:
             self._feature.note(at, f"an airspace with more than one {what}: without limit", UNCLEAR)
@@ -239,7 +239,7 @@ class _Reader:
         elif name.upper() == "D" and text in ("+", "-"):
             if self._zone is not None:
                 self._zone.clockwise = text == "+"
-        elif name.upper() not in ("Z", "W", "T"):  # zoom; widths of what is not read
+        elif name.upper() not in ("Z", "W", "T"):  # zoom; widths of parts that are not read
             self._wrong(at, f"'V {value[:20]}' is none of V X=, V D=+ and V D=-")
 
     def _places(self, text: str, count: int, at: Place) -> list[Geodetic] | None:
@@ -257,13 +257,13 @@ class _Reader:
         return known if len(known) == count else None
 
     def _numbers(self, text: str, count: int, at: Place) -> list[float] | None:
-        """The radius, told in nautical miles, in metres; for an arc its two directions as well."""
-        words = re.split(r"[\s,]+", text)
-        if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
+        """The radius, given in nautical miles, in metres; for an arc its two directions as well."""
+        parts = re.split(r"[\s,]+", text)
+        if len(parts) != count or not all(map(_NUMBER.fullmatch, parts)):
             what = "a radius in nautical miles" if count == 1 else "radius, first, last direction"
             self._wrong(at, f"'{text[:40]}' is not {what}")
             return None
-        radius, *directions_deg = map(float, words)
+        radius, *directions_deg = map(float, parts)
         if not 0 < radius * _NAUTICAL_MILE_M <= MAX_RADIUS_M:
             self._wrong(at, f"a radius of {radius:g} nautical miles", "out-of-range")
             return None
@@ -277,23 +277,23 @@ class _Reader:
 
 
 class _Airspace:
-    """What the lines of an airspace have said so far."""
+    """The values of an airspace's lines so far."""
 
     def __init__(self, place: Place, kind: str) -> None:
         self.place, self.kind = place, kind  # line and column; class
-        self.said: dict[str, tuple[str, Place]] = {}  # value and place, by command
+        self.values: dict[str, tuple[str, Place]] = {}  # value and place, by command
         self.contradicted: set[str] = set()  # commands that say one thing, then another
         self.corners: list[Geodetic] = []  # of its outline so far
         self.circles: list[MapCircle] = []  # each an area of its own
         self.turns: list[MapCircle] = []  # of arcs that end where they begin
-        self.hours: Place | None = None  # where it says when it applies
+        self.hours: Place | None = None  # where its hours stand
         self.clockwise = True  # direction of the next arc
         self.broken = False  # a line of it could not be read
 
     def say(self, command: str, value: str, at: Place) -> None:
-        if self.said.get(command, (value, at))[0] != value:
+        if self.values.get(command, (value, at))[0] != value:
             self.contradicted.add(command)
-        self.said[command] = (value, at)
+        self.values[command] = (value, at)
 
 
 def _begins(line: str) -> bool:

@@ -2,7 +2,7 @@
 
 All three are JSON, and say the same of a zone under other names. Authorities publish the last two
 for whole countries, and not always well: ENAIRE nests what a zone is called and its limits in an
-object of the properties, others write the words of ED-269 as properties of GeoJSON. KML has the
+object of the properties, others write the terms of ED-269 as properties of GeoJSON. KML has the
 properties of map programs as extended data.
 """
 
@@ -19,11 +19,11 @@ class Dialect:
 
     Attributes:
         name: As messages call it.
-        properties: Where a zone says what it is, from its entry of the list.
-        nested: An object of these that says it instead, as ENAIRE writes it; "": there is none.
+        properties: Where the kind of a zone stands, from its entry of the list.
+        nested: An object of these that has it instead, as ENAIRE writes it; "": there is none.
         names: The first of these that is given is its name; of published zones all together are.
-        kinds: What a zone is, in words by which it is left out.
-        restriction: What is restricted; (): every area is a zone.
+        kinds: The kinds of a zone, by which it is left out.
+        restriction: The restrictions; (): every area is a zone.
         periods: When it applies.
         unit: Of both limits of a layer.
         unit_needed: Without a unit they are wrong; else they are in metres.
@@ -31,7 +31,7 @@ class Dialect:
         volumes: What stands in each entry of the geometry, if that is a list.
         layer: What of a geometry has the limits.
         radius: Of a circle, in metres: names of properties, or the way to it in a geometry.
-        allow, skip: What the operator's words are compared with, in words.
+        allow, skip: The properties with which the operator's values are compared, as text.
     """
 
     name: str
@@ -103,7 +103,7 @@ RESTRICTIONS: Final = (
 """Each of them but the last one is a no-fly zone, unless the operator allows it by name."""
 
 REFERENCES: Final = {"AGL": Reference.GROUND, "AMSL": Reference.AMSL, "WGS84": None}
-"""From what a layer's limits count; None: from the ellipsoid, which says nothing here."""
+"""From what a layer's limits count; None: from the ellipsoid, which has no meaning here."""
 
 _OLD_LIST: Final = "UASZoneList"
 _OF_PROPERTIES: Final = frozenset({"zoneAuthority", "variant", ED318.nested, "verticalLayer"})
@@ -111,7 +111,7 @@ _OF_GEOMETRY: Final = frozenset({ED318.layer, ED318.radius[0]})
 """What only features of ED-318 have."""
 
 _LOOKED_AT: Final = 20
-"""Features of which one says that all are geozones."""
+"""Features one of which marks all as geozones."""
 
 
 def dialect_of(data: Any) -> tuple[Dialect, Keys | None] | None:
@@ -182,7 +182,7 @@ DATUMS: Final = {
     **dict.fromkeys(("MSL", "AMSL", "ALT", "QNH", "1"), Reference.AMSL),
     **dict.fromkeys(("STD", "2"), None),
 }
-GROUND_WORDS: Final = frozenset({"GND", "SFC", "GROUND", "SURFACE", "0"})
+GROUND_NAMES: Final = frozenset({"GND", "SFC", "GROUND", "SURFACE", "0"})
 ENDLESS: Final = ("UNL", "UNLD", "UNLTD", "UNLIM", "UNLIMITED")
 
 _REFERENCE_ENDS: Final = ("reference", "verticalreference", "ref", "code", "datum")
@@ -205,8 +205,8 @@ OF_LIMITS: Final = frozenset(
 )
 """What an object with limits has at least one of."""
 
-WORDS_OF_LIMITS: Final = frozenset(
+LIMIT_NAMES: Final = frozenset(
     {"upper", "lower", "ceiling", "floor", "altitude", "altitudes", "alt", "height", "limit"}
     | {"limits", "agl", "amsl", "msl", "maxalt", "minalt", "vertical", "top", "base"}
 )
-"""A property with one of these words in its name may be a limit."""
+"""A property with one of these in its name may be a limit."""

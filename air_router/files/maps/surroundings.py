@@ -1,4 +1,4 @@
-"""What is near a mission: a box around its places, and how far beyond it zones matter."""
+"""The surroundings of a mission: a box around its places, and how far beyond it zones matter."""
 
 import math
 from typing import Final
@@ -20,7 +20,7 @@ _DEGREE_M: Final = 111_000.0
 
 
 class Surroundings:
-    """Those of a mission, in degrees for a first look and in metres for the second.
+    """Those of a mission, in degrees for a first check and in metres for the second.
 
     Attributes:
         frame: The mission's.
@@ -46,7 +46,7 @@ class Surroundings:
         """Whether a box around corners (rows of latitude, longitude) may come near enough."""
         offsets = corners - self._middle
         offsets[:, 1] = (offsets[:, 1] + 180) % 360 - 180
-        if np.ptp(offsets[:, 1]) > 180:  # around half the Earth: the look in metres decides
+        if np.ptp(offsets[:, 1]) > 180:  # around half the Earth: the check in metres decides
             return True
         return bool(
             (offsets.min(axis=0) <= self._half).all() and (offsets.max(axis=0) >= -self._half).all()

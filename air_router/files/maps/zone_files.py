@@ -1,7 +1,7 @@
 """No-fly zones from files of map programs and authorities: one way in for all of them.
 
-Their formats are those of `zone_formats`: ours, and those of other packages. What is near enough to
-matter for a mission becomes part of its draft; docs/files.md says what is read of each format.
+Their formats are those of `zone_formats`: ours, and those of other packages. Zones near enough to
+matter for a mission become part of its draft; docs/files.md lists what is read of each format.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
 
 MOST_ZONES: Final = 3_000
-"""Of one file near a mission; more are not looked at one by one by any person."""
+"""Of one file near a mission; nobody checks more one by one."""
 
 _HALF_TURN_DEG: Final = 180.0
 _TALL_DEG: Final = 20.0
@@ -151,7 +151,7 @@ def _add_near(
 def _exchanged(
     reading: ZoneReading, near: Sequence[MapArea], around: Surroundings
 ) -> Iterator[Problem]:
-    """What says that latitudes and longitudes are exchanged, of all circles or all outlines.
+    """The message that latitudes and longitudes are exchanged, of all circles or all outlines.
 
     Nothing of that shape is near the mission, but something would be the other way around.
     """
@@ -172,7 +172,7 @@ def _exchanged(
 def _too_wide(
     reading: ZoneReading, kept: Sequence[MapArea], around: Surroundings
 ) -> Iterator[Problem]:
-    """What says of a zone that it is far only because sides lead around the Earth the short way.
+    """The message that a zone is far only because sides lead around the Earth the short way.
 
     A mask of the whole world would be a line along the edge of the map. What is less tall is taken
     for a zone that lies on the antimeridian.

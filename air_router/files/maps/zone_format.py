@@ -35,22 +35,22 @@ Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 """The shapes of one zone, and where each stands in its file."""
 
 Finding = tuple[Keys, str, str]
-"""What is wrong, or worth a note: its place, the message, the code."""
+"""A problem or a note: its place, the message, the code."""
 
 
 @dataclass(slots=True)
 class ZoneFeature:
-    """One airspace, feature or placemark of a file: its zones, and what is wrong with it.
+    """One airspace, feature or placemark of a file: its zones, and its problems.
 
     A feature without zones may stand for the file as a whole, and only carry problems or notes.
     Places in the file are (line, column), counted from 1; () is the file as a whole. Where the
     source is a JSON document they are the keys of a value.
 
     Attributes:
-        source: The file: says where a place of it is.
+        source: The file, which locates its parts.
         name: What the file calls it.
-        kinds: Words for what it is, by which `skip` leaves it out, as its name does.
-        allowed_as: Words by which `allow` leaves it out: its restriction, class, identifier.
+        kinds: Names of its kind, by which `skip` leaves it out, as its name does.
+        allowed_as: Names by which `allow` leaves it out: its restriction, class, identifier.
         whole_file: Its problems are the file's: wherever it lies, the file is refused for them.
         zones: Its zones, named.
         problems: What keeps it from being read.
@@ -97,7 +97,7 @@ class ZoneFeature:
             self.extents.append(np.array(places))
 
     def without_area(self, place: Keys, message: str, advice: str = "") -> None:
-        """Note what is drawn and has no area, a point or a line.
+        """Note a shape that has no area, a point or a line.
 
         Args:
             place: Where it stands.
@@ -140,9 +140,9 @@ class ZoneFeatures:
 
     Attributes:
         features: In the file's order; may be read while it is iterated.
-        kind: What the file is, in words: "KML".
-        allow: What the words of `allow` are compared with; "": nothing, its zones have no kind.
-        skip: What the words of `skip` are compared with.
+        kind: The kind of the file, as text: "KML".
+        allow: The property with which values of `allow` are compared; "": its zones have no kind.
+        skip: The property with which values of `skip` are compared.
     """
 
     features: Iterable[ZoneFeature]

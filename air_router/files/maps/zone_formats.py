@@ -21,15 +21,15 @@ BROKEN: Final = "zone-format-broken"
 
 _OURS: Final = "air-router"
 _LAST: Final = "geojson"
-"""Our format of files that no other knows: it says what is known."""
+"""Our format for files that no other recognises: its error lists the known ones."""
 
 _HEAD: Final = 64 * 1024
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
-_LONGEST: Final = 120  # of an error's words
+_LONGEST: Final = 120  # of an error's text
 
 
 class BrokenFormatError(Exception):
-    """A format cannot be loaded, or fails; says of which package it is."""
+    """A format cannot be loaded, or fails; the message names its package."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ class _Installed:
         """The format. Raises BrokenFormatError."""
         try:
             found = self.entry.load()
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others: all is said
-            raise self.broken(f"it cannot be loaded: {_words(error)}") from None
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others: every error is reported
+            raise self.broken(f"it cannot be loaded: {_text_of(error)}") from None
         if not isinstance(found, ZoneFormat) or not _is_suffixes(found.suffixes):
             raise self.broken(f"{self.entry.value} is no ZoneFormat: see air_router.zone_formats")
         return found
@@ -63,7 +63,7 @@ class _Installed:
         try:
             return bool(known.recognises(head))
         except (Exception, SystemExit) as error:  # noqa: BLE001
-            raise self.broken(f"recognises() fails: {_words(error)}") from None
+            raise self.broken(f"recognises() fails: {_text_of(error)}") from None
 
     def ends(self, suffix: str) -> bool:
         """Whether names of its files end so. Raises BrokenFormatError."""
@@ -81,7 +81,7 @@ class _Installed:
         except DocumentError:
             raise
         except (Exception, SystemExit) as error:  # noqa: BLE001
-            raise self.broken(f"read() fails: {_words(error)}") from None
+            raise self.broken(f"read() fails: {_text_of(error)}") from None
 
     def broken(self, why: str) -> BrokenFormatError:
         """An error that names the package."""
@@ -101,7 +101,7 @@ def _checked(value: object) -> ZoneFeature:
     raise TypeError(f"{value!r:.60} is no ZoneFeature")
 
 
-def _words(error: BaseException) -> str:
+def _text_of(error: BaseException) -> str:
     text = " ".join(str(error).split())[:_LONGEST]
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
@@ -121,7 +121,7 @@ def _installed() -> tuple[list[_Installed], list[_Installed]]:
 
 @dataclass(slots=True)
 class _Search:
-    """Looks for the format of a file; a broken one is passed over."""
+    """Finds the format of a file; a broken one is skipped."""
 
     head: bytes
     suffix: str
@@ -137,12 +137,12 @@ class _Search:
         yield from (each for each in (*ours, *others) if self._ends(each))
 
     def _ends(self, each: _Installed) -> bool:
-        return self._asked(each, lambda: each.ends(self.suffix))
+        return self._call(each, lambda: each.ends(self.suffix))
 
     def _recognises(self, each: _Installed) -> bool:
-        return self._asked(each, lambda: each.recognises(self.head))
+        return self._call(each, lambda: each.recognises(self.head))
 
-    def _asked(self, each: _Installed, answer: Callable[[], bool]) -> bool:
+    def _call(self, each: _Installed, answer: Callable[[], bool]) -> bool:
         """What a format answers; no, if it is broken."""
         try:
             return each not in self.broken and answer()
@@ -160,7 +160,7 @@ def read_features(content: bytes, path: Path, elsewhere: str) -> ZoneFeatures:
     Args:
         content: The file.
         path: Names it.
-        elsewhere: What to say of a file that none of them knows; "": what our JSON reader says.
+        elsewhere: The message for a file that none of them recognises; "": that of our JSON reader.
 
     Raises:
         DocumentError: it is of no known format, or the format that it is of is broken.

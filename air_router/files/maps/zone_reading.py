@@ -1,4 +1,4 @@
-"""What was read of a file of zones: those the operator keeps, what is wrong, what is noted."""
+"""The result of reading a file of zones: the zones that the operator keeps, problems, notes."""
 
 from collections.abc import Callable, Collection
 from functools import partial
@@ -17,7 +17,7 @@ UNREAD: Final = "zone-unread"
 """The code of the note about a zone far from the mission that could not be read."""
 
 NOT_OF_FORMAT: Final = "unknown-format"
-"""The code of the problem that a file is none of its format: nothing else is said of it."""
+"""The code of the problem that a file is none of its format: nothing else is reported of it."""
 
 
 class ZoneReading:
@@ -25,7 +25,7 @@ class ZoneReading:
 
     Attributes:
         source: The file.
-        kind: Its format, in words.
+        kind: Its format, as text.
         zones: Its zones.
     """
 
@@ -54,12 +54,12 @@ class ZoneReading:
             place, advice = lines[0]
             whole.report(place, f"nothing in it has an area; {advice}", "no-area")
         if not any(code == NOT_OF_FORMAT for f in self._findings for _, _, code in f.problems):
-            choice.tell(whole, read)
+            choice.note(whole, read)
         self._findings.append(whole)
 
     @property
     def problems(self) -> list[Problem]:
-        """What is wrong with it: the first of each kind, and how many more there are."""
+        """Its problems: the first of each kind, and how many more there are."""
         return self.findings()[0]
 
     @property
@@ -72,8 +72,8 @@ class ZoneReading:
     ) -> tuple[list[Problem], list[Problem]]:
         """Problems and notes, as they matter where a mission is flown.
 
-        A zone that cannot be read is a problem where it may be near, or where nothing says where it
-        lies, and a note elsewhere. Notes about zones that are read are for near ones.
+        A zone that cannot be read is a problem where it may be near, or its place is unknown, and a
+        note elsewhere. Notes about zones that are read are for near ones.
 
         Args:
             near: Whether the mission may reach a box, given by latitudes and longitudes in it.
@@ -86,15 +86,15 @@ class ZoneReading:
                 if is_near:
                     problems.add(self.path, code, partial(place, keys, message, code))
                 else:
-                    words = f"a zone far from the mission cannot be read: {message}"
-                    notes.add(self.path, UNREAD, partial(place, keys, words, UNREAD))
+                    text = f"a zone far from the mission cannot be read: {message}"
+                    notes.add(self.path, UNREAD, partial(place, keys, text, UNREAD))
             for keys, message, code in found.notes if is_near else ():
                 notes.add(self.path, code, partial(place, keys, message, code))
         return list(problems), list(notes)
 
     @property
     def unread(self) -> list[Problem]:
-        """What is wrong with single zones: without these the rest of the file can be used."""
+        """Problems of single zones: without these the rest of the file can be used."""
         listed = ProblemList()
         for found in self._findings:
             for keys, message, code in found.problems if _places(found) else ():
@@ -108,13 +108,13 @@ class ZoneReading:
 
 
 def _places(feature: ZoneFeature) -> list[Places]:
-    """What is known of where a feature lies."""
+    """The known location of a feature."""
     zones = () if feature.whole_file else feature.zones
     return [*feature.extents, *(zone.extent() for zone in zones)]
 
 
 def _extent(feature: ZoneFeature) -> Places | None:
-    """Two opposite corners of a box around a feature; None: nothing says where it lies.
+    """Two opposite corners of a box around a feature; None: its location is unknown.
 
     Where a part of it could not be read the box is three times as large.
     """
@@ -131,36 +131,36 @@ class LeftOut:
     """Kinds and names of zones that the operator leaves out, and which zones these are.
 
     Args:
-        words: The kinds and names, as the operator wrote them.
-        why: What a note says of those zones.
+        values: The kinds and names, as the operator wrote them.
+        why: The note about those zones.
         code: The code of that note.
-        unused: The code of the note about words that are of no zone.
+        unused: The code of the note about values that match no zone.
     """
 
-    def __init__(self, words: Collection[str], why: str, code: str, unused: str) -> None:
-        self._words = {_comparable(word): word for word in words}  # as the operator wrote them
+    def __init__(self, values: Collection[str], why: str, code: str, unused: str) -> None:
+        self._values = {_comparable(value): value for value in values}  # as the operator wrote them
         self._why, self._code, self._unused = why, code, unused  # for the notes
         self._used: set[str] = set()  # those that a zone is of
         self._zones: list[str] = []  # names of those left out
 
-    def takes(self, zone: str, *words: str) -> bool:
-        """Whether one of these words, which say what a zone is, is among them."""
-        if not self._words:
+    def takes(self, zone: str, *values: str) -> bool:
+        """Whether one of these values, which describe a zone, is among them."""
+        if not self._values:
             return False
-        matches = set(map(_comparable, words)) & self._words.keys()
+        matches = set(map(_comparable, values)) & self._values.keys()
         if matches:
             self._used |= matches
             self._zones.append(zone)
         return bool(matches)
 
-    def tell(self, file: ZoneFeature, kinds: str) -> None:
-        """Note which zones were left out, and which words are none of the file's `kinds`."""
+    def note(self, file: ZoneFeature, kinds: str) -> None:
+        """Note which zones were left out, and which values are none of the file's `kinds`."""
         if zones := self._zones:
             shown = ", ".join(zones[:10]) + (" ..." if len(zones) > 10 else "")
             message = f"{counted(len(zones), 'zones')} that you {self._why}: left out ({shown})"
             file.note((), message, self._code)
-        for unused in sorted(self._words.keys() - self._used):
-            message = f"no zone is of {kinds} '{self._words[unused][:40]}'"
+        for unused in sorted(self._values.keys() - self._used):
+            message = f"no zone is of {kinds} '{self._values[unused][:40]}'"
             file.note((), message, self._unused)
 
 
@@ -185,12 +185,12 @@ class ZoneChoice:
         allowed = feature.allowed_as
         return bool(allowed) and self.allow.takes(allowed[-1], *allowed)
 
-    def tell(self, file: ZoneFeature, read: ZoneFeatures) -> None:
-        """Note what was left out, and words that fit nothing; what they are compared with."""
-        self.allow.tell(file, read.allow or f"restriction or class ({read.kind} has none)")
-        self.skip.tell(file, read.skip)
+    def note(self, file: ZoneFeature, read: ZoneFeatures) -> None:
+        """Note what was left out, and values that match nothing; with what they are compared."""
+        self.allow.note(file, read.allow or f"restriction or class ({read.kind} has none)")
+        self.skip.note(file, read.skip)
 
 
-def _comparable(word: str) -> str:
+def _comparable(value: str) -> str:
     """Without capitals; ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
-    return word.strip().upper().replace("AUTHORIZATION", "AUTHORISATION")
+    return value.strip().upper().replace("AUTHORIZATION", "AUTHORISATION")

@@ -1,4 +1,4 @@
-"""A mission by a GPX file: a route or the points are its waypoints; it says no altitudes."""
+"""A mission by a GPX file: a route or the points are its waypoints; it has no altitudes."""
 
 from functools import partial
 from typing import Final

@@ -15,7 +15,7 @@ from air_router.files.missions.placing import place_form
 from mocha_link.team import Document, DocumentError
 
 _LISTS = ("waypoints", "fences", "no_fly_zones", "no_fly_files", "rally_points")
-"""Sections of which what is right is read, whatever is wrong with other entries."""
+"""Sections whose valid entries are read, even where others are not valid."""
 
 _STAND_INS: dict[str, Any] = {
     "home": {"position": [0.0, 0.0]},
@@ -30,7 +30,7 @@ def read_mission(document: Document) -> MissionDocument:
     """A draft of the mission that a YAML document describes.
 
     Problems of the form are collected in the draft beside whatever could be read all the same,
-    so that one look at a file tells everything that is wrong with it.
+    so that one reading of a file finds all its problems.
     """
     draft = MissionDocument(document)
     if not isinstance(document.data, dict):
@@ -38,7 +38,7 @@ def read_mission(document: Document) -> MissionDocument:
         draft.report((), message, "no-mission")
         return draft
     if other := other_kind(document.data, "mission"):
-        message = f"this is {other}: name the mission, which says the path of this file"
+        message = f"this is {other}: name the mission, which has the path of this file"
         draft.report((), message, "no-mission")
         return draft
     try:

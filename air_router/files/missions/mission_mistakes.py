@@ -34,25 +34,25 @@ _SAYS: Final = {
     "mission": ({"home", "waypoints"}, "a mission file"),
     "world": ({"radio", "camera", "terrain", "explore"}, "a world file"),
 }
-"""Keys by which files of ours are told apart, and what they are called."""
+"""Keys that distinguish our files, and the names of those."""
 
 
 def kind_of_file(data: Any) -> str:
-    """What a file says that it is: "team", "mission" or "world"; "" for anything else."""
+    """The declared kind of a file: "team", "mission" or "world"; "" for anything else."""
     if not isinstance(data, dict):
         return ""
     return next((kind for kind, (keys, _) in _SAYS.items() if keys & data.keys()), "")
 
 
 def other_kind(data: Any, wanted: str) -> str:
-    """What a file is, in words, if it is clearly another than the one that is wanted; else ""."""
+    """The kind of a file, as text, if it is clearly not the wanted one; else ""."""
     kind = kind_of_file(data)
     ours = bool(_SAYS[wanted][0] & data.keys()) if isinstance(data, dict) else False
     return "" if kind in ("", wanted) or ours else _SAYS[kind][1]
 
 
 def explained_mission(error: DocumentError, document: Document) -> DocumentError:
-    """Problems of a mission file's form, with what is likely to be meant."""
+    """Problems of a mission file's form, with what was probably meant."""
     known = explained(error, document.data, MISSION)
     return DocumentError(_explained(problem, document) for problem in known.problems)
 
@@ -78,5 +78,5 @@ def empty_notes(document: Document) -> Iterator[Problem]:
         if isinstance(document.data, dict) and key in document.data:
             node = document.node(key)
             if isinstance(node, yaml.ScalarNode) and node.value == "" and not node.style:
-                words = f"'{key}' is empty, which is read as none; write '{key}: null' if it is so"
-                yield document.problem((key,), words, "empty-value")
+                text = f"'{key}' is empty, which is read as none; write '{key}: null' if it is so"
+                yield document.problem((key,), text, "empty-value")

@@ -63,7 +63,7 @@ def mission_text(draft: MissionDocument, folder: Path) -> str:
 
 
 def _given(data: dict[str, Any]) -> dict[str, Any]:
-    """The data without what says nothing: null, and empty lists and mappings."""
+    """The data without null, and without empty lists and mappings."""
     return {key: value for key, value in data.items() if value not in (None, [], {})}
 
 

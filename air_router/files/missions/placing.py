@@ -36,7 +36,7 @@ _MADE: Final = frozenset(
 _UNCHANGED: Final = (
     MissionForm.model_fields.keys() & {field.name for field in fields(MissionDocument)} - _MADE
 )
-"""What a draft takes from the form as it is."""
+"""Fields that a draft takes unchanged from the form."""
 
 Entry = TypeVar("Entry")
 
@@ -47,7 +47,7 @@ class FormPlaces:
 
     Attributes:
         known: The keys of a value in the file, by those in the form. A part of such a value has the
-            name of its own behind them; what is not named stands under the keys of the form.
+            name of its own behind them; other parts stand under the keys of the form.
     """
 
     known: Mapping[Keys, Keys] = field(default_factory=dict)
@@ -67,8 +67,8 @@ def place_form(draft: MissionDocument, form: MissionForm, places: FormPlaces = A
     """Fill a draft from a form; what cannot be placed has its problem noted.
 
     Args:
-        draft: Takes all; `unread` says which sections of the form are stand-ins.
-        form: What the file says; an entry of a list that could not be read is None.
+        draft: Takes all; `unread` names the sections of the form that are placeholders.
+        form: The contents of the file; an entry of a list that could not be read is None.
         places: Where each value of it stands.
     """
     place_home(draft, form, places)
@@ -112,7 +112,7 @@ def place_home(draft: MissionDocument, form: MissionForm, places: FormPlaces = A
 
 @dataclass(slots=True)
 class FileForm:
-    """The form of a mission that another program's file says, while it is read.
+    """The form of a mission from another program's file, while it is read.
 
     Attributes:
         values: By the form's keys.
@@ -230,7 +230,7 @@ def _lay_frame(draft: MissionDocument, form: MissionForm, places: FormPlaces) ->
     elif "home" not in draft.unread:
         keys = places.of("home", "position")
     elif right := next(_right(form.waypoints), None):
-        what, position = "waypoints", right[1].position  # only to look at the rest of the file
+        what, position = "waypoints", right[1].position  # only to check the rest of the file
         keys = ("waypoints", right[0])
     else:
         return

@@ -1,7 +1,7 @@
-"""Values and items of a QGroundControl plan: which are waypoints, and what of the rest to tell.
+"""Values and items of a QGroundControl plan: which are waypoints, and which others to report.
 
 Surveys and corridor scans carry the items that they fly in themselves. What a mission of ours does
-not do (cameras, loitering, splines, landing elsewhere) is told, and stays in the plan's file.
+not do (cameras, loitering, splines, landing elsewhere) is reported, and stays in the plan's file.
 """
 
 import math
@@ -63,7 +63,7 @@ _USER_WAYPOINTS: Final = range(31000, 31005)
 
 
 EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
-_DROPPED: Final = "QGroundControl itself drops the whole section without a word; it is read here"
+_DROPPED: Final = "QGroundControl itself silently drops the whole section; it is read here"
 
 
 class PlanValues(JsonValues):
@@ -95,8 +95,8 @@ class PlanValues(JsonValues):
         found, what = shown(self.at(*keys, "version")), named(keys) if keys else "the plan"
         advice = _DROPPED if dropped else EXPORT_AGAIN
         message = f"{what} has version {found}, read is {known}; {advice}"
-        tell = self.draft.note if dropped else self.draft.report
-        tell((*keys, "version"), message, "plan-version")
+        note = self.draft.note if dropped else self.draft.report
+        note((*keys, "version"), message, "plan-version")
 
 
 class ItemsReader(PlanValues):
@@ -304,7 +304,7 @@ class ItemsReader(PlanValues):
 
 
 def _decides_where(command: int) -> bool:
-    """Whether a command that we do not know says where to fly, or where not to."""
+    """Whether an unknown command has a place to fly to, or to avoid."""
     return (
         _FIRST_NAV <= command <= _LAST_NAV
         or command in _FENCE_AND_RALLY

@@ -1,7 +1,7 @@
 """Reads QGroundControl `.plan` files.
 
-Everything that decides where the vehicle flies is understood, told of, or refused with its place in
-the file: nothing is dropped silently. Zones may cross the fence here, as they do on many a map.
+Everything that decides where the vehicle flies is read, reported, or refused with its place in the
+file: nothing is dropped silently. Zones may cross the fence here, as they do on many a map.
 """
 
 from typing import Any

@@ -1,7 +1,7 @@
 """Writes a mission as a QGroundControl plan, as far as a plan can say it.
 
 A plan's fence knows polygons and circles that are kept to or kept out of, at every altitude and at
-all times. What a mission knows beyond that becomes larger, never smaller, and is told as a loss.
+all times. Other zones of a mission become larger, never smaller, and are reported as losses.
 """
 
 import copy
@@ -38,7 +38,7 @@ class ConversionWarning:
     """Something that was not carried over.
 
     Attributes:
-        what: What of the mission, in words.
+        what: The part of the mission, as text.
         message: What became of it.
         code: The same for programs.
     """
@@ -53,7 +53,7 @@ class ConversionWarning:
 
 @dataclass(slots=True)
 class ConversionWarnings:
-    """The losses of one conversion, each told once."""
+    """The losses of one conversion, each reported once."""
 
     entries: list[ConversionWarning] = field(default_factory=list)  # in the order of their finding
 

@@ -56,18 +56,18 @@ class _WaypointFile:
         self.flown: list[int] = []
         lines = enumerate(text.splitlines(), start=1)
         rows = [(number, list(re.finditer(r"\S+", line))) for number, line in lines]
-        self._rows = [(number, words) for number, words in rows if words][1:]  # line, words
+        self._rows = [(number, columns) for number, columns in rows if columns][1:]  # line, columns
 
     def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
         """A problem with the value at `("mission", "items", row, "params", number)`, or alike."""
         if len(keys) < 3 or not isinstance(keys[2], int):
             return Problem(self.path, 1, 1, message, code)
         index = keys[2] if keys[0] == _FENCE else self.flown[keys[2]]
-        number, words = self._rows[index]
+        number, columns = self._rows[index]
         column = {"frame": _FRAME, "command": _COMMAND, "params": _PARAMS}.get(str(keys[-1]), 0)
         if len(keys) == 5 and isinstance(keys[4], int):
             column = _PARAMS + keys[4]
-        return Problem(self.path, number, words[column].start() + 1, message, code)
+        return Problem(self.path, number, columns[column].start() + 1, message, code)
 
     def items(self) -> list[dict[str, Any]]:
         """The lines as items of a plan.
@@ -76,16 +76,18 @@ class _WaypointFile:
             DocumentError: with every line that is not twelve numbers.
         """
         problems, items = ProblemList(), []
-        for number, words in self._rows:
-            numbers = [_number(word[0], whole=i < _PARAMS) for i, word in enumerate(words)]
-            if len(words) != _COLUMNS:
-                message = f"an item has {_COLUMNS} columns, found {len(words)}; export again"
+        for number, columns in self._rows:
+            numbers = [_number(column[0], whole=i < _PARAMS) for i, column in enumerate(columns)]
+            if len(columns) != _COLUMNS:
+                message = f"an item has {_COLUMNS} columns, found {len(columns)}; export again"
                 wrong = partial(Problem, self.path, number, 1, message, "wrong-length")
                 problems.add(self.path, "wrong-length", wrong)
             elif None in numbers:
-                word = words[numbers.index(None)]
-                message = f"'{word[0][:20]}' is not such a number; correct it"
-                wrong = partial(Problem, self.path, number, word.start() + 1, message, "wrong-type")
+                column = columns[numbers.index(None)]
+                message = f"'{column[0][:20]}' is not such a number; correct it"
+                wrong = partial(
+                    Problem, self.path, number, column.start() + 1, message, "wrong-type"
+                )
                 problems.add(self.path, "wrong-type", wrong)
             else:
                 frame, command, *params = numbers[_FRAME:-1]
@@ -193,9 +195,9 @@ def _add_fences(draft: MissionDocument, form: FileForm, items: Sequence[FenceIte
             draft.note(item.keys, "the fence's return point is not flown", NOT_FLOWN)
 
 
-def _number(word: str, *, whole: bool) -> float | None:
+def _number(column: str, *, whole: bool) -> float | None:
     try:
-        value = float(word)
+        value = float(column)
     except ValueError:
         return None
     if whole:

@@ -13,8 +13,8 @@ const TONE_S = 0.2;
 export class Alarms {
   constructor() {
     this.sound = new Sound(() => this.draw());
-    /** What each flight tells of now. @type {Map<import("./flight.js").Flight, Alarm[]>} */
-    this.told = new Map();
+    /** The alarms of each flight now. @type {Map<import("./flight.js").Flight, Alarm[]>} */
+    this.alarmsOf = new Map();
     /** Keys of those that a person has acknowledged, on this page. @type {Set<string>} */
     this.acknowledged = new Set();
     /** When each was shown first. @type {Map<string, number>} */
@@ -26,21 +26,21 @@ export class Alarms {
 
   /** @param {import("./flight.js").Flight} flight @param {{alarms: Alarm[]}} message */
   show(flight, { alarms }) {
-    this.told.set(flight, alarms);
+    this.alarmsOf.set(flight, alarms);
     this.draw();
   }
 
   /** Another program runs there now. @param {import("./flight.js").Flight} flight */
   forget(flight) {
     for (const key of [...this.acknowledged]) if (key.startsWith(`${flight.name} `)) this.acknowledged.delete(key);
-    this.told.delete(flight);
+    this.alarmsOf.delete(flight);
     this.draw();
   }
 
-  /** @returns {Map<string, {flight: import("./flight.js").Flight, alarm: Alarm}>} those that are to be seen */
+  /** @returns {Map<string, {flight: import("./flight.js").Flight, alarm: Alarm}>} those that are shown */
   get open() {
     const open = new Map();
-    for (const [flight, alarms] of this.told) {
+    for (const [flight, alarms] of this.alarmsOf) {
       for (const alarm of alarms) {
         const key = `${flight.name} ${alarm.n}`;
         if (!this.since.has(key)) this.since.set(key, performance.now());
@@ -90,7 +90,7 @@ export class Alarms {
 
 /** Browsers let a page sound after a person has clicked or pressed a key on it. */
 class Sound {
-  /** @param {() => void} changed is told when it can be heard, or not any more */
+  /** @param {() => void} changed is called when sound is turned on or off */
   constructor(changed) {
     /** @type {AudioContext | null} */
     this.context = null;
@@ -110,7 +110,7 @@ class Sound {
     try {
       await this.context.resume();
     } catch {
-      // no sound here; the page says so
+      // no sound here; the page shows that
     }
     this.changed();
   }

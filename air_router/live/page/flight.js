@@ -1,4 +1,4 @@
-// One flight: the connection to it, what it has told last, and what of it is always on the map.
+// One flight: the connection to it, its newest messages, and what of it is always on the map.
 
 import { Link, NO_ANSWER } from "/page/socket.js";
 import { GLOW_MS, Links } from "./links.js";
@@ -12,8 +12,8 @@ const MOST_ROWS = 3600;
 /** What comes often is shown once a frame, the newest only. */
 const OFTEN = ["vehicle", "robots", "links"];
 
-/** @typedef {{told: (flight: Flight, message: any) => void, due: () => void, pressed: (flight: Flight) => void,
- *   connected: (flight: Flight) => void}} Watcher is told of messages, that a frame is due, of clicks, of connections */
+/** @typedef {{received: (flight: Flight, message: any) => void, due: () => void, pressed: (flight: Flight) => void,
+ *   connected: (flight: Flight) => void}} Watcher is called for messages, due frames, clicks and connections */
 
 export class Flight {
   /** @param {any} map @param {any} svg @param {import("./ground.js").Grounds} grounds
@@ -32,7 +32,7 @@ export class Flight {
     this.bounds = null;
     /** @type {any} */
     this.vehicle = null;
-    /** @type {import("./robots.js").Told[]} */
+    /** @type {import("./robots.js").RobotReport[]} */
     this.robots = [];
     /** @type {any[]} */
     this.links = [];
@@ -44,16 +44,16 @@ export class Flight {
     this.playback = null;
     this.connected = false;
     this.why = "";
-    this.goneMs = performance.now();
+    this.silentSinceMs = performance.now();
     this.dims = 0;
     /** @type {Map<string, any>} */
     this.newest = new Map();
     this.link = new Link((message) => this.receive(message), (...now) => this.changed(...now), where.socket);
   }
 
-  /** How long it has not told anything, if it is gone. */
-  get goneForS() {
-    return this.connected ? 0 : (performance.now() - this.goneMs) / 1000;
+  /** Seconds since the connection was lost; 0 while connected. */
+  get silentForS() {
+    return this.connected ? 0 : (performance.now() - this.silentSinceMs) / 1000;
   }
 
   /** Whether it is over. */
@@ -87,7 +87,7 @@ export class Flight {
   understand(message) {
     try {
       this.take(message);
-      this.watcher.told(this, message);
+      this.watcher.received(this, message);
     } catch (error) {
       console.error(error);
       this.link.drop();
@@ -140,7 +140,7 @@ export class Flight {
       case "piece":
         this.ground?.add(message);
         break;
-      case "news":
+      case "log":
         this.marks.push(...message.lines.filter(({ kind }) => MARKED.includes(kind)));
         this.marks.splice(0, this.marks.length - MOST_MARKS);
         break;
@@ -164,7 +164,7 @@ export class Flight {
     if (!this.newest.has("links")) this.receive(message);
   }
 
-  /** @param {boolean} chosen whether the panel tells of it */
+  /** @param {boolean} chosen whether the panel shows it */
   choose(chosen) {
     this.shape.choose(chosen);
     this.lines.choose(chosen);
@@ -172,14 +172,14 @@ export class Flight {
 
   /** @param {boolean} connected @param {string} why it is not */
   changed(connected, why) {
-    if (this.connected && !connected) this.goneMs = performance.now();
+    if (this.connected && !connected) this.silentSinceMs = performance.now();
     this.connected = connected;
     this.why = why;
     this.watcher.connected(this);
   }
 }
 
-// Whether what a flight tells can be drawn: on one map, an invalid position would stop all others.
+// Whether a flight's message can be drawn: on one map, an invalid position would stop all others.
 
 /** @param {any} at a place in degrees @throws {TypeError} it is none */
 function checkPlace(at) {

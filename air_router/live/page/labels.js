@@ -58,7 +58,7 @@ export class Labels {
     map.on("moveend", () => this.isCovered() || this.place());
   }
 
-  /** @param {any} scenery as the program tells it */
+  /** @param {any} scenery as the flight sends it */
   show({ areas, places }) {
     const zones = areas.filter(({ label }) => label).map(({ name, label, outline }) => ({
       text: name.length > MOST_LETTERS ? `${name.slice(0, MOST_LETTERS - 1)}…` : name,

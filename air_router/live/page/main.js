@@ -8,7 +8,7 @@ import { startTheme } from "/page/theme.js";
 import { Alarms } from "./alarms.js";
 import { Flight } from "./flight.js";
 import { Grounds } from "./ground.js";
-import { News } from "./news.js";
+import { Log } from "./log.js";
 import { Panel } from "./panel.js";
 import { Robots } from "./robots.js";
 import { Scenery } from "./scenery.js";
@@ -24,12 +24,12 @@ const RETRY_MS = 2000;
 const SIGNS = [
   ...MISSION,
   ["arrow", "sign", "UAV"],
-  ["line", "track", "flown"],
-  ["line", "route", "to be flown"],
-  ["area", "sign robot-sign", "robot, where it was heard"],
-  ["line", "way", "where it wants to go"],
+  ["line", "track", "flown track"],
+  ["line", "route", "planned route"],
+  ["area", "sign robot-sign", "robot, last reported position"],
+  ["line", "way", "path that a robot announced"],
   ["line", "link", "radio link"],
-  ["line", "link lit", "link that carries data"],
+  ["line", "link lit", "link transferring data"],
 ];
 
 startTheme();
@@ -38,7 +38,7 @@ const map = createMap(byId("map"));
 map.setView([0, 0], 2, { animate: false });
 const svg = L.svg({ pane: "route" });
 const scenery = new Scenery(map);
-const news = new News();
+const log = new Log();
 const alarms = new Alarms();
 const panel = new Panel((robot) => verbs.seek(robot));
 const verbs = new Verbs(map, () => chosen, say);
@@ -50,7 +50,7 @@ let isDue = false;
 const shown = await listing();
 const isOne = shown.flights.length === 1;
 const layout = new Layout(map, fit);
-const watcher = { told, due, pressed: (flight) => verbs.choosing || choose(flight), connected };
+const watcher = { received, due, pressed: (flight) => verbs.choosing || choose(flight), connected };
 const grounds = new Grounds(map);
 /** @type {Flight[]} */
 const flights = shown.flights.map(
@@ -63,23 +63,23 @@ document.body.classList.toggle("several", !isOne);
 if (shown.backdrop) addBackdrop(map, shown.backdrop);
 if (!isOne) choose(chosen);
 
-/** What flights there are. @returns {Promise<{flights: {name: string, socket: string}[], backdrop?: any}>} */
+/** The flights that the server lists. @returns {Promise<{flights: {name: string, socket: string}[], backdrop?: any}>} */
 async function listing() {
   for (;;) {
     try {
       const answer = await fetch("/flights");
       if (answer.ok) return await answer.json();
     } catch {
-      // the program is gone just now
+      // the server is not reachable
     }
-    byId("gone").hidden = false;
+    byId("offline").hidden = false;
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
   }
 }
 
-/** What a flight tells beside what it draws itself. @param {Flight} flight @param {any} message */
-function told(flight, message) {
-  if (message.type === "news") news.add(flight, message);
+/** Show what a flight does not draw itself. @param {Flight} flight @param {any} message */
+function received(flight, message) {
+  if (message.type === "log") log.add(flight, message);
   if (message.type === "alarms") alarms.show(flight, message);
   if (message.type === "welcome") welcomed(flight, message);
   if (message.type === "scenery" && !flight.seen && !layout.touched) fit();
@@ -100,7 +100,7 @@ function told(flight, message) {
 
 /** @param {Flight} flight @param {{backdrop: any}} welcome */
 function welcomed(flight, { backdrop }) {
-  news.forget(flight);
+  log.forget(flight);
   alarms.forget(flight);
   // A page for several has a picture of its own, or none.
   if (shown.backdrop === undefined && backdrop) addBackdrop(map, backdrop);
@@ -122,20 +122,20 @@ function show() {
   tabs?.show(chosen);
 }
 
-/** A flight has come, or is gone. @param {Flight} flight */
+/** A flight has connected, or was lost. @param {Flight} flight */
 function connected(flight) {
   if (!isOne && flight === chosen && !flight.vehicle) panel.show(flight);
   if (flight === chosen) verbs.allow(flight);
   const lost = flights.filter((flight) => (isOne ? !flight.connected : flight.isLost));
-  byId("gone").hidden = lost.length === 0;
+  byId("offline").hidden = lost.length === 0;
   if (!isOne && lost.length) {
     const who = lost.map((flight) => `${flight.name} ${flight.why}`).join("; ");
-    byId("gone").textContent = `${who}. What comes back is shown again.`;
+    byId("offline").textContent = `${who}. Reconnecting …`;
   }
   due();
 }
 
-/** Tell of one flight in the panel, and ask it; its scenery is drawn. @param {Flight} flight */
+/** Show one flight in the panel, with its scenery; requests go to it. @param {Flight} flight */
 function choose(flight) {
   if (verbs.choosing && flight !== chosen) verbs.stop(); // the points were for another one
   chosen = flight;

@@ -2,7 +2,7 @@
 
 import { byId, element, setText } from "/page/element.js";
 import { colour } from "/page/theme.js";
-import { strength, words } from "./links.js";
+import { signalText, strength } from "./links.js";
 import { age } from "./robots.js";
 
 const MOST_SAMPLES = 180;
@@ -10,10 +10,10 @@ const CHART = [60, 20];
 const LEAST = 0.05;
 
 export class Panel {
-  /** @param {(robot: string) => void} seek is told whom to seek */
+  /** @param {(robot: string) => void} seek requests the search for a robot */
   constructor(seek) {
     this.seek = seek;
-    this.heard = {};
+    this.reports = {};
     this.links = {};
     this.rows = new Map();
     /** @type {Map<string, HTMLElement>} */
@@ -31,14 +31,14 @@ export class Panel {
     const alarmed = document.body.classList.contains("alarmed") ? "ALARM · " : "";
     const title = `${alarmed}${vehicle.state} · ${vehicle.name}`;
     if (document.title !== title) document.title = title;
-    const robots = new Set([...vehicle.robots, ...Object.keys(this.heard), ...Object.keys(this.links)]);
+    const robots = new Set([...vehicle.robots, ...Object.keys(this.reports), ...Object.keys(this.links)]);
     for (const name of robots) this.row(name, vehicle.robots.includes(name));
   }
 
   /** @param {{name: string, age_s: number}[]} robots */
   showRobots(robots) {
-    this.heard = Object.fromEntries(robots.map((robot) => [robot.name, robot]));
-    this.showNews();
+    this.reports = Object.fromEntries(robots.map((robot) => [robot.name, robot]));
+    this.showAges();
   }
 
   /** @param {any[]} links */
@@ -46,24 +46,24 @@ export class Panel {
     this.links = Object.fromEntries(links.map((link) => [link.peer, link]));
     for (const [name, row] of this.rows) {
       const link = this.links[name];
-      row.signal.classList.toggle("heard", Boolean(link) && link.signal !== null);
+      row.signal.classList.toggle("received", Boolean(link) && link.signal !== null);
       row.signal.classList.toggle("lit", Boolean(link?.glows));
-      row.signal.title = (link && words(link)) || "not heard by radio";
+      row.signal.title = (link && signalText(link)) || "no radio signal";
     }
-    this.showNews();
+    this.showAges();
   }
 
-  /** How old what is known of each robot is, and how much of the map it has. */
-  showNews() {
+  /** The age of each robot's position, and its share of the map. */
+  showAges() {
     for (const [name, row] of this.rows) {
-      const robot = this.heard[name];
+      const robot = this.reports[name];
       const share = this.links[name]?.map_share;
       const map = share ? `\nmap ${percent(share)}` : "";
-      setText(row.age, (robot ? `${age(robot.age_s)} ago` : "not heard") + map);
+      setText(row.age, (robot ? `${age(robot.age_s)} ago` : "no position received") + map);
     }
   }
 
-  /** Who hears whom: a column for each UAV, a row for each of its peers.
+  /** Signal by link: a column for each UAV, a row for each of its peers.
    *  @param {import("./flight.js").Flight[]} flights */
   showMatrix(flights) {
     if (!byId("links").open) return;
@@ -97,7 +97,7 @@ export class Panel {
     }
   }
 
-  /** @param {string} name @param {string} value "" for what is not known */
+  /** @param {string} name @param {string} value "" where it is unknown */
   instrument(name, value) {
     const shown = this.instruments.get(name) ?? element("span");
     if (!this.instruments.has(name)) {
@@ -126,11 +126,11 @@ export class Panel {
     this.rows.set(name, { signal, chart, age: old });
   }
 
-  /** Tell of another flight. @param {import("./flight.js").Flight} flight */
+  /** Show another flight. @param {import("./flight.js").Flight} flight */
   show(flight) {
     this.rows.clear();
     byId("robots").replaceChildren();
-    this.heard = {};
+    this.reports = {};
     this.links = {};
     byId("state").className = "chip";
     const nothing = { state: "…", what: "", left: "", facts: `${flight.name} ${flight.why}` };
@@ -159,7 +159,7 @@ function instruments(vehicle) {
 /** @param {any} link @param {boolean} brief @returns {HTMLElement} a cell of the matrix; empty without a link */
 function cell(link, brief) {
   if (!link) return element("td");
-  const signal = words(link) || "–";
+  const signal = signalText(link) || "–";
   const synced = link.synced_ago_s === null ? "never" : `${age(link.synced_ago_s)} ago`;
   const data = `${(link.bytes / 1000).toFixed(0)} kB`;
   const title = `signal, last sync; ${data} in ${link.syncs} syncs`;

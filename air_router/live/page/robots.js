@@ -1,4 +1,4 @@
-// The robots where they were last heard to be: of several flights, the one tells that heard of them last.
+// The robots at their last reported positions; of several flights, the newest report counts.
 
 import { element, setText } from "/page/element.js";
 import { line } from "./vehicle.js";
@@ -6,7 +6,7 @@ import { line } from "./vehicle.js";
 const L = globalThis.L;
 const OLD_S = 60;
 
-/** @typedef {{name: string, at: number[], age_s: number, way: number[][]}} Told what a flight tells of a robot */
+/** @typedef {{name: string, at: number[], age_s: number, way: number[][]}} RobotReport what a flight reports of a robot */
 
 export class Robots {
   /** @param {any} map @param {any} svg */
@@ -22,30 +22,30 @@ export class Robots {
     const newest = newestOf(flights);
     for (const [name, robot] of this.shown) if (!newest.has(name)) this.remove(name, robot);
     const seekers = new Map(flights.map((flight) => [flight.vehicle?.robot, flight]));
-    for (const told of newest.values()) {
-      const robot = this.shown.get(told.name) ?? this.add(told);
-      robot.at = told.at;
-      robot.marker.setLatLng(told.at);
-      const way = JSON.stringify(told.way);
-      if (way !== robot.drawn) robot.way.setLatLngs(told.way);
+    for (const report of newest.values()) {
+      const robot = this.shown.get(report.name) ?? this.add(report);
+      robot.at = report.at;
+      robot.marker.setLatLng(report.at);
+      const way = JSON.stringify(report.way);
+      if (way !== robot.drawn) robot.way.setLatLngs(report.way);
       robot.drawn = way;
       const { classList, style } = robot.marker.getElement();
-      const seeker = seekers.get(told.name);
-      classList.toggle("old", told.age_s > OLD_S);
+      const seeker = seekers.get(report.name);
+      classList.toggle("old", report.age_s > OLD_S);
       classList.toggle("sought", Boolean(seeker));
       style.setProperty("--uav", seeker?.colour ? `var(--${seeker.colour})` : "");
-      setText(robot.label, `${told.name} · ${age(told.age_s)}`);
+      setText(robot.label, `${report.name} · ${age(report.age_s)}`);
     }
   }
 
-  /** @param {Told} told */
-  add(told) {
+  /** @param {RobotReport} report */
+  add(report) {
     const label = element("span");
     const icon = L.divIcon({ className: "robot", iconSize: [15, 15], html: label });
-    const marker = L.marker(told.at, { icon, interactive: false, title: told.name }).addTo(this.map);
-    marker.getElement().dataset.robot = told.name;
-    const robot = { marker, label, way: line(this.map, this.svg, "way"), at: told.at, drawn: "" };
-    this.shown.set(told.name, robot);
+    const marker = L.marker(report.at, { icon, interactive: false, title: report.name }).addTo(this.map);
+    marker.getElement().dataset.robot = report.name;
+    const robot = { marker, label, way: line(this.map, this.svg, "way"), at: report.at, drawn: "" };
+    this.shown.set(report.name, robot);
     return robot;
   }
 
@@ -57,14 +57,14 @@ export class Robots {
   }
 }
 
-/** What is newest of each robot; a UAV that tells of itself is no robot.
- *  @param {import("./flight.js").Flight[]} flights @returns {Map<string, Told>} */
+/** The newest report of each robot; a UAV with a page of its own is not a robot.
+ *  @param {import("./flight.js").Flight[]} flights @returns {Map<string, RobotReport>} */
 function newestOf(flights) {
   const newest = new Map();
   for (const flight of flights) {
-    for (const told of flight.robots) {
-      const age_s = told.age_s + flight.goneForS;
-      if (age_s < (newest.get(told.name)?.age_s ?? Infinity)) newest.set(told.name, { ...told, age_s });
+    for (const report of flight.robots) {
+      const age_s = report.age_s + flight.silentForS;
+      if (age_s < (newest.get(report.name)?.age_s ?? Infinity)) newest.set(report.name, { ...report, age_s });
     }
   }
   for (const flight of flights) if (flight.connected && flight.vehicle?.at) newest.delete(flight.name);

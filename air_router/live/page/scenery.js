@@ -15,7 +15,7 @@ export class Scenery {
     this.labels = new Labels(map);
   }
 
-  /** @param {any} scenery as the program tells it */
+  /** @param {any} scenery as the flight sends it */
   show(scenery) {
     this.airspace.show(scenery.areas);
     this.still.clearLayers();

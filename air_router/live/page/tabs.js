@@ -4,7 +4,7 @@ import { byId, element, setText } from "/page/element.js";
 
 export class Tabs {
   /** @param {import("./flight.js").Flight[]} flights
-   *  @param {(flight: import("./flight.js").Flight) => void} choose is told which one */
+   *  @param {(flight: import("./flight.js").Flight) => void} choose takes the one that was pressed */
   constructor(flights, choose) {
     this.flights = flights;
     this.choose = choose;
@@ -47,10 +47,10 @@ export class Tabs {
     this.flights.forEach((flight, index) => {
       const { tab, name, state, left } = this.tabs[index];
       const { vehicle, connected } = flight;
-      const word = vehicle && !connected && !flight.isOver ? "gone" : vehicle?.state ?? "…";
+      const label = vehicle && !connected && !flight.isOver ? "offline" : vehicle?.state ?? "…";
       setText(name, flight.name);
-      setText(state, word);
-      state.className = `chip ${vehicle ? word : "none"}`;
+      setText(state, label);
+      state.className = `chip ${vehicle ? label : "none"}`;
       setText(left, connected && vehicle?.left_s != null ? `${Math.ceil(vehicle.left_s)} s` : "");
       tab.title = `${flight.name} (${index + 1})${connected ? "" : `: ${flight.why}`}`;
       tab.setAttribute("aria-selected", String(flight === chosen));

@@ -71,7 +71,7 @@ export class Timeline {
   showFilm(film) {
     this.paused = film.paused;
     setText(byId("pause"), film.paused ? "▶" : "❚❚");
-    byId("pause").setAttribute("aria-label", film.paused ? "Go on" : "Pause");
+    byId("pause").setAttribute("aria-label", film.paused ? "Resume" : "Pause");
     const when = byId("when");
     [when.min, when.max] = [String(film.begin_s), String(film.end_s)];
     if (!this.dragged) when.value = String(film.now_s);
@@ -120,8 +120,8 @@ export class Timeline {
     const at = rows.findLast((row) => row[T] <= now);
     PLOTS.forEach(([name, unit, of, least], index) => {
       const values = rows.map((row) => of(row, peers));
-      const told = at ? of(at, peers).filter((value) => value != null) : [];
-      const text = told.map((value) => Math.round(value * 10) / 10).join(", ");
+      const shown = at ? of(at, peers).filter((value) => value != null) : [];
+      const text = shown.map((value) => Math.round(value * 10) / 10).join(", ");
       const units = new Set(at ? peers.map((peer) => at[LINKS][peer]?.[3]) : []);
       const behind = unit || ` ${[...units].filter(Boolean).join(", ")}`;
       context.fillStyle = colour("soft");
@@ -153,7 +153,7 @@ export class Timeline {
 
   /** @param {object} request */
   ask(request) {
-    this.chosen().link.ask(request).catch(() => {}); // the page says already that no program answers
+    this.chosen().link.ask(request).catch(() => {}); // the page shows already that the connection is lost
   }
 }
 

@@ -14,7 +14,7 @@ export function line(map, svg, className) {
 
 export class Vehicle {
   /** @param {any} map @param {any} svg @param {string} colour the class of its colour; "" if it is the only one
-   *  @param {() => void} pressed is told of clicks, if it is not the only one */
+   *  @param {() => void} pressed is called for clicks, if there are other flights */
   constructor(map, svg, colour, pressed) {
     this.map = map;
     this.colour = colour;
@@ -37,7 +37,7 @@ export class Vehicle {
     this.track.setLatLngs(this.flown);
   }
 
-  /** @param {any} vehicle as the program tells it */
+  /** @param {any} vehicle as the flight sends it */
   show(vehicle) {
     this.at = vehicle.at;
     this.route.setLatLngs(vehicle.route);
@@ -62,7 +62,7 @@ export class Vehicle {
     return marker;
   }
 
-  /** @param {boolean} chosen whether the panel tells of it */
+  /** @param {boolean} chosen whether the panel shows it */
   choose(chosen) {
     this.chosen = chosen;
     for (const part of [this.marker, this.track, this.route]) part?.getElement()?.classList.toggle("other", !chosen);

@@ -35,18 +35,18 @@ export class Verbs {
     });
   }
 
-  /** Requests need a flight that hears them, and that would not refuse them now; the buttons say why they are of no use.
+  /** Requests need a connected flight that would not refuse them now; a disabled button shows the reason.
    *  @param {import("./flight.js").Flight} flight */
   allow(flight) {
-    const gone = flight.isOver ? "the flight is over" : flight.connected ? "" : "the flight does not answer";
-    if (gone && this.choosing) this.stop();
+    const unavailable = flight.isOver ? "the flight is over" : flight.connected ? "" : "no connection to the flight";
+    if (unavailable && this.choosing) this.stop();
     for (const button of document.querySelectorAll("#verbs [data-verb], #robots button")) {
-      refuse(button, gone, reason(flight, button.dataset.verb ?? "seek"));
+      refuse(button, unavailable, reason(flight, button.dataset.verb ?? "seek"));
     }
-    setText(byId("why"), gone && `No requests: ${gone}.`);
+    setText(byId("why"), unavailable && `Requests are disabled: ${unavailable}.`);
   }
 
-  /** Whether a request would be refused as things are; then the reason is said. @param {string} verb */
+  /** Whether a request would be refused now; then the reason is shown. @param {string} verb */
   isRefused(verb) {
     const flight = this.chosen();
     const why = reason(flight, verb);
@@ -87,7 +87,7 @@ export class Verbs {
     if (altitude_m !== null) await this.ask(flight, { request: "altitude", altitude_m });
   }
 
-  /** Have all UAVs hold, and name those that are gone. @param {import("./flight.js").Flight[]} flights */
+  /** Have all UAVs hold, and name those that do not answer. @param {import("./flight.js").Flight[]} flights */
   async holdAll(flights) {
     this.stop();
     const answers = await Promise.all(flights.map((flight) => answerOf(flight, { request: "hold" })));
@@ -96,7 +96,7 @@ export class Verbs {
 
   choose() {
     this.mark(true);
-    this.say("Press the map where to fly, more than once for more points; then Fly there (Enter), or Cancel (Esc).", true);
+    this.say("Click the map to add points, then press Fly there (Enter) or Cancel (Esc).", true);
   }
 
   /** @param {any} latlng */
@@ -152,19 +152,19 @@ function reason(flight, verb) {
   return flight.vehicle?.refused?.[verb] ?? "";
 }
 
-/** Show that a button is of no use, and why. One that would be refused now can still be reached and pressed, which
- *  says why: a disabled one says nothing to a finger or a keyboard.
- *  @param {any} button @param {string} gone why there is no flight to ask @param {string} why it would refuse */
-function refuse(button, gone, why) {
-  button.disabled = Boolean(gone);
-  button.title = gone || why;
-  for (const [name, value] of [["aria-disabled", gone || !why ? "" : "true"], ["aria-description", gone || why]]) {
+/** Show that a button is disabled, and why. One whose request would be refused can still be pressed, which shows
+ *  the reason: a disabled button shows none to touch or keyboard.
+ *  @param {any} button @param {string} unavailable why there is no flight to send requests to @param {string} why it would refuse */
+function refuse(button, unavailable, why) {
+  button.disabled = Boolean(unavailable);
+  button.title = unavailable || why;
+  for (const [name, value] of [["aria-disabled", unavailable || !why ? "" : "true"], ["aria-description", unavailable || why]]) {
     if (value) button.setAttribute(name, value);
     else button.removeAttribute(name);
   }
 }
 
-/** @param {import("./flight.js").Flight} flight @returns {string} whom this is about, if there are several */
+/** @param {import("./flight.js").Flight} flight @returns {string} the flight's name, if there are several */
 function who(flight) {
   return flight.colour ? `${flight.name}: ` : "";
 }

@@ -10,7 +10,7 @@ const SMOOTH = 0.05; // pixels; with more, circles have corners
 
 export class AirspaceLayer {
   /** @param {any} map
-   *  @param {(area: Area, event: any) => void} [pressed] is told of clicks ("contextmenu" too) */
+   *  @param {(area: Area, event: any) => void} [pressed] is called for clicks ("contextmenu" too) */
   constructor(map, pressed) {
     this.map = map;
     this.pressed = pressed;
@@ -84,7 +84,7 @@ export class AirspaceLayer {
   }
 }
 
-/** @param {Area} area @returns {HTMLElement} what the pointer is told */
+/** @param {Area} area @returns {HTMLElement} the tooltip */
 function describe(area) {
   const box = document.createElement("div");
   box.append(Object.assign(document.createElement("strong"), { textContent: area.name }));

@@ -27,7 +27,7 @@ export function readNumber(text, { min = -Infinity, max = Infinity } = {}) {
   const [, whole, mark, decimals] = /^([+-]?\d+)(?:([.,])(\d+))?$/.exec(written) ?? [];
   if (whole === undefined) return { error: `"${written}" is not a number: write it like 40 or 40.5` };
   if (mark === "," && decimals.length === 3) {
-    return { error: `"${written}" may be ${whole}${decimals} or ${whole}.${decimals}: write the one that is meant` };
+    return { error: `"${written}" is ambiguous: ${whole}${decimals} or ${whole}.${decimals}; write one of these` };
   }
   const value = Number(mark === undefined ? whole : `${whole}.${decimals}`);
   if (value < min) return { error: `"${written}" is less than ${min}` };
@@ -41,7 +41,7 @@ export function numberInput(properties = {}) {
   return input;
 }
 
-/** What stands in the field of a number; where that is none, the person is told and there is no value.
+/** The value of a number field; an invalid text is reported to the user and has no value.
  *  @param {any} input @param {{min?: number, max?: number}} [range] @returns {number | undefined} */
 export function numberIn(input, range) {
   const read = readNumber(input.value, range);
@@ -74,7 +74,7 @@ export function numberField(label, value, changed, placeholder = "", optional = 
 /** A labelled field for a text. @param {string} label @param {string} value
  *  @param {(value: string) => void} changed @param {string} [placeholder] */
 export function wordField(label, value, changed, placeholder = "") {
-  const input = element("input", { className: "words", maxLength: 80, placeholder, value });
+  const input = element("input", { className: "text", maxLength: 80, placeholder, value });
   input.addEventListener("change", () => changed(input.value.trim()));
   return element("label", { className: "field" }, element("span", { textContent: label }), input);
 }

@@ -5,7 +5,7 @@ import { byId } from "./element.js";
 const MARGIN_PIXELS = 20;
 
 export class Layout {
-  /** @param {any} map @param {() => void} changed is told when more or less of the map is free */
+  /** @param {any} map @param {() => void} changed is called when more or less of the map is free */
   constructor(map, changed) {
     this.map = map;
     this.touched = false;
@@ -46,7 +46,7 @@ export class Layout {
     });
   }
 
-  /** Put all but what is needed at once out of the way, or back. */
+  /** Fold away all but the essentials, or unfold. */
   fold() {
     const folded = document.body.classList.toggle("folded");
     byId("fold").setAttribute("aria-pressed", String(folded));

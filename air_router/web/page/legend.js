@@ -1,4 +1,4 @@
-// What is on the map: each sign is drawn with the class that it has there, so it has its colour.
+// The legend: each sign has the class, and so the colour, that it has on the map.
 
 import { element } from "./element.js";
 
@@ -10,35 +10,35 @@ const SHAPES = {
   arrow: "M15 1 21 15 15 12 9 15Z",
 };
 
-/** @typedef {[keyof typeof SHAPES, string, string]} Sign shape, classes and words */
+/** @typedef {[keyof typeof SHAPES, string, string]} Sign shape, classes and label */
 
-/** What both pages draw. @type {Sign[]} */
+/** Signs of both pages. @type {Sign[]} */
 export const MISSION = [
   ["line", "area fence", "fence"],
   ["area", "area zone", "no-fly zone"],
-  ["area", "area zone idle", "zone that does not apply now"],
-  ["line", "buffer zone", "clearance, always kept"],
-  ["line", "buffer zone margin", "what routes keep besides"],
+  ["area", "area zone idle", "inactive zone"],
+  ["line", "buffer zone", "required clearance"],
+  ["line", "buffer zone margin", "clearance plus tracking margin"],
   ["line", "edge", "clear connection"],
   ["spot", "spot", "waypoint"],
   ["spot", "spot home", "home"],
   ["spot", "spot rally", "rally point"],
 ];
 
-/** Filled when it is opened. @param {any} details with a list @param {Sign[]} signs */
+/** The list is filled when it is opened. @param {any} details with a list @param {Sign[]} signs */
 export function addLegend(details, signs) {
   details.addEventListener("toggle", () => show(details.querySelector("ul"), signs), { once: true });
 }
 
 /** @param {HTMLElement} list @param {Sign[]} signs */
 function show(list, signs) {
-  list.replaceChildren(...signs.map(([shape, classes, words]) => {
+  list.replaceChildren(...signs.map(([shape, classes, label]) => {
     const svg = document.createElementNS(SVG, "svg");
     svg.setAttribute("viewBox", "0 0 30 16");
     const path = document.createElementNS(SVG, "path");
     path.setAttribute("class", classes);
     path.setAttribute("d", SHAPES[shape]);
     svg.append(path);
-    return element("li", {}, svg, words);
+    return element("li", {}, svg, label);
   }));
 }

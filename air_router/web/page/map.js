@@ -117,13 +117,13 @@ function addTiles(map, { address, bounds, lowest, highest, attribution }) {
   }).addTo(map);
   const control = L.control.attribution({ prefix: false }).addTo(map);
   if (attribution) control.addAttribution(element("span", { textContent: attribution }).innerHTML);
-  const tell = () => control.setPrefix(map.getZoom() < from && "zoom in for the picture");
-  map.on("zoomend", tell);
-  tell();
+  const update = () => control.setPrefix(map.getZoom() < from && "zoom in for imagery");
+  map.on("zoomend", update);
+  update();
   map.getContainer().classList.add("pictured");
   return () => {
     map.getContainer().classList.remove("pictured");
-    map.off("zoomend", tell);
+    map.off("zoomend", update);
     for (const part of [layer, control]) part.remove();
   };
 }

@@ -16,7 +16,7 @@ export function question(title, text, choices) {
 }
 
 /** Ask for a number. @param {string} title @param {string} label @param {{min: number, max: number, value: number}} range
- *  @param {string} yes what the button says @returns {Promise<number | null>} null for none */
+ *  @param {string} yes the label of the button @returns {Promise<number | null>} null for none */
 export async function number(title, label, range, yes) {
   const input = numberInput({ value: String(range.value) });
   const cancel = element("button", { textContent: "Cancel" });

@@ -3,7 +3,7 @@
 const FIRST_RETRY_MS = 300;
 const LAST_RETRY_MS = 2000;
 
-/** Why a program is gone that does not say why. */
+/** The reason where the server gives none. */
 export const NO_ANSWER = "does not answer";
 
 /** What the program refused, and why. */
@@ -17,8 +17,8 @@ export class Refusal extends Error {
 
 export class Link {
   /** @param {(message: any) => void} receive takes what is no answer
-   *  @param {(connected: boolean, why: string) => void} changed is told when the program is there (it has said
-   *    something) or gone, and why
+   *  @param {(connected: boolean, why: string) => void} changed is called when the server is connected (it has sent
+   *    something) or lost, and why
    *  @param {string} [path] where its socket is */
   constructor(receive, changed, path = "/socket") {
     this.receive = receive;
@@ -52,10 +52,10 @@ export class Link {
       this.take(message);
     };
     socket.onclose = (event) => {
-      if (performance.now() - this.sinceMs > LAST_RETRY_MS) this.retryMs = FIRST_RETRY_MS; // it was really there
-      this.changed(false, this.dropped ? "is not understood" : event.reason || NO_ANSWER);
+      if (performance.now() - this.sinceMs > LAST_RETRY_MS) this.retryMs = FIRST_RETRY_MS; // it was connected for long enough
+      this.changed(false, this.dropped ? "sent an invalid message" : event.reason || NO_ANSWER);
       for (const { reject } of this.open.values()) {
-        reject(new Refusal("gone", "the program does not answer"));
+        reject(new Refusal("offline", "no connection to air-router"));
       }
       this.open.clear();
       setTimeout(() => this.connect(), this.retryMs);
@@ -63,7 +63,7 @@ export class Link {
     };
   }
 
-  /** What it says is not understood: perhaps later. */
+  /** It sent an invalid message: connect again. */
   drop() {
     this.dropped = true;
     this.socket.close();
@@ -84,7 +84,7 @@ export class Link {
   /** Ask for something. @param {object} request @returns {Promise<any>} the answer */
   ask(request) {
     if (this.socket.readyState !== WebSocket.OPEN) {
-      return Promise.reject(new Refusal("gone", "the program does not answer"));
+      return Promise.reject(new Refusal("offline", "no connection to air-router"));
     }
     const id = this.next++;
     return new Promise((resolve, reject) => {

@@ -1,4 +1,4 @@
-// Light or dark: as the system says, until the user chooses.
+// Light or dark: as the system is set, until the user chooses.
 
 import { byId } from "./element.js";
 

@@ -191,7 +191,7 @@ def test_zones_are_added_to_a_plan_and_all_else_stays(tmp_path, capsys):
     for kind in ("polygons", "circles"):
         fence[kind] = fence[kind][: len(before["geoFence"][kind])]
     assert json.dumps(after) == json.dumps(before)
-    assert "it cannot be flown as it is: " in capsys.readouterr().err
+    assert "it cannot be flown yet: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("null", [False, True])

@@ -142,7 +142,7 @@ COMMANDS = [
     ("convert commas.gpx way.yaml --altitude 30", 3, "decimals stand behind a point: 47.3"),
     ("new yard --home 47,3977,8,5456", 2, "; write 47.3977,8.5456"),
     ("new yard --home 47.3977;8.5456", 2, "; write 47.3977,8.5456"),
-    ("new yard --home 47.3977 8.5456", 2, "with a comma and no blank between them"),
+    ("new yard --home 47.3977 8.5456", 2, "with a comma and no blank"),
     ("new yard --home 0,0", 0, "latitude 0, longitude 0 is in the Atlantic; enter the place"),
     ("new yard --home 47.39,8.54 --robots rover,ros2", 2, "what rover speaks is written rover="),
     ("new yard --home 47.39,8.54 --robots Rover,rover", 2, "'rover' is named twice (whatever its"),

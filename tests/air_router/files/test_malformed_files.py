@@ -152,7 +152,7 @@ MALFORMED = {
     ],
     "ed269.json": [
         ('§{"features": 7}', "unknown-format", "none of"),
-        ('{"features": [§7]}', "wrong-type", "what a zone says of itself must be an object"),
+        ('{"features": [§7]}', "wrong-type", "the properties of a zone must be an object"),
         ('{"features": [§{"restriction": "CONDITIONAL"}]}', "missing-key", "found nothing"),
         (ed269('"uomDimensions": §"YD"'), "wrong-type", "one of M, FT"),
         (
@@ -187,7 +187,7 @@ MALFORMED = {
         (
             features(feature(properties="§null"), feature(properties='{"variant": "COMMON"}')),
             "missing-key",
-            "what a zone says of itself must be an object",
+            "the properties of a zone must be an object",
         ),
     ],
     "a.kml": [

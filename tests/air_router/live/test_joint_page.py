@@ -141,7 +141,7 @@ def test_a_flight_that_goes_and_comes_back_disturbs_no_other():
 
 
 def test_what_is_no_flight_and_what_says_too_much_is_given_up():
-    """Also what closes at once, talks no HTTP, sends us elsewhere, or asks for another token."""
+    """Also what closes at once, talks no HTTP, sends us elsewhere, or requires another token."""
 
     async def garbage(reader, writer):
         await reader.readline()
@@ -203,11 +203,11 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
             return said
 
     assert asyncio.run(look()) == {
-        "intruder": "asks for another token",
-        "odd": "is no flight's page",
-        "mail": "is no flight's page",
-        "elsewhere": "is no flight's page",
-        "long": "says too much",
+        "intruder": "requires another token",
+        "odd": "is not the page of a flight",
+        "mail": "is not the page of a flight",
+        "elsewhere": "is not the page of a flight",
+        "long": "sends messages that are too long",
         "binary": "does not answer",
     }
     assert elsewhere.asked == 1
@@ -253,8 +253,8 @@ def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
 def test_addresses(said, place, token):
     address = PageAddress.of(said)
     assert (address.place, address.token) == (place, token)
-    assert PageAddress.heard(f"the flight is shown at {said}") == address
-    assert PageAddress.heard(f"shown at {said}") is None
+    assert PageAddress.in_line(f"the flight is shown at {said}") == address
+    assert PageAddress.in_line(f"shown at {said}") is None
 
 
 @pytest.mark.parametrize(

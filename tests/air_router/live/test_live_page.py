@@ -17,7 +17,7 @@ from air_router.errors import UsageError
 from air_router.flight.flight_loop import CommandService
 from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
-from air_router.live.scene import MOST_NEWS, LiveScene
+from air_router.live.scene import MAX_LOG_LINES, LiveScene
 from air_router.live.server import LivePage, MapFeed
 from air_router.repeats import PAUSE_S
 from air_router.vehicle.instructions import BE_READY, FLY_OUT, Severity
@@ -124,7 +124,7 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
 
     said, told, answers = asyncio.run(look())
     assert said[0].startswith("the flight is shown at http://127.0.0.1:")
-    assert {"scenery", "vehicle", "robots", "links", "track", "news"} <= told.keys()
+    assert {"scenery", "vehicle", "robots", "links", "track", "log"} <= told.keys()
     areas = told["scenery"]["areas"]
     assert [area["fence"] for area in areas].count(True) == len(flight.mission.fences)
     assert len(areas) == len(flight.mission.fences) + len(flight.mission.zones)
@@ -150,7 +150,7 @@ def scene_of(flight):
     return LiveScene(flight.mission, controller.status, lambda: controller.router, "titan")
 
 
-def test_the_scene_follows_events_and_forgets_old_news(flight):
+def test_the_scene_follows_events_and_forgets_old_lines(flight):
     heard = Reading(47.0, Unit.DEVICE, "rajant")
     links = {"io": LinkMetrics("io", signal=heard, bytes_out=900)}  # to a peer that was there
 
@@ -176,13 +176,13 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     away_m = flight.mission.airspace.nearest(flight.telemetry().position)[0]
     assert rows[0][1:5] == [flight.telemetry().altitude_m, 0.0, 1.0, round(away_m, 1)]
     assert scene.rows.since(1) == rows[1:]
-    for number in range(MOST_NEWS + 10):
+    for number in range(MAX_LOG_LINES + 10):
         scene.step(None, (CommandAck(str(number), "eve", False, "no"),), 53.0)
-    assert scene.news.count == MOST_NEWS + 10
-    assert len(scene.news.since()) == MOST_NEWS
-    assert [line["n"] for line in scene.news.since(MOST_NEWS + 8)] == [
-        MOST_NEWS + 9,
-        MOST_NEWS + 10,
+    assert scene.log.count == MAX_LOG_LINES + 10
+    assert len(scene.log.since()) == MAX_LOG_LINES
+    assert [line["n"] for line in scene.log.since(MAX_LOG_LINES + 8)] == [
+        MAX_LOG_LINES + 9,
+        MAX_LOG_LINES + 10,
     ]
     flight.controller.handle(HoldNow(), flight.now_s)
     assert scene.vehicle(status())["what"] == State.HOLD.value
@@ -196,7 +196,7 @@ def test_lines_that_come_again_say_how_often_but_no_alarm_and_no_answer_does(fli
         scene.step(None, (info, warning), 50.0 + second)
     scene.step(None, (alarm, alarm, info, CommandAck("7", "eve", False, "no"), info, info), 53.0)
     scene.step(None, (info,), 50.0 + 10 * PAUSE_S)
-    told = [(line["text"].partition(".")[0], line.get("again")) for line in scene.news.since()]
+    told = [(line["text"].partition(".")[0], line.get("again")) for line in scene.log.since()]
     assert told == [
         ("searching", None),
         ("too near", None),
@@ -300,6 +300,6 @@ def test_a_robot_holds_of_the_map_what_was_there_when_it_came_for_it(flight):
     syncs.take(13.0, fetched)
     ground.event(fetched)
     assert ground.share("io") == 0.5
-    assert ground.news()["columns"] == 4
-    assert ground.news() is None
+    assert ground.update()["columns"] == 4
+    assert ground.update() is None
     assert ground.whole()["piece"]["rows"] == 2

@@ -60,9 +60,9 @@ def test_it_says_by_what_each_robot_is_found(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("keys", "change", "said"),
     [
-        ("", (), "team.yaml:5:9: 'base' is sought, and none of its topics says where it is"),
-        (BASE, ODOMETRY, "team.yaml:4:7: 'oi' is sought and says where it is in metres"),
-        (BASE, ("json/Pose", "my/Pose"), "'oi' is sought, and none of its topics says"),
+        ("", (), "team.yaml:5:9: 'base' is sought, and none of its topics has its position"),
+        (BASE, ODOMETRY, "team.yaml:4:7: 'oi' is sought and reports its position in metres"),
+        (BASE, ("json/Pose", "my/Pose"), "'oi' is sought, and none of its topics has its position"),
         (f"{BASE}uav: io\n", (), "mission.yaml:8:6: 'io' is of kind rover in the team file and"),
         (BASE, ("aerial_robot", "drone"), "0 robots of kind aerial_robot; give the one that flies"),
         (BASE, ("kind: rover", "kind: aerial_robot"), "2 robots of kind aerial_robot; add 'uav'"),

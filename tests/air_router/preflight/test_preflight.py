@@ -175,7 +175,7 @@ def test_a_home_that_is_not_as_high_as_the_vehicle_stands(pennovation):
 @pytest.mark.parametrize(
     ("wind_m_s", "verdict", "found"),
     [
-        (None, LOOK, "does not tell"),
+        (None, LOOK, "does not report"),
         ((3.0, -4.0), GOOD, "5 m/s from north-west"),
         ((-9.0, 0.0), LOOK, "9 m/s from east"),
     ],
@@ -291,7 +291,7 @@ def test_a_parameter_that_is_not_as_wanted_says_what_it_should_be_and_why(
 
 def test_parameters_that_are_not_told(pennovation):
     first, last = parameters(pennovation, WANTED | {"GF_ACTION": None}, version=OLD)
-    assert (first.verdict, first.found) == (LOOK, "not told: GF_ACTION")
+    assert (first.verdict, first.found) == (LOOK, "not reported: GF_ACTION")
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
 
@@ -391,7 +391,7 @@ def test_a_newer_version_is_flown_with_a_look_at_what_was_not_verified_and_what_
     values = WANTED_1_18 | {"GF_SOURCE": None}
     first, last = parameters(pennovation, values, version=NEXT, absent={"GF_SOURCE"})
     assert (first.verdict, first.found) == (LOOK, "PX4 1.19 has none: GF_SOURCE")
-    assert "not told" not in last.found
+    assert "not reported" not in last.found
 
 
 def test_a_vehicle_that_does_not_say_its_version_is_looked_at_for_all(pennovation):

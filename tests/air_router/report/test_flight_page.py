@@ -203,7 +203,7 @@ def test_what_is_named_in_figures(text):
     for picture in pictures(text, "track"):
         assert {"metres east", "metres north", "N", "io", "new"} <= {*words_in(picture)}
         assert {"flown track", "no-fly zone", "closest approach", "home"} <= {*words_in(picture)}
-        assert "io, heard at 0:28" in tooltips(picture)
+        assert "io, reported at 0:28" in tooltips(picture)
         assert "waypoint 1" in tooltips(picture)
     wide, narrow = pictures(text, "timeline")
     assert {"mission", "io", "phantom", "INIT", "SEARCH io", "HOME"} <= {*words_in(wide)}

@@ -34,7 +34,7 @@ from air_router.flight.flight_loop import CommandService
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.gossip.mapper import Mapper
-from air_router.ros2.bridge import MAP_LOOKS, AnotherVehicleError, Ros2Bridge
+from air_router.ros2.bridge import MAP_POLLS, AnotherVehicleError, Ros2Bridge
 from air_router.ros2.messages import TOPICS, Scene
 from air_router.ros2.ros_graph import RosGraph
 from geo.frame import Point
@@ -190,7 +190,7 @@ def client(pretend):
 def bridge(client, domain):
     graph = RosGraph(domain)
     bridge = Ros2Bridge(client, graph, requests=True, say=lambda _: None, unix_s=lambda: 1.75e9)
-    bridge.look()
+    bridge.poll()
     yield bridge
     graph.close()
 
@@ -211,8 +211,8 @@ def test_the_flight_in_standard_messages(client, bridge, program):
     cells[0, 1] = Terrain.ROAD
     client.mapper.paint(GridPatch(grid.west_m + 3, grid.south_m + 2, 1.0, cells).encode())
     flight.fly_until(lambda: client.request({"request": "view"})["heard"])
-    for _ in range(MAP_LOOKS):
-        bridge.look()
+    for _ in range(MAP_POLLS):
+        bridge.poll()
     at = pytest.approx((*flight.position, flight.altitude_m), abs=0.02)
     pose = program.standard("~/pose")
     place = pose.pose.position
@@ -348,13 +348,13 @@ def test_a_goal_is_flown_to_and_its_result_waited_for(client, bridge, program, g
     assert flight.controller.state is State.GOTO
     results = goto.result(goal_id, later=True)
     for _ in range(5):
-        bridge.look()
+        bridge.poll()
     told = taken(goto.feedback)
     assert (told.goal_id, told.feedback.state, told.feedback.points_left) == (goal_id, "GOTO", 1)
     assert told.feedback.distance_m == pytest.approx(math.dist(flight.position, NEAR), abs=0.1)
     assert goto.statuses() == [2]
     flight.fly_until(lambda: flight.controller.state is not State.GOTO)
-    bridge.look()
+    bridge.poll()
     answer = program.answer(results)
     message = "it flies to the point; it was at the last point"
     assert (answer.status, answer.result.message) == (4, message)
@@ -379,7 +379,7 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
     assert goto.cancel(GoalInfo(three, Time(0, 0))).return_code == 3
     assert goto.go(four, NEAR)
     flight.operator_asks(ExploreNow())
-    bridge.look()
+    bridge.poll()
     assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: asked to explore", "")
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
 
@@ -436,7 +436,7 @@ class Silent:
 
 def test_nothing_is_served_unless_it_is_asked_for(client):
     graph = Silent()
-    Ros2Bridge(client, graph, requests=False, say=lambda _: None).look()
+    Ros2Bridge(client, graph, requests=False, say=lambda _: None).poll()
     assert graph.served == []
     assert not any("_action" in topic for topic in graph.published)
 
@@ -445,20 +445,20 @@ def test_a_flight_that_is_gone_is_said_once_and_found_again(client):
     graph, said = Silent(), []
     bridge = Ros2Bridge(client, graph, requests=True, say=said.append)
     client.gone = True
-    bridge.look()
+    bridge.poll()
     assert graph.published == {}
     client.gone = False
-    bridge.look()
+    bridge.poll()
     goal = bridge._actions["goto"].goals.begin("id", 0.0, 0)
     client.gone = True
-    bridge.look()
-    bridge.look()
+    bridge.poll()
+    bridge.poll()
     assert graph.published["/diagnostics"]["status"][0]["level"] == 3
     client.gone = False
     bridge._view["changes"] = [{"number": 99}]  # as of a flight that had come farther
     graph.published["/titan/areas"] = None
     for _ in range(5):
-        bridge.look()
+        bridge.poll()
     assert said == [
         "waiting for the flight: no answer",
         "ready: /titan is on ROS 2",
@@ -469,4 +469,4 @@ def test_a_flight_that_is_gone_is_said_once_and_found_again(client):
     assert graph.published["/titan/areas"] is not None
     bridge._name = "io"
     with pytest.raises(AnotherVehicleError, match="titan flies there now, not io"):
-        bridge.look()
+        bridge.poll()

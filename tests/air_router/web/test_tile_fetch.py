@@ -77,7 +77,7 @@ def test_what_is_fetched_lies_under_the_map_and_a_broken_fetch_goes_on(server, t
     area, path, pauses = TileArea(BOUNDS, range(15, 18)), tmp_path / "site.mbtiles", []
     fetcher = TileFetcher(server.template, 5.0, "field@example.org", pause=pauses.append)
     server.left, server.busy = 4, 1
-    with pytest.raises(FetchError, match=r"tile 1\d/\d+/\d+: the server says 403 .*to go on"):
+    with pytest.raises(FetchError, match=r"tile 1\d/\d+/\d+: the server answered 403 .*to go on"):
         fetch(path, area, fetcher, "© City")
     assert 7.0 in pauses  # as long as the server wants
     assert all(pause <= 1 / 5 for pause in pauses if pause != 7.0)
