@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 import click
+from click.shell_completion import CompletionItem
 from pydantic_core import PydanticCustomError
 
 from air_router.cli.arguments import (
@@ -25,7 +26,7 @@ from air_router.cli.arguments import (
 )
 from air_router.control import CONTROL_NAME, endpoint_of
 from air_router.errors import PictureError, RefusedError
-from air_router.files import known_policy
+from air_router.files import known_policy, policy_names
 from air_router.flight import Flight, FlightResult, StatusLine, as_begun
 from air_router.gossip import Gossip, Mapper
 from air_router.mission import ALONE, Mission, load_flown, sought, team_of
@@ -64,6 +65,12 @@ def _seek_policy(text: str) -> str:
         return known_policy(text)
     except PydanticCustomError as error:
         raise ValueError(f"'{text}' is no seek policy: {error.message()}") from None
+
+
+def _seek_policies(
+    _context: click.Context, _parameter: click.Parameter, begun: str
+) -> list[CompletionItem]:
+    return [CompletionItem(name) for name in policy_names() if name.startswith(begun)]
 
 
 @contextlib.contextmanager
@@ -258,6 +265,7 @@ flight_options = together(
     option(
         "--seek",
         type=Parsed(_seek_policy),
+        shell_complete=_seek_policies,
         metavar="POLICY",
         help="policy that chooses the next robot: round_robin, freshest, rendezvous, tour, one of "
         "another package, or package.module:Class (default: the mission's)",

@@ -30,6 +30,7 @@ from air_router.files.seek_policies import (
     SeekPolicy,
     entry_point_of,
     known_policy,
+    policy_names,
 )
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
@@ -148,6 +149,7 @@ __all__ = [
     "option_notes",
     "parse_world",
     "parse_xml",
+    "policy_names",
     "rewritten",
     "shown",
     "sync_folder",

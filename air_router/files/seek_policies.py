@@ -35,6 +35,11 @@ def entry_point_of(name: str) -> EntryPoint | None:
     return installed().get(name)
 
 
+def policy_names() -> list[str]:
+    """The names of all installed policies, ours first."""
+    return [*SEEK_POLICIES, *sorted(installed().keys() - {*SEEK_POLICIES})]
+
+
 def known_policy(name: str) -> str:
     """The name, if there is such a policy.
 
@@ -43,8 +48,7 @@ def known_policy(name: str) -> str:
     """
     if name in SEEK_POLICIES or entry_point_of(name) is not None:
         return name
-    names = [*SEEK_POLICIES, *sorted(installed().keys() - {*SEEK_POLICIES})]
-    expected = f"{', '.join(repr(known) for known in names)} or 'package.module:Class'"
+    expected = f"{', '.join(map(repr, policy_names()))} or 'package.module:Class'"
     raise PydanticCustomError("literal_error", "must be one of {expected}", {"expected": expected})
 
 

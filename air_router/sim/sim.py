@@ -43,7 +43,7 @@ from mocha_link.path_safety import made_folder
 
 @command(
     "Start a simulated PX4, ground robots and radios, and fly a mission there.",
-    "examples:\n  air-router sim demo --speed 10    the mission that comes with the program\n"
+    "examples:\n  air-router sim demo --speed 10      (the mission that comes with the program)\n"
     "  air-router sim missions/pennovation/mission.yaml --speed 10",
 )
 @flight_options

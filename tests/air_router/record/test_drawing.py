@@ -4,6 +4,12 @@ import dataclasses
 import math
 
 import pytest
+from mcap.records import Schema
+
+pytest.importorskip("foxglove", reason="the extra `foxglove` is not installed")
+pytest.importorskip("mcap_protobuf")
+
+from mcap_protobuf.decoder import DecoderFactory
 
 from air_router.record.drawing import FlightDrawing
 from geo.airspace.zone import Band, Circle, Zone
@@ -20,13 +26,23 @@ def mission(pennovation):
     return dataclasses.replace(pennovation, waypoints=waypoints)
 
 
+def entities(mission):
+    """What is drawn of a mission in three dimensions, as a public reader decodes it."""
+    factory = DecoderFactory()
+    for channel, message in FlightDrawing(mission).begin(0.0):
+        if channel.topic == "/scene":
+            schema = Schema(1, channel.schema, "protobuf", channel.schema_name)
+            return factory.decoder_for("protobuf", schema)(message).entities
+    raise AssertionError("no scene is drawn")
+
+
 def heights(mission, band):
     """From where to where the walls of a zone with this band are drawn, and its name's height."""
     zone = Zone("box", Circle(Point(0.0, 0.0), 5.0), band=band)
-    drawing = FlightDrawing(dataclasses.replace(mission, zones=(zone,)))
-    (drawn,) = (each for each in drawing.scene(0.0).message["entities"] if each["id"] == "zone box")
-    walls_m = [corner["z"] for corner in drawn["triangles"][0]["points"]]
-    name_m = drawn["texts"][0]["pose"]["position"]["z"]
+    with_zone = dataclasses.replace(mission, zones=(zone,))
+    (drawn,) = (each for each in entities(with_zone) if each.id == "zone box")
+    walls_m = [corner.z for corner in drawn.triangles[0].points]
+    name_m = drawn.texts[0].pose.position.z
     return min(walls_m), max(walls_m), name_m
 
 
@@ -47,5 +63,5 @@ def test_a_zone_is_drawn_from_the_ground_to_somewhat_above_what_is_flown(
 
 
 def test_the_fence_is_drawn_as_high_as_the_highest_waypoint(mission):
-    (fence, *_) = FlightDrawing(mission).scene(0.0).message["entities"]
-    assert {corner["z"] for corner in fence["triangles"][0]["points"]} == {0.0, 75.0}
+    fence = entities(mission)[0]
+    assert {corner.z for corner in fence.triangles[0].points} == {0.0, 75.0}
