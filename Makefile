@@ -159,7 +159,7 @@ coverage: setup
 
 # The documentation as a site, in build/site; a broken link is an error
 docs: $(VENV)/.tools
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --clean
+	PYTHONPATH=. NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --clean
 
 # Newer versions of everything, with the checksums of their files for every platform
 PINS = sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt
