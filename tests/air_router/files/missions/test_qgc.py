@@ -188,14 +188,14 @@ def test_what_other_programs_leave_out_is_noted(tmp_path):
 
 
 @pytest.mark.parametrize("version", [None, 1])
-def test_a_fence_that_qgroundcontrol_drops_without_a_word_is_read_and_noted(tmp_path, version):
+def test_a_fence_that_qgroundcontrol_drops_silently_is_read_and_noted(tmp_path, version):
     data = plan()
     put(data, "geoFence", "version", version)
     del data["geoFence"]["polygons"]
     mission = load_mission(write(tmp_path, data))
     assert (len(mission.fences), len(mission.zones)) == (1, 1)
     assert notes(mission) == ["plan-version"]
-    assert "QGroundControl itself drops the whole section" in mission.notes[0].message
+    assert "QGroundControl itself silently drops the whole section" in mission.notes[0].message
     data["geoFence"]["polygon"] = [{"lat": 47.0, "lon": 8.0}]
     assert "drew it years ago is not read" in problems(tmp_path, data)[0]
 
