@@ -8,11 +8,11 @@ mission as `package.module:Class`:
         foresees = False
 
         def order(self, targets: TargetList, context: SeekContext) -> list[SearchPlace]:
-            places = [
-                self.place(robot, targets, context)
-                for robot in targets.candidates(context.now_s)
-            ]
-            return sorted(places, key=lambda place: self._flight_s(place, context))
+            ordered = []
+            for group in targets.groups(context.now_s):
+                places = [self.place(robot, targets, context) for robot in group]
+                ordered += sorted(places, key=lambda place: self._flight_s(place, context))
+            return ordered
 
         def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
             return targets.place(robot, context.now_s)
@@ -22,8 +22,10 @@ mission as `package.module:Class`:
 
 `targets` says what is known of each robot, `context` how long flights take; both are read only.
 Places are metres east and north of the mission's origin, times seconds of the vehicle's clock.
-`SearchPlace.over` names robots that are flown over on the way. A policy decides in milliseconds, by
-its arguments alone: no clock, file or random number. CONTRIBUTING.md has the recipe.
+`targets.groups` keeps robots that are lost, and those that another UAV seeks, behind the others;
+the robot whose turn was last comes last in its group. `SearchPlace.over` names robots that are
+flown over on the way. A policy decides in milliseconds, by its arguments alone: no clock, file or
+random number. CONTRIBUTING.md has the recipe.
 """
 
 from air_router.controller.targets import (
