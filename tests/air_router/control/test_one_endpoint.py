@@ -11,11 +11,15 @@ from pathlib import Path
 import pytest
 import zmq
 
+from air_router.cli.cli import PROGRAM
+from air_router.control import CONTROL_NAME
 from air_router.control.command_request import MODELS, json_schema, parse_command
 from air_router.control.control_server import MAX_MESSAGE_BYTES, ControlServer
 from benchmarks.fleet.network_sim import team_of
 from mocha_link import Node
+from mocha_link.cli import options_of
 from mocha_link.radios import ManualRadio
+from tests.command_lines import context_of
 from tests.mocha_link.conftest import DATA, field  # noqa: F401 - a fixture
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -158,3 +162,10 @@ def test_every_request_in_words_is_one_of_the_union():
     typed |= {"altitude": "altitude 45"}
     for verb, model in MODELS.items():
         assert type(parse_command(typed.get(verb, verb))) is model
+
+
+@pytest.mark.parametrize("words", [["fly", "m.yaml", "--control"], ["sim", "m.yaml", "--control"]])
+def test_control_alone_is_at_the_usual_endpoint(words, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    options = options_of(context_of(PROGRAM, words))
+    assert options.control == f"ipc://{tmp_path}/mocha-link/{CONTROL_NAME}"
