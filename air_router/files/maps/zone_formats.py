@@ -4,6 +4,7 @@ Each is an entry point of the group `air_router.zone_formats`; those of air_rout
 is loaded when a file may be of its format: a format that is broken keeps no other from its files.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import RefusedError
+from air_router.files.maps.map_area import MapCircle, MapOutline, place_of
 from air_router.files.maps.zone_format import ZoneFeature, ZoneFeatures, ZoneFormat
 from mocha_link.team import DocumentError
 
@@ -96,9 +98,29 @@ def _is_suffixes(value: object) -> bool:
 
 
 def _checked(value: object) -> ZoneFeature:
-    if isinstance(value, ZoneFeature):
-        return value
-    raise TypeError(f"{value!r:.60} is no ZoneFeature")
+    """A feature of another package whose zones are on Earth; what is not is its problem."""
+    if not isinstance(value, ZoneFeature):
+        raise TypeError(f"{value!r:.60} is no ZoneFeature")
+    for zone in value.zones:
+        if (why := _unplaceable(zone.shape)) is not None:
+            value.report(zone.keys, f"zone '{zone.name}': {why}", "not-on-earth")
+            value.whole_file = True  # it is not known where it lies
+    value.zones = [zone for zone in value.zones if _unplaceable(zone.shape) is None]
+    return value
+
+
+def _unplaceable(shape: MapOutline | MapCircle) -> str | None:
+    """Why a shape is nowhere on Earth; None: it is somewhere."""
+    if isinstance(shape, MapCircle):
+        if not 0 < shape.radius_m < math.inf:
+            return f"its radius is {shape.radius_m:g} m; make it more than 0 m"
+        places = [shape.centre]
+    else:
+        places = [place for ring in (shape.ring, *shape.holes) for place in ring]
+    for latitude_deg, longitude_deg in places:
+        if place_of(latitude_deg, longitude_deg) is None:
+            return f"{latitude_deg:g}, {longitude_deg:g} is no latitude and longitude; correct it"
+    return None
 
 
 def _text_of(error: BaseException) -> str:

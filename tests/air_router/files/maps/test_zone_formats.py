@@ -138,3 +138,14 @@ def test_a_greedy_package_takes_none_of_our_files(tmp_path):
     install(tmp_path, "acme_squares", greedy)
     _, facts = check(tmp_path, "zones.kml", (FILES / "zones.kml").read_text("utf-8"))
     assert "wrong-form" not in {each["code"] for each in facts.get("problems", ())}
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["nan 8.0 30", "47.0 8.0 nan", "47.0 8.0 0", "47.0 8.0 inf", "95 8.0 30", "47.0 284.8 30"],
+)
+def test_a_zone_that_is_nowhere_on_earth_is_a_problem_at_its_place(tmp_path, line):
+    install(tmp_path, "acme_squares", SQUARES)
+    code, facts = check(tmp_path, "yard.sq", f"SQUARES\n47.01 8.0 30\n{line}\n")
+    assert (code, problems_of(facts)) == (3, [(3, 1, "not-on-earth")])
+    assert facts["problems"][0]["path"].endswith("yard.sq")
