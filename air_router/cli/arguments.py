@@ -156,7 +156,7 @@ start_option = option(
 uav_option = option(
     "--uav",
     metavar="NAME",
-    help="UAV whose mission is meant, where the file is for several (its `uavs`)",
+    help="UAV to use, if the mission file has several (`uavs`)",
 )
 """Add `--uav`: whose mission it is, where it is for several."""
 

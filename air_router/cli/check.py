@@ -37,9 +37,7 @@ exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its pla
 @command("Check a mission: prints every error as file:line:column, or a summary.", _EPILOG)
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @option("--json", is_flag=True, help="one JSON object on stdout")
-@option(
-    "--png", type=PATH, metavar="F", help="draw the mission into file F, also where it has errors"
-)
+@option("--png", type=PATH, metavar="F", help="draw the mission into file F, even if it has errors")
 @start_option
 @uav_option
 def run(arguments: Options) -> int:

@@ -61,7 +61,7 @@ def _ended(error: Exception) -> tuple[int, str]:
 
 PROGRAM = program_of(
     "air-router",
-    "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
+    "Fly PX4 missions around no-fly zones, and visit robots to exchange data.",
     _EXIT_CODES,
     COMMANDS,
 )

@@ -76,11 +76,13 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 
 
 @command(
-    "Convert a mission, zones or a flight's record; reports what could not be carried over.",
+    "Convert a mission, zones or a flight's record; reports what the format cannot hold.",
     _EPILOG,
 )
 @click.argument("source", type=PATH, metavar="FROM", help="mission, zones or flight record to read")
-@click.argument("target", type=PATH, metavar="TO", help="file to write; its ending is the format")
+@click.argument(
+    "target", type=PATH, metavar="TO", help="file to write; its extension selects the format"
+)
 @option(
     "--zones",
     multiple=True,

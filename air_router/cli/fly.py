@@ -256,7 +256,7 @@ flight_options = together(
         type=Parsed(endpoint_of, also_alone=True),
         **optional(CONTROL_NAME),
         metavar="[ENDPOINT]",
-        help="accept requests of other programs on this machine (`air-router ask`, "
+        help="accept requests from other programs on this machine (`air-router ask`, "
         "docs/control.md), at the usual endpoint or at a name, ipc://PATH, a port or "
         "tcp://127.0.0.1:PORT",
     ),
@@ -275,7 +275,7 @@ flight_options = together(
 
 
 @command(
-    "Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
+    "Fly a mission with a PX4 vehicle or a running SITL. Waits for the pilot to arm "
     "and to choose Mission mode, unless --arm is confirmed.",
     "example: air-router fly missions/pennovation/mission.yaml --connect udpin://127.0.0.1:14540",
 )
@@ -298,7 +298,7 @@ flight_options = together(
     "--keys",
     type=PATH,
     metavar="DIR",
-    help="folder with the UAV's secret key, NAME.key, where the team file has a key for it",
+    help="folder with the UAV's secret key, NAME.key, if the team file has a key for it",
 )
 @flight_options
 @option(PART, is_flag=True, hidden=True)

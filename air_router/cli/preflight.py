@@ -21,8 +21,8 @@ TELEMETRY_S: Final = 4.0
 
 
 @command(
-    "Check everything a flight depends on and print one card. Puts mission "
-    "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
+    "Check everything a flight depends on and print one card. Uploads mission "
+    "and fence, reads them back and has PX4 check them, unless --look is given. "
     "Nothing is armed, and no parameter is changed.",
     "example: air-router preflight missions/pennovation/mission.yaml "
     "--connect udpin://127.0.0.1:14540",

@@ -355,7 +355,7 @@ def _stopped(where: str, why: str) -> FetchError:
 
 @command(
     "Fetch the map tiles of a place from a server of your choice into an MBTiles file, for "
-    "--image and --web-image. Ask for what its terms allow. Ctrl-C ends; run again to go on.",
+    "--image and --web-image. Respect its terms of use. Ctrl-C ends; run again to continue.",
     "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
     "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'",
 )

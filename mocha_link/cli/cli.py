@@ -21,11 +21,11 @@ COMMANDS = {
     for name, about in {
         "check": "check a team file and show its ids and ports",
         "keys": "make keys for the robots, so that only they connect",
-        "import": "make a team file of an original MOCHA's YAML files",
+        "import": "make a team file from the YAML files of original MOCHA nodes",
         "node": "run the node of a robot",
         "metrics": "show the links of a running node",
         "monitor": "watch the links of a running node live; q ends it",
-        "doctor": "find out why robots do not talk, by trying it",
+        "doctor": "test the links to other robots and find faults",
         "bridge": "connect a running node to ROS 1 or ROS 2",
     }.items()
 }
@@ -47,7 +47,7 @@ def _ended(error: Exception) -> tuple[int, str]:
 
 PROGRAM = Program(
     "mocha-link",
-    "Gossip node that carries data between robots whose links come and go.",
+    "Gossip node that carries data between robots with intermittent links.",
     examples(
         "mocha-link check missions/pennovation/team.yaml",
         f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {EXAMPLE}",

@@ -43,7 +43,7 @@ class Finding(NamedTuple):
 
 
 @command(
-    "Find out why robots do not talk by trying it on the computer of robot NAME: ask every "
+    "Test the links of robot NAME, on its own computer: ask every "
     "peer as NAME's node does, wait for their requests, and listen to the radio. Nothing is "
     "published. A node of NAME may keep running; its pulls are interrupted. Exit code 1: "
     "a problem was found.",

@@ -12,7 +12,7 @@ from mocha_link.team import upstream
 
 
 @command(
-    "Make a team file of an original MOCHA's YAML files.",
+    "Make a team file from the YAML files of original MOCHA nodes.",
     examples(
         "mocha-link import MOCHA/mocha_core -o team.yaml",
         "mocha-link import robot_configs.yaml topic_configs.yaml --ours titan io -o team.yaml",

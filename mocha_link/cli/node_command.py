@@ -69,7 +69,7 @@ LOG = logging.getLogger("mocha_link")
     "--keys",
     type=PATH,
     metavar="DIR",
-    help="folder with the robot's secret key, NAME.key, where the team file has a key for it",
+    help="folder with the robot's secret key, NAME.key, if the team file has a key for it",
 )
 @option(
     "--serve",
@@ -80,7 +80,7 @@ LOG = logging.getLogger("mocha_link")
 @option(
     "--json",
     is_flag=True,
-    help="print every event as a JSON line (as text, repeated syncs are left out)",
+    help="print every event as a JSON line (the text output omits repeated syncs)",
 )
 def run(options: Options) -> int:
     """Do it; returns the exit code."""

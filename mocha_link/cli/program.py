@@ -351,11 +351,11 @@ def _given(ctx: click.Context, *params: click.Parameter) -> bool:
 
 def _log_options() -> list[click.Parameter]:
     return [
-        Option(["-v", "--verbose"], count=True, help="log more, on stderr (-vv: still more)"),
+        Option(["-v", "--verbose"], count=True, help="log more to stderr (-vv: even more)"),
         Option(
             ["--log-level"],
             type=click.Choice(LEVELS),
-            help="the least severe level that is logged, whatever -v says",
+            help="lowest level to log; overrides -v",
         ),
     ]
 

@@ -17,11 +17,11 @@ COMMANDS = {
     "px4": ("sitl.cli.px4_command", "start a real PX4 simulator"),
     "conform": (
         "sitl.cli.conform_command",
-        "compare a vehicle with recorded conversations of PX4",
+        "compare a vehicle with recorded MAVLink conversations of PX4",
     ),
     "rehearse": (
         "sitl.cli.rehearse_command",
-        "fly a mission hundreds of times, each with another fault",
+        "fly a mission hundreds of times, each time with a different fault",
     ),
     "experiment": ("sitl.cli.experiment_command", "run many simulated teams and compare them"),
     "town": ("sitl.cli.town_command", "check, draw or make a town for experiments"),

@@ -41,12 +41,15 @@ examples:
   sitl conform goto fence
   sitl conform --px4 ~/PX4-Autopilot --speed 5 --json > px4.json
 
-exit codes: 0 the vehicle held to all of them, 1 it departed, 2 wrong usage, 4 no vehicle, or a port
-of its is taken
+exit codes: 0 all answers equal, 1 answers differ, 2 wrong usage, 4 no vehicle, or one of its ports
+is in use
 """
 
 
-@command("Hold recorded conversations with a vehicle and report where it departs.", _EPILOG)
+@command(
+    "Replay recorded MAVLink conversations with a vehicle and report where its answers differ.",
+    _EPILOG,
+)
 @click.argument(
     "names",
     nargs=-1,

@@ -31,7 +31,7 @@ from sitl.experiment.campaign import (
 )
 
 _EPILOG = """\
-Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
+Every finished run is kept in DIR/runs.jsonl at once; the same command continues where it stopped,
 and with more --seeds or other --rows it makes only the missing runs; docs/evidence/experiments.md.
 
 examples:

@@ -66,7 +66,7 @@ MOST_VIOLATIONS: Final = 3
 
 @command(
     "Fly a mission with the real flight program and the simulated PX4 in one "
-    "process, faster than real time; in each something else goes wrong. A judge that knows "
+    "process, faster than real time; each flight has a different fault. A judge that knows "
     "only the true track, the messages and the mission file reports on each. Prints a "
     "table.",
     "examples:\n"
@@ -103,8 +103,7 @@ MOST_VIOLATIONS: Final = 3
     metavar="COMMAND",
     help="with --mavlink or --px4: judge another air-router, started with this "
     'command ("env PYTHONPATH=OLD python -m air_router.cli"); the clock does '
-    "not wait for it, so use a low --speed"
-    '("env PYTHONPATH=OLD python -m air_router.cli"); nothing waits for it: use a low --speed',
+    "not wait for it, so use a low --speed",
 )
 @option(
     "--speed",

@@ -31,7 +31,7 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
 
 @command(
     "Simulate the ground robots of a team, the radios and the camera around a "
-    "simulated vehicle, whose true position and time are followed.",
+    "simulated vehicle, from whose true position and time they are computed.",
     _EPILOG,
 )
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")

@@ -18,9 +18,9 @@ PAGE = ROOT / "docs" / "announcements.md"
 HEAD = """\
 # Warnings and alarms
 
-Every announcement of a flight has a severity. The operator sees it in the [terminal](watching.md),
-on the [live page](watching.md), in the [record](records.md) and in the report. The pilot gets it on
-the ground station, as a STATUSTEXT.
+The operator sees announcements in the [terminal](watching.md), on the [live page](watching.md), in
+the [record](records.md) and in the report. The pilot gets them on the ground station, as
+STATUSTEXT.
 
 | severity | meaning | terminal | STATUSTEXT |
 |---|---|---|---|
@@ -28,16 +28,16 @@ the ground station, as a STATUSTEXT.
 | warning | a problem that the flight handles | yellow, `WARNING:` | WARNING, read aloud |
 | alarm | the pilot has to act | red, `ALARM:`, and a bell | CRITICAL, read aloud |
 
-## Alarms that go on
+## Lasting alarms
 
-An alarm whose condition lasts (the vehicle holds for a missing input, no way leads out of a zone,
-the vehicle hovers after hands off) is repeated after 10 s and then every 30 s, and asks the pilot
-to fly by hand. It ends with the condition, or when a pilot takes the vehicle.
+While its condition lasts (the vehicle holds because an input is missing, there is no way out of a
+zone, the vehicle hovers after hands off), an alarm is repeated after 10 s and then every 30 s, and
+asks the pilot to fly by hand. It also ends when a pilot takes the vehicle.
 
 Terminal and live page show repeated infos and warnings as one line with a count, and each alarm on
 its own line. STATUSTEXT carries every repetition.
 
-## All of them
+## List
 
 Every warning and alarm ends with an instruction to the pilot or the operator. `…` stands for the
 parts that vary. The table is printed from the code.

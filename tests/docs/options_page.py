@@ -22,7 +22,7 @@ HEAD = """\
 # Every command and option
 
 [commands.md](commands.md) describes purposes and exit codes. Every command takes `-h` (`--help`,
-with examples) and, before or after its name, `-v` (log more; `-vv`: still more) and `--log-level`
+with examples) and, before or after its name, `-v` (log more; `-vv`: even more) and `--log-level`
 (`debug`, `info`, `warning`, `error`). `completion {bash,zsh,fish}` of each program prints a script
 for the shell.
 """
