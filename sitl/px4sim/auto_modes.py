@@ -10,6 +10,9 @@ from sitl.px4sim.motion import Setpoint, SetpointKind, braking_distance
 from sitl.px4sim.state import Situation
 
 _SLOW_M_S: Final = 0.05
+_REPOSITION_S: Final = (
+    0.5  # [s] so old a DO_REPOSITION may be when PX4 enters Hold (navigator, loiter)
+)
 
 
 class Flight(ABC):
@@ -29,11 +32,18 @@ class HoldFlight(Flight):
     def __init__(self) -> None:
         self._target: Setpoint = Setpoint()
         self._reposition: Setpoint | None = None  # requested, not taken up yet
+        self._reposition_s = math.inf  # when it was requested; inf: it does not expire
         self._speed_m_s: float | None = None  # to take up with it; None: as before
 
-    def reposition(self, target: Setpoint, speed_m_s: float | None = None) -> None:
-        """Go to a point; taken up with the next step, in this mode or on entering it."""
+    def reposition(
+        self, target: Setpoint, speed_m_s: float | None = None, *, time_s: float = math.inf
+    ) -> None:
+        """Go to a point; taken up with the next step, in this mode or on entering it.
+
+        As in PX4, Hold that is entered more than 0.5 s after the request does not go there.
+        """
         self._reposition, self._speed_m_s = target, speed_m_s
+        self._reposition_s = time_s
 
     def move_to(
         self,
@@ -56,7 +66,8 @@ class HoldFlight(Flight):
             flies = setpoint.kind is SetpointKind.POSITION
             point = (setpoint.north_m, setpoint.east_m) if flies else situation.here
         target_m = situation.altitude_m if altitude_m is None else altitude_m
-        self.reposition(replace(go_to(*point, target_m, situation), yaw_rad=None), speed_m_s)
+        target = replace(go_to(*point, target_m, situation), yaw_rad=None)
+        self.reposition(target, speed_m_s, time_s=situation.time_s)
 
     def forget(self) -> None:
         """Drop a target that was not taken up."""
@@ -65,6 +76,8 @@ class HoldFlight(Flight):
     def activate(self, situation: Situation) -> None:
         """See `Flight`; after a take-off the vehicle stays where that was to end."""
         last = situation.setpoint
+        if situation.time_s - self._reposition_s > _REPOSITION_S:
+            self.forget()
         if self._reposition is not None:
             return
         if situation.landed:
