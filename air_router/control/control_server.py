@@ -1,9 +1,9 @@
 """Serves a flight's requests, messages and links to this user's programs: JSON over ZeroMQ.
 
-It is a ROUTER: REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ
-sends. What comes is believed in nothing: too large, broken or unknown, it costs an error reply, or
-its sender the connection. Requests are read at a steady pace, in turn from all who ask, so that a
-flood of them takes no time of the flight's.
+It is a ROUTER: REQ, DEALER and ROUTER sockets may connect, with or without the empty frame that REQ
+sends. No request is trusted: one that is too large, broken or unknown gets an error reply, or costs
+its sender the connection. The flight reads requests at a steady pace, from all clients in turn, so
+that a flood of them takes none of its time.
 """
 
 import asyncio
@@ -27,10 +27,10 @@ from mocha_link.node import Node
 from mocha_link.service import Listener, requests
 
 PER_S: Final = 50.0
-"""So many requests are read in a second, and no more."""
+"""How many requests are read in a second at most."""
 
 MAX_MESSAGE_BYTES: Final = 4 * 1024 * 1024
-"""So large may be what a program publishes; larger messages go to a node of their own."""
+"""The largest frame of data that a program may publish here; `mocha-link node` takes more."""
 
 MOST_BYTES: Final = 8 * 1024 * 1024
 """So much is kept for all clients together: requests that have come in part, answers not taken."""
@@ -39,7 +39,7 @@ MOST_BYTES_WITH_NODE: Final = 160 * 1024 * 1024
 """The same where messages are read as well: two of the largest."""
 
 TURN_S: Final = 0.002
-"""So long the flight has for itself between two looks at the clients."""
+"""How long the flight has for itself before it serves the clients again."""
 
 Execute = Callable[[CommandRequest, str], dict[str, Any]]
 
@@ -122,19 +122,18 @@ class ControlServer:
 
         values: dict[str, Any] = {}
         try:
-            values = requests.parse(frames, MAX_MESSAGE_BYTES if self._of_node else MAX_BYTES)
-            if self._of_node is not None and values.get("request") in self._of_node.verbs:
+            values = requests.parse(frames, MAX_BYTES)
+            verb = values.get("request")
+            if self._of_node is not None and isinstance(verb, str) and verb in self._of_node.verbs:
                 self._of_node.handle(frames, values.get("id"), send)
                 return
-            send(requests.reply(values.get("id"), self._answer(values, frames)))
+            command = command_request_of(values)
+            send(requests.reply(command.id, self._answer(command, frames)))
         except RequestError as error:
             send(requests.refusal(values.get("id"), str(error), again=error.again))
 
-    def _answer(self, values: dict[str, Any], frames: requests.Frames) -> requests.Response:
+    def _answer(self, command: CommandRequest, frames: requests.Frames) -> requests.Response:
         """The answer to a request. Raises RequestError: it is not handled."""
-        if len(frames[0]) > MAX_BYTES:
-            raise RequestError(f"a request is a JSON object of up to {MAX_BYTES} bytes")
-        command = command_request_of(values)
         if len(frames) > 1:
             raise RequestError("a request is one frame")
         if not self._costly.affords(command):

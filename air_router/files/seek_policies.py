@@ -24,8 +24,16 @@ _CLASS: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 @lru_cache(maxsize=1)
 def installed() -> dict[str, EntryPoint]:
-    """The policies of all packages, by name."""
-    return {entry.name: entry for entry in sorted(entry_points(group=GROUP))}
+    """The policies of all packages, by name; no other package's takes the name of one of ours."""
+    return {
+        entry.name: entry
+        for entry in sorted(entry_points(group=GROUP))
+        if entry.name not in SEEK_POLICIES or _is_ours(entry)
+    }
+
+
+def _is_ours(entry: EntryPoint) -> bool:
+    return entry.dist is not None and entry.dist.name.replace("_", "-").lower() == "air-router"
 
 
 def entry_point_of(name: str) -> EntryPoint | None:

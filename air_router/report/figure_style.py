@@ -142,7 +142,7 @@ def embedded(
 
 
 def _shorten(element: ET.Element) -> None:
-    """What a page needs of it: a tenth of a pixel is seen by nobody."""
+    """The SVG that a page needs: a tenth of a pixel cannot be seen."""
     element.tag = element.tag.removeprefix(_SVG)
     if not (element.text or "").strip():
         element.text = None

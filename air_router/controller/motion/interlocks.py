@@ -172,8 +172,8 @@ would not show which order is followed, the climb of a vehicle that is low) `Com
 class Blocked:
     """What keeps the mission from what it wants, as the gate holds it.
 
-    `MissionWaits` is the same as data, for records and `FlightStatus`: its words are only worked
-    out from the row when somebody reads them.
+    `MissionWaits` is the same as data, for records and `FlightStatus`: a record, a page
+    or a program has the reason worked out from the row.
 
     Attributes:
         by: The row that decides.

@@ -57,7 +57,8 @@ from air_router.vehicle import Telemetry
 from geo.airspace import FENCE
 from geo.frame import Point
 
-AROUND: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+_AROUND: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""Directions in which the next position of a hovering vehicle may differ: east, north."""
 
 
 @dataclass(slots=True, eq=False)
@@ -428,7 +429,7 @@ class Navigator:
             return False
         there = Point(here.east_m + after_s * east_m_s, here.north_m + after_s * north_m_s)
         stands = math.hypot(east_m_s, north_m_s) < STANDING_M_S
-        for east_m, north_m in AROUND if stands else ((0.0, 0.0),):
+        for east_m, north_m in _AROUND if stands else ((0.0, 0.0),):
             place = Point(
                 there.east_m + WANDERS_M * east_m,
                 there.north_m + WANDERS_M * north_m,

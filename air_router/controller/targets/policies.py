@@ -10,6 +10,7 @@ from air_router.controller.targets.seeking import Policy, RoundRobin, SeekContex
 from air_router.controller.targets.target_list import SearchPlace, TargetList
 from air_router.errors import AirRouterError, ExitCode
 from air_router.files import SEEK_POLICIES, entry_point_of
+from geo.frame import Point
 from mocha_link.sanitize import sanitize
 
 _LONGEST = 120  # letters of an error's words
@@ -111,7 +112,7 @@ class GuardedPolicy:
         if self.fault is None:
             try:
                 found = self._policy.place(robot, targets, context)
-                _check_place(found, robot)
+                _check_place(found, targets, robot)
             except Exception as error:  # noqa: BLE001 - code of others
                 self.fault = _words(error)
             else:
@@ -126,22 +127,22 @@ class GuardedPolicy:
 def _check(places: tuple[SearchPlace, ...], targets: TargetList) -> None:
     """Raises ValueError: it is no ranking of the robots."""
     for place in places:
-        _check_place(place)
+        _check_place(place, targets)
     if sorted(place.robot for place in places) != sorted(targets.names):
         raise ValueError("order() does not return every robot once")
 
 
-def _check_place(place: object, robot: str | None = None) -> None:
-    """Raises ValueError: it is no place, or another robot's."""
+def _check_place(place: object, targets: TargetList, robot: str | None = None) -> None:
+    """Raises ValueError: it is no place, another robot's, or over a robot that is not sought."""
     if not isinstance(place, SearchPlace):
         raise ValueError(f"{place!r:.40} is no SearchPlace")  # noqa: TRY004 - one kind of fault
     if robot is not None and place.robot != robot:
         raise ValueError(f"place() returns the place of '{place.robot}', not of '{robot}'")
-    known = [] if place.position is None else [place.position]
-    if not all(
-        map(math.isfinite, (metres for point in [*known, *place.along] for metres in point))
-    ):
-        raise ValueError(f"a place of '{place.robot}' is not finite")
+    if not set(place.over) <= set(targets.names):
+        raise ValueError(f"the way to '{place.robot}' is over robots that are not sought")
+    for point in (*(() if place.position is None else (place.position,)), *place.along):
+        if not (isinstance(point, Point) and all(map(math.isfinite, point))):
+            raise ValueError(f"a place of '{place.robot}' is no finite Point")
 
 
 def _words(error: BaseException) -> str:

@@ -32,7 +32,7 @@ MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
 
 MOST_ZONES: Final = 3_000
-"""Of one file near a mission; nobody checks more one by one."""
+"""Problems of one file near a mission: no operator checks more one by one."""
 
 _HALF_TURN_DEG: Final = 180.0
 _TALL_DEG: Final = 20.0

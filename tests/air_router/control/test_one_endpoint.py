@@ -137,6 +137,9 @@ def test_what_the_node_refuses_is_one_error_and_the_flight_goes_on(planner):
         ({"request": "latest", "robot": "nobody", "topic": "/raw"}, "nobody"),
         ({"request": "since", "limit": 0}, "limit"),
         (too_large, "65536 bytes"),
+        ({"request": []}, "no request"),
+        ({"request": {"publish": 1}}, "no request"),
+        ({"request": "publish", "topic": "/raw", "value": "x" * 70_000}, "65536 bytes"),
     ):
         answer, _ = planner(**values)
         assert not answer["ok"]

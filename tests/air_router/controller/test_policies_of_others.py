@@ -1,5 +1,6 @@
 """Seek policies of other packages: found by entry point or by class, guarded in flight."""
 
+import os
 import subprocess
 import sys
 import textwrap
@@ -9,7 +10,7 @@ import pytest
 from air_router.cli.cli import main
 from air_router.controller.targets import TargetList
 from air_router.errors import ExitCode
-from air_router.seek_policies import SearchPlace, SeekPolicyError, policy_of
+from air_router.seek_policies import Point, SearchPlace, SeekPolicyError, policy_of
 from tests.air_router.controller.test_seeking import context as context_at
 from tests.distributions import ROOT
 
@@ -48,7 +49,17 @@ class Forgets(Backwards):
 
 class Nowhere(Backwards):
     def place(self, robot, targets, context):
-        return SearchPlace(robot, (float("nan"), 0.0), "somewhere")
+        return SearchPlace(robot, Point(float("nan"), 0.0), "somewhere")
+
+
+class OverAnother(Backwards):
+    def place(self, robot, targets, context):
+        return SearchPlace(robot, Point(1.0, 2.0), "there", over=("phantom",))
+
+
+class NoPoint(Backwards):
+    def place(self, robot, targets, context):
+        return SearchPlace(robot, (1.0, 2.0), "there")
 
 
 class NeedsMore(Backwards):
@@ -74,7 +85,9 @@ def test_a_class_by_its_name_ranks_the_robots():
     [
         ("Raises", "ZeroDivisionError: no robots"),
         ("Forgets", "order() does not return every robot once"),
-        ("Nowhere", "is not finite"),
+        ("Nowhere", "is no finite Point"),
+        ("OverAnother", "is over robots that are not sought"),
+        ("NoPoint", "is no finite Point"),
     ],
 )
 def test_one_that_fails_leaves_the_seeking_to_round_robin_and_the_reason_is_announced(name, why):
@@ -143,7 +156,8 @@ def test_a_package_with_an_entry_point_is_found_by_its_name(tmp_path):
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-seek\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
-        "[air_router.seek_policies]\nnearest = acme_seek:Nearest\nbroken = acme_seek:Nothing\n"
+        "[air_router.seek_policies]\nnearest = acme_seek:Nearest\n"
+        "tour = zoo:Nothing\nbroken = acme_seek:Nothing\n"
     )
     text = MISSION.read_text(encoding="utf-8").replace("\nseek:", "\nseek: nearest\n#", 1)
     mission = tmp_path / "mission.yaml"
@@ -168,6 +182,18 @@ def test_a_package_with_an_entry_point_is_found_by_its_name(tmp_path):
 
     good = run("check", str(mission))
     assert (good.returncode, "(nearest)" in good.stdout) == (0, True), good.stderr
+    mission.write_text(text.replace("seek: nearest", "seek: tour"), encoding="utf-8")
+    program = (
+        "from air_router.seek_policies import policy_of; print(type(policy_of('tour')).__module__)"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+    )
+    assert said.stdout == "air_router.controller.targets.tour\n"
     mission.write_text(text.replace("seek: nearest", "seek: broken"), encoding="utf-8")
     bad = run("check", str(mission))
     assert bad.returncode == ExitCode.INVALID_FILE
