@@ -28,11 +28,7 @@ _OUTCOMES: Final = {
 }
 """Texts for outcomes of programs; any other outcome is a sentence already."""
 
-_REQUESTS: Final = {
-    "the page's word": "returned on request from the web page",
-    "a program's word": "returned on request of a program",
-    "the operator's word": "returned on request of the operator",
-}
+_BY_REQUEST: Final = "'s request"
 _VERSIONS: Final = ("air-router", "mavsdk", "python")
 _ANSWERS: Final = {None: "no answer recorded", True: "accepted", False: "refused"}
 
@@ -108,8 +104,10 @@ def _tiles(history: FlightHistory) -> list[Tile]:
     share, got, given = (exchanged[key] for key in ("share_completed", "bytes_in", "bytes_out"))
     outcome = history.outcome
     reason = str(history.report.get("came_home_because") or "")
+    if reason.endswith(_BY_REQUEST):
+        reason = f"returned at {reason}"
     tiles = [
-        Tile("outcome", _OUTCOMES.get(outcome, outcome), _REQUESTS.get(reason, reason)),
+        Tile("outcome", _OUTCOMES.get(outcome, outcome), reason),
         Tile("flight time", clock(totals["duration_s"]), f"{totals['distance_m']:.0f} m flown"),
         _closest(history),
         Tile(

@@ -121,7 +121,8 @@ def test_the_flight_in_a_few_numbers(text):
 @pytest.mark.parametrize(
     ("outcome", "reason", "shown"),
     [
-        ("done", "the page's word", ("completed", "returned on request from the web page")),
+        ("done", "the page's request", ("completed", "returned at the page's request")),
+        ("done", "my planner's request", ("completed", "returned at my planner's request")),
         ("pilot", None, ("pilot took over", None)),
         ("failsafe", None, ("autopilot failsafe", None)),
         ("ended: no way home", "battery at 25%", ("ended: no way home", "battery at 25%")),
