@@ -2,6 +2,7 @@
 
 import colorsys
 import dataclasses
+import html
 import html.parser
 import itertools
 import json
@@ -134,7 +135,7 @@ def test_how_it_ended_is_said_in_words(page_of, history, outcome, reason, shown)
     value, more = shown
     tile = text.partition("<span>outcome</span>")[2].partition("</li>")[0]
     assert f"<b>{value}</b>" in tile
-    assert f"<small>{more or ''}</small>" in tile
+    assert f"<small>{more or ''}</small>" in html.unescape(tile)
 
 
 def test_a_breach_of_the_clearance_stands_out(page_of, history):
