@@ -253,7 +253,7 @@ flight_options = together(
     ),
     option(
         "--control",
-        type=Parsed(endpoint_of, also_alone=True),
+        type=Parsed(endpoint_of),
         **optional(CONTROL_NAME),
         metavar="[ENDPOINT]",
         help="accept requests from other programs on this machine (`air-router ask`, "

@@ -65,22 +65,18 @@ class _Alone(str):
 class Parsed(click.ParamType[Any]):
     """The type of a value that a function parses; its ValueError becomes the usage error.
 
-    A default, and the value of an option that is given without one, are taken as they are.
-
-    Args:
-        read: Parses a text. Raises ValueError.
-        also_alone: Parse the text of an option that is given without one, too.
+    The text that stands for an option without a value is parsed as well; any other such value, or
+    default, is taken as it is.
     """
 
     name = "text"
 
-    def __init__(self, read: Callable[[str], Any], *, also_alone: bool = False) -> None:
+    def __init__(self, read: Callable[[str], Any]) -> None:
         self.read = read
-        self.also_alone = also_alone
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read a text of the command line."""
-        if type(value) is not str and not (self.also_alone and isinstance(value, _Alone)):
+        if not isinstance(value, str):
             return value
         try:
             return self.read(str(value))
