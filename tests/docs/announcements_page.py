@@ -1,4 +1,4 @@
-"""The page of warnings and alarms, docs/announcements.md, as the code makes them.
+"""The warnings and alarms of docs/watching.md, as the code makes them.
 
 They are found in the code: whatever is handed an `Instruction` is a warning or an alarm.
 """
@@ -14,39 +14,6 @@ from air_router.vehicle import instructions
 from air_router.vehicle.input_limits import LIMITS
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "announcements.md"
-HEAD = """\
-# Warnings and alarms
-
-The operator sees announcements in the [terminal](watching.md), on the [live page](watching.md), in
-the [record](records.md) and in the report. The pilot gets them on the ground station, as
-STATUSTEXT.
-
-| severity | meaning | terminal | STATUSTEXT |
-|---|---|---|---|
-| info | nothing to do | plain | INFO |
-| warning | a problem that the flight handles | yellow, `WARNING:` | WARNING, read aloud |
-| alarm | the pilot has to act | red, `ALARM:`, and a bell | CRITICAL, read aloud |
-
-## Lasting alarms
-
-While its condition lasts (the vehicle holds because an input is missing, there is no way out of a
-zone, the vehicle hovers after hands off), an alarm is repeated after 10 s and then every 30 s, and
-asks the pilot to fly by hand. It also ends when a pilot takes the vehicle.
-
-Terminal and live page show repeated infos and warnings as one line with a count, and each alarm on
-its own line. STATUSTEXT carries every repetition.
-
-## List
-
-Every warning and alarm ends with an instruction to the pilot or the operator. `…` stands for the
-parts that vary. The table is printed from the code.
-
-<!-- printed: announcements -->
-| announcement | severity | what to do |
-|---|---|---|
-"""
-
 # How each function that is handed an instruction announces it: where the text is among its
 # arguments (and by which name), what is put before it, and how grave it is.
 MAKERS = {
@@ -200,9 +167,9 @@ def _rows_of(call: ast.Call, scope: ast.AST) -> Iterator[Row]:
             yield Row(pattern.format(words), grave, KNOWN[instruction])
 
 
-def page() -> str:
-    """The page."""
-    lines = (
+def table() -> list[str]:
+    """The lines of the table."""
+    head = ["| announcement | severity | what to do |", "|---|---|---|"]
+    return head + [
         f"| {row.text.replace('|', '/')} | {row.severity} | {row.instruction} |" for row in rows()
-    )
-    return HEAD + "\n".join(lines) + "\n<!-- /printed -->\n"
+    ]
