@@ -261,7 +261,7 @@ class TelemetryHandler:
     # The steps: each says whether those below it wait.
 
     def look_at_inputs(self, seen: Seen) -> bool:
-        """Missing inputs are announced and held for; battery and time go on.
+        """Missing inputs are announced, and the vehicle holds; battery and time run on.
 
         So does the state's timer, unless zones are being changed.
         """
@@ -269,7 +269,7 @@ class TelemetryHandler:
         return status is not CALM and self._deviations.inputs_missing(status, seen.telemetry)
 
     def keep_to_plan(self, seen: Seen) -> bool:
-        """Deviations (altitude, clearance, speed, wind, home): the table in `deviations`."""
+        """Deviations of altitude, clearance, speed, wind, home: the table in `deviations`."""
         context, climb = self._context, self._gate.climb.climb
         cruises = context.task.spec.cruises and context.airspace.change is None and climb is None
         if seen.moved is not None:
@@ -283,7 +283,7 @@ class TelemetryHandler:
         return False
 
     def look_around(self, seen: Seen) -> bool:
-        """Which waypoints are near is remembered."""
+        """Waypoints nearby are noted as passed."""
         exploration, here = self._exploration, seen.telemetry.position
         exploration.is_at(here)
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
@@ -296,7 +296,7 @@ class TelemetryHandler:
         return False
 
     def wait_for_interlocks(self, seen: Seen) -> bool:
-        """Zones that change, and a climb, go on here; other interlocks are waited for."""
+        """Zone updates and climbs proceed; other interlocks wait."""
         context, climb = self._context, self._gate.climb
         if context.interlocks.up(Doubt.FOREIGN_ORDER):
             return True  # a hold would end the order of a pilot before it is known as such
@@ -314,7 +314,7 @@ class TelemetryHandler:
         return context.interlocks.up(*OFF_PLAN)
 
     def end_the_state_in_time(self, _: Seen) -> bool:
-        """The state's time is over, or points wait for another state."""
+        """State timeouts, and requested points that wait for another state."""
         self._gate.mission_goes_on()
         ends_s = self._context.task.ends_s
         over = ends_s is not None and self._context.now_s >= ends_s
@@ -325,14 +325,14 @@ class TelemetryHandler:
         return False
 
     def fly_on(self, seen: Seen) -> bool:
-        """The next leg, when it is time for it."""
+        """The next leg, if it is due."""
         motion = self._navigator.update(seen.telemetry)
         if motion is not None or self._context.task.way.progress is not Progress.FLYING:
             self._navigator.advance(motion)
         return False
 
     def try_again(self, _: Seen) -> bool:
-        """What could not be done before."""
+        """Motions that failed before are retried."""
         task = self._context.task
         if task.retry_at_s is not None and not self._gate.pending and self._context.take_retry():
             self._navigator.follow(task.handler.retry())
@@ -363,10 +363,10 @@ class Matter:
 MATTERS: Final = (
     Matter(
         "OVER",
-        "it is on the ground, disarmed, after it was armed",
+        "it is on the ground and disarmed after it was armed",
         TelemetryHandler.over,
         TelemetryHandler.end,
-        "the flight is over; it waits on if it has not flown and the pilot arms",
+        "the flight is over; if it has not flown, the program waits for the pilot to arm again",
         "nothing can be commanded any more",
     ),
     Matter(
@@ -375,38 +375,38 @@ MATTERS: Final = (
         TelemetryHandler.fallen,
         TelemetryHandler.say_fallen,
         "an alarm; nothing is commanded",
-        "a pilot's or ours, nothing can be done for it",
+        "whoever controls it, no command can help",
     ),
     Matter(
         "TAKEN",
-        "it flies in a mode that we did not ask for, or by a failsafe",
+        "it flies in a mode that was not commanded, or a failsafe acts",
         TelemetryHandler.taken,
         TelemetryHandler.give_away,
         "hands off at once",
-        "the vehicle belongs to the pilot, whatever we are about to do",
+        "the pilot has priority over every motion below",
     ),
     Matter(
         "SENT_ELSEWHERE",
-        "for 1.5 s its plan item, or in Hold its target, has been none of ours",
+        "for 1.5 s its plan item, or in Hold its target, has been foreign",
         TelemetryHandler.sent_elsewhere,
         TelemetryHandler.follow_order,
         "hands off at once",
-        "so does this show a pilot, but it takes time to be sure; the mode above does not",
+        "this also shows a pilot, but only after 1.5 s; the mode shows one at once",
     ),
     Matter(
         "WAITS_FOR_HOLD",
         "it is being released, or the plan on board is being compared",
         TelemetryHandler.waits_for_hold,
         TelemetryHandler.wait_for_hold,
-        "a hold is repeated until it shows; then it is released, or the mission planned again",
-        "the mission is over or in doubt; a breach below would release it, too",
+        "the hold is repeated until it is confirmed; then release, or the mission continues",
+        "a breach would only release it, too",
     ),
     Matter(
         "BREACH",
-        "it is in a no-fly zone or outside a fence; zones just drawn over it do not count",
+        "it is in a no-fly zone (not one just drawn over it), or outside a fence",
         TelemetryHandler.breach,
         TelemetryHandler.release,
-        "it holds, and is released with an alarm",
+        "hold, then release, with an alarm",
         "no leg may begin there",
     ),
     Matter(
@@ -414,16 +414,16 @@ MATTERS: Final = (
         "the mission has not begun in the air",
         TelemetryHandler.takes_off,
         TelemetryHandler.watch_take_off,
-        "the climb is watched, and led on to the mission's altitude",
-        "all below is about a mission that flies",
+        "the climb is monitored, and continued to the mission's altitude",
+        "the rows below apply to a flying mission",
     ),
     Matter(
         "NOT_OURS",
-        "a pilot or a failsafe has it",
+        "a pilot or a failsafe controls it",
         TelemetryHandler.is_not_ours,
         TelemetryHandler.look_on,
-        "missing inputs are announced, and breaches while its position is known",
-        "only what is ours flies the mission",
+        "missing inputs are announced, and breaches if its position is known",
+        "only the companion flies the mission",
     ),
     Matter(
         "OURS",
@@ -431,7 +431,7 @@ MATTERS: Final = (
         TelemetryHandler.is_ours,
         TelemetryHandler.fly,
         "the steps below",
-        "nothing graver shows",
+        "nothing more severe applies",
     ),
 )
 """The first that is found is followed, and nothing below it."""
@@ -458,47 +458,45 @@ STEPS: Final = (
     Step(
         "INPUTS",
         TelemetryHandler.look_at_inputs,
-        "too few inputs come to fly on by",
-        "all that follows is judged by them",
+        "an input that legs need is missing",
+        "all steps below need them",
     ),
     Step(
         "PLAN_KEPT",
         TelemetryHandler.keep_to_plan,
         "",
-        "it raises what INTERLOCKS waits for; by now the position is known",
+        "it raises interlocks, and needs a position",
     ),
     Step(
         "WAYPOINTS_NEAR",
         TelemetryHandler.look_around,
         "",
-        "it only remembers, for searches",
+        "searches use it",
     ),
     Step(
         "HOME_IN_TIME",
         TelemetryHandler.come_home_in_time,
         "",
-        "battery and time go on while the mission waits below",
+        "battery and time run while the mission waits below",
     ),
     Step(
         "INTERLOCKS",
         TelemetryHandler.wait_for_interlocks,
-        "a row of `INTERLOCKS` is raised, or it climbs first",
-        "no leg begins and no state times out meanwhile; requests and coming home still do",
+        "an interlock is active, or the vehicle climbs first",
+        "meanwhile no leg begins and no state times out; requests and coming home still work",
     ),
     Step(
         "STATE_TIMER",
         TelemetryHandler.end_the_state_in_time,
         "",
-        "a state whose time is over begins no other leg",
+        "an expired state begins no other leg",
     ),
-    Step(
-        "NEXT_LEG", TelemetryHandler.fly_on, "", "a state that has just changed has already set out"
-    ),
+    Step("NEXT_LEG", TelemetryHandler.fly_on, "", "a new state has already commanded its leg"),
     Step(
         "TRY_AGAIN",
         TelemetryHandler.try_again,
         "",
-        "nothing is retried while a command from the steps above is pending",
+        "no retry while a command from the steps above is pending",
     ),
 )
 """Taken in this order, until one says that the rest waits."""

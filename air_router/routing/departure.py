@@ -94,21 +94,21 @@ class Stand(Enum):
     *Near* is nearer to a zone or the fence than routes keep, *too near* nearer than the clearance.
     """
 
-    CLEAR = "it stands where routes go"
-    MOVING = "it moves, and comes to rest where routes go"
-    WITHIN = "it is in a zone or outside of the fence, and near to no other"
-    WITHIN_NEAR = "it is in a zone or outside of the fence, and near to another, or will be"
-    TOO_FAST = "it comes to rest too near, or nearer still than too near"
-    TOO_NEAR = "it is too near"
-    NEAR = "it is near, or comes to rest there"
+    CLEAR = "hovers where routes go"
+    MOVING = "moves, and would stop where routes go"
+    WITHIN = "is in a zone or outside the fence, and near no other zone"
+    WITHIN_NEAR = "is in a zone or outside the fence, and is or will be near another zone"
+    TOO_FAST = "would stop too near, or is too near and would stop even nearer"
+    TOO_NEAR = "is too near"
+    NEAR = "is near, or would stop there"
 
 
 class Begins(Enum):
     """How the first leg may begin."""
 
-    AS_ROUTES = "clear over its whole length, with all that its turn may sweep"
-    BY_LEEWAY = "its first metres nearer than routes keep; then clear"
-    BRAKING = "not at all: the vehicle brakes first"
+    AS_ROUTES = "clear over its whole length and turn"
+    BY_LEEWAY = "nearer at first, then clear"
+    BRAKING = "not sent: the vehicle brakes first"
 
 
 class Rule(NamedTuple):
@@ -225,7 +225,7 @@ class Departure:
     # What the rules ask for.
 
     def first_near(self) -> Airspace:
-        """As near as it is, or comes to rest."""
+        """No nearer than it is, or would stop."""
         airspace = self._airspace
         return airspace.relaxed(
             airspace.margin_m - self._kept_m + LEG_ROUNDING_M,
@@ -238,7 +238,7 @@ class Departure:
         return 2 * (self._airspace.margin_m - self._kept_m) + drift_m + LEEWAY_M
 
     def whole_near(self) -> Airspace:
-        """To what it keeps the clearance from now it keeps it all the way."""
+        """The clearance to everything from which it keeps that now."""
         return self._airspace.with_margin(0.0).clear_of_leg(self.start, self.rest)
 
     def warning_near(self) -> str:
@@ -251,7 +251,7 @@ class Departure:
         return f"the vehicle is {where}: it moves away first"
 
     def first_within(self) -> Airspace:
-        """Out of what it is in; half of the margin to all else."""
+        """A way out, with half the margin to everything else."""
         return self._others
 
     def reach_within_m(self) -> float:
@@ -268,13 +268,13 @@ class Departure:
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """The same, and to others as near as it is, or comes to rest."""
+        """The same, but no nearer to the others than it is, or would stop."""
         shortfall_m = LEG_ROUNDING_M - min(self._others_spare_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 
     def whole_within_near(self) -> Airspace:
-        """To others that it keeps half of the margin from now it keeps it all the way."""
+        """Half the margin to every other zone from which it keeps that now."""
         return self._others.clear_of_leg(self.start, self.rest)
 
     @cached_property

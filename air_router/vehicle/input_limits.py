@@ -90,7 +90,7 @@ LIMITS: Final = (
         home_s=30.0,
         home_without=False,
         instruction=TAKE_OVER_BLIND,
-        why="legs are checked from where the vehicle is: home is flown once it is known again",
+        why="legs are checked from the vehicle's position; it comes home once that is known again",
     ),
     InputLimit(
         "flight mode",
@@ -110,7 +110,7 @@ LIMITS: Final = (
         told_s=5.0,
         home_s=30.0,
         instruction=CHECK_STREAMS,
-        why="neither disarming nor a failsafe may show; on the ground it counts as disarmed",
+        why="disarming and failsafes are not visible; on the ground it counts as disarmed",
     ),
     InputLimit(
         "GPS status",
@@ -121,7 +121,7 @@ LIMITS: Final = (
         stop_s=10.0,
         home_s=30.0,
         instruction=TAKE_OVER_BLIND,
-        why="the fix may be lost; home is flown by the positions, which still come",
+        why="the fix may be lost; it comes home by the positions, which still arrive",
     ),
     InputLimit(
         "battery",
@@ -130,7 +130,7 @@ LIMITS: Final = (
         told_s=5.0,
         home_s=30.0,
         instruction=WATCH_BATTERY,
-        why="the reserve cannot be watched",
+        why="the reserve cannot be monitored",
     ),
     InputLimit(
         "plan item",
@@ -139,7 +139,7 @@ LIMITS: Final = (
         told_s=5.0,
         home_s=60.0,
         instruction=CHECK_STREAMS,
-        why="a jump does not show: after four, legs are flown as points",
+        why="MISSION_SET_CURRENT is not confirmed: after four, legs are flown by DO_REPOSITION",
     ),
     InputLimit(
         "landed state",

@@ -145,7 +145,8 @@ def test_how_long_it_waits_counts_from_the_row_that_decides_now(context, gate):
 
 
 def table():
-    lines = ["| interlock | while it is up | cleared when; then | if not | why here | scene |"]
+    head = "interlock | the vehicle meanwhile | cleared when; then | if not | why in this place | scene"
+    lines = [f"| {head} |"]
     lines.append("|---|---|---|---|---|---|")
     for row in INTERLOCKS:
         cleared = f"{row.clears}; {row.then}"

@@ -80,7 +80,7 @@ def test_the_mission_ends_for_what_is_missing_too_long(away, age):
 
 
 def test_the_table_is_in_the_documents():
-    head = "missing | in | announced after | no leg begins after | the mission ends after | because"
+    head = "missing | message | announced after | no legs after | the mission ends after | because"
     lines = [f"| {head} |", "|---|---|---|---|---|---|"]
     for limit in LIMITS:
         stop = "" if limit.stop_s is None else f"{limit.stop_s:.0f} s: {limit.stop.value}"
