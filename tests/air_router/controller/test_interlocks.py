@@ -145,7 +145,7 @@ def test_how_long_it_waits_counts_from_the_row_that_decides_now(context, gate):
 
 
 def table():
-    head = "interlock | the vehicle meanwhile | cleared when; then | if not | why in this place | scene"
+    head = "interlock | the vehicle meanwhile | cleared when; then | if not | why here | scene"
     lines = [f"| {head} |"]
     lines.append("|---|---|---|---|---|---|")
     for row in INTERLOCKS:

@@ -5,14 +5,14 @@ from tests.printed import assert_printed
 
 
 def matters():
-    yield "| | condition | reaction | why in this place |"
+    yield "| | condition | reaction | why here |"
     yield "|---|---|---|---|"
     for matter in MATTERS:
         yield f"| `{matter.name}` | {matter.shows} | {matter.does} | {matter.why} |"
 
 
 def steps():
-    yield "| step | what | the steps below wait while | why in this place |"
+    yield "| step | what | the steps below wait while | why here |"
     yield "|---|---|---|---|"
     for step in STEPS:
         what = step.waits.__doc__.splitlines()[0].removesuffix(".")
