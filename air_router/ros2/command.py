@@ -34,7 +34,7 @@ def _print_package(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     "endpoint",
     type=Parsed(endpoint_of),
     required=False,
-    help="endpoint of the flight's --control, if it is not the usual one",
+    help="endpoint of the flight's --control, if it is not the default",
 )
 @option(
     "--domain",

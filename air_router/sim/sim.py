@@ -54,7 +54,7 @@ from mocha_link.path_safety import made_folder
     type=Parsed(speed_factor),
     metavar="X",
     default=1.0,
-    help="largest speed, times real time, 0.1 to 100 (default 1); the simulation waits for the "
+    help="speed limit, times real time, 0.1 to 100 (default 1); the simulation waits for the "
     "slowest process",
 )
 @option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")

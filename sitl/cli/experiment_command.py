@@ -58,8 +58,8 @@ def _archive(text: str) -> Path:
 
 @command(
     "Run an experiment: every row of its file with several seeds, each run half an "
-    "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
-    "writes results.csv, figures and what the runs say about the paper's claims.",
+    "hour of a town with robots, computed in about a second. Prints a table with confidence "
+    "intervals; writes results.csv, figures, and tests of the paper's claims.",
     _EPILOG,
 )
 @click.argument(
@@ -105,13 +105,13 @@ def _archive(text: str) -> Path:
     "--archive",
     type=Parsed(_archive),
     metavar="FILE",
-    help=f"write what tables and claims are made of into a file *{ARCHIVE_ENDING}",
+    help=f"write the data behind tables and claims into a file *{ARCHIVE_ENDING}",
 )
 @option(
     "--verify",
     type=PATH,
     metavar="FILE",
-    help="with an archive: list what differs in a Markdown file and its evidence; change nothing",
+    help="with an archive: list differences from a Markdown file and its evidence; change nothing",
 )
 @option("--no-figures", is_flag=True, help="draw no figures")
 @option("--json", is_flag=True, help="one JSON object on stdout")
