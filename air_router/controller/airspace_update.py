@@ -101,7 +101,7 @@ class AirspaceUpdate:
             return
         if self._context.airspace.change is ZoneChange.UPLOADING:
             if not replans:  # it is asked for again
-                what = "zones not changed: others are being put on board just now"
+                what = "zones not changed: an earlier change is still being uploaded"
                 context.warn(what, RELOAD_AGAIN)
             return
         before, mission = (

@@ -357,7 +357,7 @@ class ReturnMonitor:
         if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
             return Due(
                 f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
-                f"{LANDING_MARGIN:.0%} are to be left on the ground",
+                f"{LANDING_MARGIN:.0%} must remain after landing",
                 BE_READY_AT_HOME,
             )
         if not by_time:

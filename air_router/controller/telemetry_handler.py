@@ -138,7 +138,7 @@ class TelemetryHandler:
             return telemetry
         if before is None and battery.doubted is not None and telemetry.in_air:
             self._context.warn(
-                f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is believed if "
+                f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is accepted if "
                 f"that lasts for {CHARGE_BELIEVED_S:.0f} s",
                 WATCH_BATTERY,
             )

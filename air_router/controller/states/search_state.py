@@ -240,7 +240,7 @@ class SearchState(StateHandler):
                 self._jumpers.add(robot)
                 self._context.warn(
                     f"the position of {robot} jumped {jump.metres:.0f} m in {jump.seconds:.1f} s: "
-                    "it is not followed there",
+                    "ignored for now",
                     CHECK_LOCALISATION,
                 )
         elif track.verdict is PoseVerdict.BACK:
