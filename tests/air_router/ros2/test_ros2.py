@@ -380,7 +380,7 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
     assert goto.go(four, NEAR)
     flight.operator_asks(ExploreNow())
     bridge.poll()
-    assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: asked to explore", "")
+    assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: exploration requested", "")
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
 
 
