@@ -12,7 +12,7 @@ class Doubt(Enum):
 
     ALTITUDE_JUMP = "the altitude has jumped"
     CONDITIONS = "satellites or wind are worse than planned for"
-    FOREIGN_ORDER = "an order shows that is not ours"
+    FOREIGN_ORDER = "a foreign command is active"
 
 
 OFF_PLAN: Final = tuple(doubt for doubt in Doubt if doubt is not Doubt.FOREIGN_ORDER)

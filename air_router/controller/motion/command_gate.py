@@ -1,7 +1,7 @@
 """The one way to command the vehicle: past all that may stand against a motion, or to hold.
 
 A hold always leaves (while the flight mode is not heard: only one that the operator asks for). None
-is asked for while an order shows that is not ours, unless inputs or zones demand it. What keeps a
+is requested while a foreign command is active, unless inputs or zones demand it. What keeps a
 leg, or a landing, from leaving stands in `interlocks`. Past those two things leave instead of it: a
 hold, where a jump would not show which order is followed; the climb, where the vehicle was taken
 over, or stopped, below its altitude. Both are followed by a plan made anew.

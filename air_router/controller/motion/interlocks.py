@@ -113,7 +113,7 @@ INTERLOCKS: Final = (
     ),
     Interlock(
         "FOREIGN_ORDER",
-        "an order shows that is not ours",
+        "a foreign command is active",
         lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
         while_up="sends nothing",
         clears="the companion's own command is reported",

@@ -354,7 +354,7 @@ class Navigator:
         if isinstance(motion, HoldHere):
             return None
         if self._context.interlocks.up(Doubt.FOREIGN_ORDER):
-            return "an order shows that is not ours"
+            return "a foreign command is active"
         return None if isinstance(motion, LandHere) else self._leg_refusal(motion, telemetry, now_s)
 
     def _leg_refusal(

@@ -264,7 +264,7 @@ def test_a_motion_that_waited_is_not_sent_over_an_order_that_is_not_ours(away, k
     assert controller.navigator.objection(motion, flight.now_s) is None
     controller.context.interlocks.put(Doubt.FOREIGN_ORDER, raised=True)
     objection = controller.navigator.objection(motion, flight.now_s)
-    assert objection == (None if kind == "hold" else "an order shows that is not ours")
+    assert objection == (None if kind == "hold" else "a foreign command is active")
 
 
 def test_where_the_vehicle_flies_already_it_may_be_sent_once_more(away):
