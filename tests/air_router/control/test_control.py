@@ -430,5 +430,5 @@ def test_an_answer_to_another_request_of_the_same_number_is_not_taken_for_its_ow
         flight.controller.status,
         lambda request: flight.controller.handle(request, flight.now_s),
     )
-    answer = service.ask(ComeHome())
+    answer = service.submit(ComeHome())
     assert (answer.by, answer.accepted) == ("the operator", True)
