@@ -297,6 +297,7 @@ class Flight:
         if isinstance(event, Telemetry):
             self._gossip.publish_telemetry(event)
             self._recorder.map(self._mapper, event.time_s)
+            self._recorder.status(self.status, event.time_s)
             self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
             self._status.show(lambda: flight_line(self.status()))
 
