@@ -143,6 +143,12 @@ class VehicleClock:
             return self._last_s
 
     @property
+    def reported_s(self) -> float:
+        """The newest time since boot that the vehicle reported, not extrapolated; 0: none yet."""
+        with self._lock:
+            return self._boot_s or 0.0
+
+    @property
     def rate(self) -> float:
         """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation.
 

@@ -97,7 +97,8 @@ MODE_POLL_S: Final = 0.1
 """How often the vehicle's mode is requested while it is waited for; HEARTBEAT comes at 1 Hz."""
 
 ORDER_ACTS_S: Final = 0.2
-"""So long after its acknowledgement the mode of an order is that of the vehicle: within 20 ms."""
+"""Vehicle's time after its acknowledgement by which the mode of an order shows: PX4 changes it
+within 20 ms. Not our time: a simulation, or a computer under load, may run slower."""
 
 SAME_TARGET_M: Final = 1.0
 """A target nearer than this to a place is that place: PX4 reports it to a centimetre."""

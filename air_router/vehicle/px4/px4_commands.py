@@ -120,6 +120,7 @@ class SentOrder:
         in_progress_s: When the vehicle reported last that it is about it.
         accepted: The vehicle acknowledged this very order, as far as can be determined.
         acked_s: When an acknowledgement came that may also be that of an order from before.
+        acked_boot_s: The vehicle's time since boot that it had reported last by then.
         refusal: The result with which it refused it, None if it did not.
     """
 
@@ -131,21 +132,24 @@ class SentOrder:
     in_progress_s: float = -math.inf
     accepted: bool = False
     acked_s: float = math.inf
+    acked_boot_s: float = math.inf
     refusal: int | None = None
 
     def leaves(self, now_s: float) -> None:
         """It leaves, perhaps again."""
         self.last_s = now_s
         if self.refusal is not None:  # what was answered was about the time before
-            self.refusal, self.accepted, self.acked_s = None, False, math.inf
+            self.refusal, self.accepted = None, False
+            self.acked_s = self.acked_boot_s = math.inf
 
-    def acknowledged(self, result: int, now_s: float, *, this: bool) -> None:
+    def acknowledged(self, result: int, now_s: float, boot_s: float, *, this: bool) -> None:
         """The vehicle acknowledged; `this`: this very order, and none before it."""
         if result == Result.IN_PROGRESS:
             self.in_progress_s = now_s
         elif result == Result.ACCEPTED:
             self.accepted |= this
             self.acked_s = min(self.acked_s, now_s)
+            self.acked_boot_s = min(self.acked_boot_s, boot_s)
         else:
             self.refusal = result
 
@@ -378,7 +382,8 @@ class Px4Commands:
             return False
         changes = sent.order.leads_to is not sent.before.mode
         accepted = sent.accepted and sent.refusal is None
-        return changes and accepted and loop_s() >= sent.acked_s + ORDER_ACTS_S
+        reported_s = self._telemetry.clock.reported_s
+        return changes and accepted and reported_s >= sent.acked_boot_s + ORDER_ACTS_S
 
     def late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
@@ -421,9 +426,9 @@ class Px4Commands:
         ):
             return
         now_s, newest = self._telemetry.arrived_s("COMMAND_ACK"), tried.newest
-        result = fields["result"]
+        result, boot_s = fields["result"], self._telemetry.clock.reported_s
         if result == Result.IN_PROGRESS:
-            newest.acknowledged(result, now_s, this=True)
+            newest.acknowledged(result, now_s, boot_s, this=True)
             return
         while tried.unanswered and tried.unanswered[0][0] < now_s - ACK_LATE_S:
             tried.unanswered.popleft()
@@ -432,7 +437,7 @@ class Px4Commands:
         if tried.unanswered and tried.unanswered[0][0] <= now_s:
             _, acknowledged = tried.unanswered.popleft()
         if newest.first_s <= now_s:
-            newest.acknowledged(result, now_s, this=acknowledged is newest)
+            newest.acknowledged(result, now_s, boot_s, this=acknowledged is newest)
 
 
 def _name(result: int) -> str:
