@@ -85,7 +85,7 @@ class ScriptedPx4:
         parser = mavlink.MAVLink(None)
         parser.robust_parsing = True
         while not self._stop.is_set():
-            self._tell()
+            self.report()
             with contextlib.suppress(TimeoutError):
                 for message in parser.parse_buffer(self._socket.recv(65536)) or ():
                     self._take(message)
@@ -114,7 +114,7 @@ class ScriptedPx4:
         self._clock = now_s, boot_ms + (now_s - since_s) * self.rate * 1e3
         return round(self._clock[1])
 
-    def _tell(self):
+    def report(self):
         latitude, longitude = self._place
         boot_ms = self.boot_ms()
         for due_ms, act in list(self.later):
