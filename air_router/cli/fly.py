@@ -102,7 +102,7 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
         now = datetime.fromtimestamp(clock.now_s(), UTC)
         mission, hours = as_begun(mission, folder, now)
         if hours:
-            status.say(hours)
+            status.print_line(hours)
     mapper = Mapper(mission)
     gossip = Gossip(
         mission.frame,
@@ -128,12 +128,12 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
         ) as recorder,
     ):
         if viewer is not None:
-            status.say(f"Foxglove: open a connection to {viewer.address}")
+            status.print_line(f"Foxglove: open a connection to {viewer.address}")
         recorder.file(mission.path)
         if team.path != ALONE:
             recorder.file(team.path)
         vehicle = vehicle_of(mission, clock, arguments)
-        vehicle.telemetry.subscribe(pace.heard)
+        vehicle.telemetry.subscribe(pace.received)
         flight = Flight(
             mission,
             vehicle,

@@ -41,7 +41,7 @@ from geo.paths import ShortestPaths, path_length_m
 
 
 class Momentum(NamedTuple):
-    """What a vehicle flies on by itself, whether it is told to stop or sent elsewhere.
+    """What a vehicle flies on by itself, whether it is commanded to stop or sent elsewhere.
 
     It follows after its reaction. From then on its velocity goes straight over from v to the new u
     with a = `BRAKING_M_S2`, which takes T = |u - v| / a: a parabola; its control polygon has the
@@ -49,7 +49,7 @@ class Momentum(NamedTuple):
     than where braking would end, and at v T / 2 + u T / 4.
 
     Attributes:
-        rest: Where it comes to rest if it is told now to brake.
+        rest: Where it comes to rest if it is announced now to brake.
         velocity_m_s: East and north.
         speed_m_s: How fast it flies the new leg.
         reaction_s: For how long it flies on as it does.
@@ -137,13 +137,13 @@ class Departure:
         paths: paths at the distance that routes keep.
         start: where the vehicle is.
         momentum: what it flies on by itself; None if it stands.
-        pending: where else it flies to until it is told, or turns there: ends of legs so far.
+        pending: where else it flies to until it is announced, or turns there: ends of legs so far.
 
     Attributes:
         start: where the vehicle is.
         rest: where it would come to rest.
         pending: where else it may be on its way to.
-        moving: whether it may be elsewhere than at the start when it is told.
+        moving: whether it may be elsewhere than at the start when it is announced.
     """
 
     def __init__(
@@ -170,11 +170,11 @@ class Departure:
         if not self.in_margin:
             return Stand.MOVING if self.moving else Stand.CLEAR
         if self._holders:
-            here_m, rest_m = self._others_spare_m
+            here_m, rest_m = self._others_clearance_left_m
             clear = min(here_m, rest_m) >= 0 or rest_m < here_m - HOVER_DRIFT_M
             return Stand.WITHIN if clear else Stand.WITHIN_NEAR
         too_near = self._here_m < 0
-        if self._kept_m < (self._here_m - HOVER_DRIFT_M if too_near else 0):
+        if self._required_m < (self._here_m - HOVER_DRIFT_M if too_near else 0):
             return Stand.TOO_FAST
         return Stand.TOO_NEAR if too_near else Stand.NEAR
 
@@ -202,7 +202,7 @@ class Departure:
         return self._airspace.clearance_left_m(self.start)[0] + self._airspace.margin_m
 
     @cached_property
-    def _kept_m(self) -> float:
+    def _required_m(self) -> float:
         """The least that there is on top of the clearance, here and where it comes to rest."""
         return min(
             self._here_m, self._airspace.clearance_left_m(self.rest)[0] + self._airspace.margin_m
@@ -215,27 +215,27 @@ class Departure:
         return others.with_margin((others.margin_m - others.clearance_m) / 2)
 
     @cached_property
-    def _others_spare_m(self) -> tuple[float, float]:
+    def _others_clearance_left_m(self) -> tuple[float, float]:
         """What there is to spare to these, here and where it comes to rest."""
         here_m, rest_m = (
             self._others.clearance_left_m(place)[0] for place in (self.start, self.rest)
         )
         return here_m, rest_m
 
-    # What the rules ask for.
+    # What the rules request.
 
     def first_near(self) -> Airspace:
         """No nearer than it is, or would stop."""
         airspace = self._airspace
         return airspace.relaxed(
-            airspace.margin_m - self._kept_m + LEG_ROUNDING_M,
+            airspace.margin_m - self._required_m + LEG_ROUNDING_M,
             self._nearest_m(airspace) - LEG_ROUNDING_M,
         )
 
     def reach_near_m(self) -> float:
         """Twice as far as it takes to be clear, straight away from there."""
         drift_m = math.dist(self.start, self.rest)
-        return 2 * (self._airspace.margin_m - self._kept_m) + drift_m + LEEWAY_M
+        return 2 * (self._airspace.margin_m - self._required_m) + drift_m + LEEWAY_M
 
     def whole_near(self) -> Airspace:
         """The clearance to everything from which it keeps that now."""
@@ -269,7 +269,7 @@ class Departure:
 
     def first_within_near(self) -> Airspace:
         """The same, but no nearer to the others than it is, or would stop."""
-        shortfall_m = LEG_ROUNDING_M - min(self._others_spare_m)
+        shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 

@@ -134,7 +134,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
         SimWorld(arguments.mission, options, folder, mission.layers) as world,
     ):
         commands = {
-            seat.uav: _command(seat, index, world, arguments)
+            seat.uav: command_of(seat, index, world, arguments)
             for index, seat in enumerate(world.seats)
         }
         flights = Flights(commands, overhear=overhear)
@@ -149,7 +149,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
     return code
 
 
-def _command(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
+def command_of(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
     command += ["--connect", seat.url, "--sysid", str(seat.system_id)]

@@ -1,4 +1,4 @@
-"""How much an announcement matters, and what the pilot or the operator does about it.
+"""How severe an announcement is, and what the pilot or the operator does about it.
 
 Every instruction is here. `Instruction` is a type of its own, and is made here only: without one
 `mypy` lets no warning and no alarm pass. Each begins with who acts. They are short, because a
@@ -10,7 +10,7 @@ from typing import Final, NewType
 
 
 class Severity(Enum):
-    """How much an announcement matters to the pilot and the operator."""
+    """How severe an announcement is to the pilot and the operator."""
 
     INFO = "info"  # for the log: nothing to do
     WARNING = "warning"  # something is off; the flight copes, or soon will not
@@ -26,7 +26,7 @@ TAKE_OVER_BLIND: Final = Instruction(
     "Pilot: take over in Position mode, or in Altitude mode if PX4 refuses that"
 )
 BE_READY: Final = Instruction("Pilot: watch it, and be ready to take over")
-NEARER_THAN_IT_SAYS: Final = Instruction(
+CLEARANCE_UNCERTAIN: Final = Instruction(
     "Pilot: it may be nearer to zones than it reports; be ready to take over"
 )
 BE_READY_AT_HOME: Final = Instruction("Pilot: keep the landing place clear, be ready to take over")
@@ -88,7 +88,7 @@ NO_OTHER_SPEED: Final = Instruction(
 )
 TOO_MUCH_WIND: Final = Instruction("Operator: 'home', if the wind is too strong")
 RELOAD_AGAIN: Final = Instruction("Operator: 'reload' again in a moment")
-ASK_AGAIN: Final = Instruction("Operator: request it again once the vehicle hovers")
+REQUEST_AGAIN: Final = Instruction("Operator: request it again once the vehicle hovers")
 RESUME_AGAIN: Final = Instruction("Operator: 'resume' again once that is done")
 BRING_HOME_BY_HEIGHT: Final = Instruction(
     "Operator: a second 'home' uses PX4's altitude alone. Pilot: or fly it out by hand"

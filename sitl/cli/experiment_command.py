@@ -201,17 +201,17 @@ def _run_campaign(
     """Make the missing runs; whether the user stopped it."""
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
-        status.say(f"all {counted(wanted, 'runs')} are there")
+        status.print_line(f"all {counted(wanted, 'runs')} are there")
         return False
     if missing < wanted:
-        status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
+        status.print_line(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
         with _terminated():
             outcomes = make_runs(work, campaign.missing, arguments.jobs or os.cpu_count() or 1)
             campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
-        status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        status.print_line(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
         return True
     for failure in campaign.failed:
         sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
@@ -235,7 +235,7 @@ def _terminated() -> Iterator[None]:
 def _tell_of_other_programs(campaign: Campaign, status: StatusLine) -> None:
     others = sorted({record["program"] for record in campaign.records} - {program()})
     if others:
-        status.say(
+        status.print_line(
             f"note: some of the runs are from other versions of the program ({', '.join(others)}; "
             f"this is {program()}); --fresh makes them again"
         )

@@ -21,11 +21,11 @@ MAKERS = {
     "alarm": (0, "text", "{}", "alarm"),
     "Announce": (0, "text", "{}", "alarm"),
     "alarm_until_over": (1, "text", "{}", "alarm"),
-    "_last_words": (0, "text", "{}", "alarm"),
+    "_final_announcement": (0, "text", "{}", "alarm"),
     "Deviation": (1, "words", "{}", "warning"),
     "Due": (0, "why", "coming home: {}", "warning"),
-    "Held": (0, "why", "holding: {}", "alarm"),
-    "InputNews": (0, "what", "{}", "warning"),
+    "HandoverHold": (0, "why", "holding: {}", "alarm"),
+    "InputAnnouncement": (0, "what", "{}", "warning"),
     "Watch": (0, "words", "{} …, and has not moved for … s: …", "alarm"),
     "come_home": (0, "why", "coming home: {}", "warning"),
     "give_up": (0, "why", "hands off: {}", "alarm"),
@@ -35,7 +35,7 @@ MAKERS = {
 }
 # What a text says that comes from elsewhere, by function and instruction.
 SAID = {
-    ("look_on", "FLY_OUT"): ["breach of …"],
+    ("observe", "FLY_OUT"): ["breach of …"],
     ("_differs", "UPLOAD_OURS"): ["another plan is on board (…)"],
     ("_differs", "TAKE_WHERE_IT_HOLDS"): ["another plan is on board (…)"],
     ("follow_order", "IN_YOUR_HANDS"): [
@@ -49,18 +49,18 @@ SAID = {
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
     ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
-    ("_while_off", "NEARER_THAN_IT_SAYS"): [
+    ("_while_off", "CLEARANCE_UNCERTAIN"): [
         "the satellites' position is good to … m only, … m are planned for",
         "wind of … m/s, … m/s are planned for",
     ],
     ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
     ("another_vehicle", "SEPARATE_TWINS"): ["two autopilots answer with the same system id …"],
     ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
-    ("look", "NEARER_THAN_IT_SAYS"): [
+    ("update", "CLEARANCE_UNCERTAIN"): [
         "the satellites' position is good to … m only, … m are planned for: holding",
         "wind of … m/s, … m/s are planned for: holding",
     ],
-    ("look", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
+    ("update", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }
 KNOWN = {name: value for name, value in vars(instructions).items() if name.isupper()}
 

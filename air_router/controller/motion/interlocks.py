@@ -1,9 +1,9 @@
 """What may keep a leg, or a landing, from being sent: one table; the first raised row decides.
 
-The mission's states say what it wants; these rows say what keeps it from getting that now. They
+The mission's states want a motion; these rows keep the vehicle from flying it now. They
 keep no hold back: see `CommandGate.send`. Any raised row keeps a motion back. The first one is
 reported, and decides whether a landing is commanded again and whether the leg under way is called
-off; each row says why it stands where it stands. `CommandGate.command` reads the table; the status
+off; each row gives the reason for its place. `CommandGate.command` reads the table; the status
 line, the page, ROS 2, the record and answers to `status` show the row that decides, and
 docs/state-machine.md prints it.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from air_router.controller.model import Doubt, MissionContext, ZoneChange
+from air_router.controller.model import Anomaly, MissionContext, ZoneChange
 from air_router.vehicle import NO_FIX
 
 
@@ -92,7 +92,7 @@ INTERLOCKS: Final = (
     Interlock(
         "ALTITUDE_JUMP",
         "the altitude has jumped",
-        lambda context: context.interlocks.up(Doubt.ALTITUDE_JUMP),
+        lambda context: context.interlocks.is_raised(Anomaly.ALTITUDE_JUMP),
         while_up="holds",
         clears="the altitude has been normal for 2 s",
         then="it plans again",
@@ -103,7 +103,7 @@ INTERLOCKS: Final = (
     Interlock(
         "CONDITIONS",
         "satellites or wind are worse than planned for",
-        lambda context: context.interlocks.up(Doubt.CONDITIONS),
+        lambda context: context.interlocks.is_raised(Anomaly.CONDITIONS),
         while_up="holds",
         clears="they have been as planned for 5 s",
         then="it plans again",
@@ -114,7 +114,7 @@ INTERLOCKS: Final = (
     Interlock(
         "FOREIGN_ORDER",
         "a foreign command is active",
-        lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
+        lambda context: context.interlocks.is_raised(Anomaly.FOREIGN_ORDER),
         while_up="sends nothing",
         clears="the companion's own command is reported",
         then="it plans again",

@@ -62,7 +62,7 @@ class FakeClient(ControlClient):
         stats = FlightStats.of(flight.mission, self.mapper, ROBOTS)
         view = FlightView(flight.mission, self.status, lambda: flight.controller.router, stats)
         self.commands = CommandService(
-            flight.mission.frame, self.status, flight.deliver, view=view.tell
+            flight.mission.frame, self.status, flight.deliver, view=view.fields_for
         )
         self.stats, self.told, self._by = stats, 0, "ROS 2"
 
