@@ -10,6 +10,7 @@ is that of the header lists for original nodes.
 from __future__ import annotations
 
 import secrets
+import struct
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,6 +31,7 @@ GROUPS = 16
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
 _GAP = 1 << 32
+_RAW = struct.Struct(f"{Header.SIZE}s")
 
 
 class Database:
@@ -128,9 +130,10 @@ class Database:
         `header_list` has a multiple of 6 bytes.
         """
         latest = latest_ms(now_s)
+        offered = [raw for (raw,) in _RAW.iter_unpack(header_list)]
         with self._lock:
-            newer = self._floors.exceeded(header_list, latest)
-            wanted = [raw for raw in newer if raw not in self._by_raw]
+            unknown = [raw for raw in offered if raw not in self._by_raw]
+            wanted = self._floors.exceeded(unknown, latest)
         return self._floors.newest_of_each(wanted, latest)
 
     def insert(self, record: Record, now_s: float) -> bool:
