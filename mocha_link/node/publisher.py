@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ from functools import partial
 from hashlib import blake2b
 from math import inf
 
+from mocha_link.logs import NodeLog
 from mocha_link.store import (
     LENGTH_BYTES,
     UNSAFE_MS,
@@ -28,8 +28,6 @@ Sign = Callable[[Topic, bytes], bytes]
 LEAP_MS = 600_000
 MOST_RECOVERED = 16  # messages of a topic that we did not make; more are not from before a restart
 FULL_BYTES = 64 * 1024  # a batch of so much goes at once
-
-LOG = logging.getLogger("mocha_link")
 
 
 @dataclass(slots=True)
@@ -131,7 +129,7 @@ class Publisher:
             return None
         self._overtaken[topic.name] += 1
         if self._overtaken[topic.name] == MOST_RECOVERED + 1:
-            LOG.warning(
+            NodeLog(self._robot.name).warning(
                 "another node publishes %s's topic %s: give each robot a name of its own",
                 self._robot.name,
                 topic.name,

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from typing import IO, Any
 
 from mocha_link.errors import RadioError, needs_extra
+from mocha_link.forks import closed_in_children
 from mocha_link.links import Reading, Unit
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
 from mocha_link.team import RadioUrl
@@ -114,7 +115,7 @@ class _ListeningRadio(BackgroundRadio):
 
     def _bound(self, kind: socket.SocketKind) -> socket.socket:
         """A socket at the address that the URL names. Raises RadioError."""
-        found = self._socket = socket.socket(socket.AF_INET, kind)
+        found = self._socket = closed_in_children(socket.socket(socket.AF_INET, kind))
         try:
             if kind is socket.SOCK_STREAM:
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
