@@ -107,9 +107,10 @@ def _forked() -> None:
     owners = list(_owners)
     _owners.clear()
     for owner in owners:
-        kind = type(owner)
+        kind: Any = type(owner)
         methods = {key: each for key, each in vars(_Forked).items() if callable(each)}
-        owner.__class__ = type(kind)(kind.__name__, (kind,), {"__slots__": (), **methods})
+        make: Any = type(kind)
+        owner.__class__ = make(kind.__name__, (kind,), {"__slots__": (), **methods})
     if owners:
         import ctypes  # noqa: PLC0415 - no process needs it before
 

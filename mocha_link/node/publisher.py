@@ -18,6 +18,7 @@ from mocha_link.store import (
     Header,
     Record,
     as_ms,
+    is_void,
     pack_batch,
     wire,
 )
@@ -95,6 +96,11 @@ class Publisher:
             draft = None
         last_ms = self._last_ms.get(topic.name)
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        latest_ms = wire.latest_ms(now_s)
+        if newest is not None and is_void(newest.stamp_ms, latest_ms):
+            newest = None  # our clock was wrong by more than a century: nobody takes that message,
+        if last_ms is not None and is_void(last_ms, latest_ms):
+            last_ms = None  # nor any later one
         if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
             stamp_ms = self._stamp_after(topic, newest, now_s, data)
         else:

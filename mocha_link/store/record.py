@@ -13,12 +13,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
-from mocha_link.store.wire import AHEAD_MS, WRAP_MS, Header
+from mocha_link.store.wire import AHEAD_MS, FUTURE_MS, WRAP_MS, Header
 
 KEYS = 65_536
 _UNSET_MS = 50 * 365 * 86_400_000  # a clock at 1970 or soon after was never set
 _FUTURE_MS = AHEAD_MS // 3
 _TURNED_MS = WRAP_MS - 2 * AHEAD_MS
+_DAY_MS = 86_400_000  # more than nodes stamp beyond one another: see `Publisher`
+VOID_MS = FUTURE_MS + _DAY_MS - AHEAD_MS
+"""So far beyond the latest time that a header may stand for, a stamp is void."""
+
 _LAST_MS = 999  # of a second; a header may hold more, which is no time
 _FIELDS = struct.Struct(">HHH")  # of a header: key, seconds, milliseconds
 
@@ -98,6 +102,14 @@ def follows(stamp_ms: int, stored_ms: int, latest_ms: int) -> bool:
     return (seen > stored) != turned
 
 
+def is_void(stored_ms: int, latest_ms: int) -> bool:
+    """Whether a stored stamp is one that no node takes today: a clock was wrong by 139 years.
+
+    Such a message gives way to any other of its topic, so a clock that is right again heals it.
+    """
+    return stored_ms - latest_ms >= VOID_MS
+
+
 def _turn(latest_ms: int) -> tuple[int, int]:
     """Beyond which time, and how far apart, two stamps are the other way round."""
     if latest_ms < _UNSET_MS:
@@ -119,11 +131,12 @@ class Floors:
         """
         floors = self.stamps_ms
         border_ms, far_ms = _turn(latest_ms)
+        void_ms = latest_ms + VOID_MS
         chosen = []
         for raw in headers:
             key, seconds, milliseconds = _FIELDS.unpack(raw)
             stored = floors[key]
-            if stored >= 0 and milliseconds <= _LAST_MS:
+            if 0 <= stored < void_ms and milliseconds <= _LAST_MS:
                 seen = latest_ms - (latest_ms - seconds * 1000 - milliseconds) % WRAP_MS
                 if stored > latest_ms or stored < _UNSET_MS:
                     stored = latest_ms - (latest_ms - stored) % WRAP_MS
