@@ -18,8 +18,9 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 
 from mocha_link.errors import RadioError
 from mocha_link.links import Reading, Unit
+from mocha_link.radios.peers import peers_by_radio
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 MAX_LINE_BYTES = 64 * 1024  # a published dictionary is one line
 RETRY_S = 2.0
@@ -274,3 +275,8 @@ def _mac(text: str) -> str:
     if len(raw) != _MAC_BYTES or max(raw) > 0xFF:
         return ""
     return ":".join(f"{byte:02x}" for byte in raw)
+
+
+def open_rajant(url: RadioUrl, team: Team, robot: Robot) -> RajantRadio:
+    """The radio ``rajant:``. Raises RadioError."""
+    return RajantRadio(url, peers_by_radio(team, robot))

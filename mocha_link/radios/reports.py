@@ -20,8 +20,9 @@ from typing import IO, Any
 from mocha_link.errors import RadioError, needs_extra
 from mocha_link.forks import closed_in_children
 from mocha_link.links import Reading, Unit
+from mocha_link.radios.peers import the_peer
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 MAX_LINE_BYTES = 2048
 MAX_PROGRAMS = 8  # connected to one port
@@ -300,3 +301,23 @@ def _reading(status: Any) -> Reading | None:
 def _dialect() -> Any:
     with needs_extra("a radio that reports its state by MAVLink", "mavlink"):
         return importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
+
+
+def open_udp(url: RadioUrl, _team: Team, _robot: Robot) -> UdpRadio:
+    """The radio ``udp:``."""
+    return UdpRadio(url.text)
+
+
+def open_tcp(url: RadioUrl, _team: Team, _robot: Robot) -> TcpRadio:
+    """The radio ``tcp:``."""
+    return TcpRadio(url.text)
+
+
+def open_stdin(_url: RadioUrl, _team: Team, _robot: Robot) -> StdinRadio:
+    """The radio ``stdin:``."""
+    return StdinRadio()
+
+
+def open_mavlink(url: RadioUrl, _team: Team, robot: Robot) -> MavlinkRadio:
+    """The radio ``mavlink:``. Raises RadioError."""
+    return MavlinkRadio(url, the_peer(url, robot))

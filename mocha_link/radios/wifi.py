@@ -11,8 +11,9 @@ from collections.abc import Mapping
 
 from mocha_link.errors import RadioError
 from mocha_link.links import Reading, Unit
+from mocha_link.radios.peers import peers_by_radio
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0
@@ -119,3 +120,8 @@ class WifiRadio(BackgroundRadio):
             text = complaint.decode(errors="replace").strip()
             LOG.debug("%s: %s", " ".join(self._command), text)
         return output.decode(errors="replace")
+
+
+def open_wifi(url: RadioUrl, team: Team, robot: Robot) -> WifiRadio:
+    """The radio ``wifi:``. Raises RadioError."""
+    return WifiRadio(url, peers_by_radio(team, robot))
