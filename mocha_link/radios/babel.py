@@ -24,6 +24,7 @@ from typing import TypeVar
 
 from mocha_link.errors import RadioError
 from mocha_link.links import Reading, Unit
+from mocha_link.logs import Log, NodeLog
 from mocha_link.radios.peers import peers_by_radio
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
 from mocha_link.team import RadioUrl, Robot, Team
@@ -211,6 +212,7 @@ class BabelRadio(BackgroundRadio):
         probe_s: so often babeld is requested to list all again.
         silent_s: without its answer for so long the connection begins anew.
         retry_s: real seconds before the next attempt to connect.
+        log: where it logs.
     """
 
     def __init__(  # noqa: PLR0913 - its intervals
@@ -222,8 +224,9 @@ class BabelRadio(BackgroundRadio):
         probe_s: float = PROBE_S,
         silent_s: float = SILENT_S,
         retry_s: float = RETRY_S,
+        log: Log = LOG,
     ) -> None:
-        super().__init__()
+        super().__init__(log)
         self._url = url
         self._peers = peers
         self._poll_s = poll_s
@@ -246,7 +249,7 @@ class BabelRadio(BackgroundRadio):
             except (OSError, RadioError) as error:  # TimeoutError is one
                 why = str(error) or "no answer"
             if why != complaint or table.neighbours:  # once, not every two seconds
-                LOG.warning("%s: %s; trying again", self._url, why)
+                self.log.warning("%s: %s; trying again", self._url, why)
             complaint = why
             self._report_links(BabelTable())
             await asyncio.sleep(self._retry_s)
@@ -311,4 +314,4 @@ class BabelRadio(BackgroundRadio):
 
 def open_babel(url: RadioUrl, team: Team, robot: Robot) -> BabelRadio:
     """The radio ``babel:``. Raises RadioError."""
-    return BabelRadio(url, peers_by_radio(team, robot, addresses=True))
+    return BabelRadio(url, peers_by_radio(team, robot, addresses=True), log=NodeLog(robot.name))

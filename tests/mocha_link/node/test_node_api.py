@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import logging
+import socket
 import subprocess
 import sys
 import threading
@@ -17,7 +18,7 @@ from mocha_link.links.link_table import LinkTable
 from mocha_link.links.metrics import MessageStored, RssiChanged, SyncEnded
 from mocha_link.node.broadcast import Broadcast
 from mocha_link.node.node import Node, NodeClosedError
-from mocha_link.radios import ManualRadio
+from mocha_link.radios import ManualRadio, open_radio
 from mocha_link.store.wire import MAX_BYTES, PayloadError
 from mocha_link.team import DocumentError, UnknownRobotError
 
@@ -225,6 +226,18 @@ class TestLogs:
         (record,) = caplog.records
         assert record.name == "mocha_link.node.titan"
         assert (record.robot, record.peer) == ("titan", "io")
+
+    def test_a_line_of_the_radio_names_the_robot(self, field, caplog):
+        radio = open_radio(f"udp://{field.host}:0", field.team, "titan")
+        node = Node(field.team, "titan", radio=radio)
+        with node, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as program:
+            waiting = threading.Event()
+            caplog.handler.addFilter(lambda record: waiting.set() or True)
+            program.sendto(b"no report", (field.host, radio.port))
+            assert waiting.wait(60)
+        assert ("mocha_link.node.titan", "titan") in [
+            (record.name, record.robot) for record in caplog.records
+        ]
 
     def test_a_library_prints_nothing_where_the_program_has_set_up_no_logs(self):
         script = "import mocha_link, logging; logging.getLogger('mocha_link.node.io').error('no')"
