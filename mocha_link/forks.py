@@ -18,7 +18,8 @@ from mocha_link.errors import MochaLinkError
 
 _Any = TypeVar("_Any")
 
-_owners: weakref.WeakSet[Any] = weakref.WeakSet()  # objects that a child must not use
+# Objects that a child must not use, and what the error calls them.
+_owners: weakref.WeakKeyDictionary[Any, str] = weakref.WeakKeyDictionary()
 _open: weakref.WeakSet[Any] = weakref.WeakSet()  # sockets and pollers that a child closes
 
 
@@ -26,18 +27,19 @@ class ForkedError(MochaLinkError):
     """A forked child used an object of its parent, e.g. a node."""
 
 
-def parents_only(owner: _Any) -> _Any:
+def parents_only(owner: _Any, name: str = "") -> _Any:
     """Make an object unusable in forked children.
 
     Args:
         owner: the object; a plain class instance. Everything that only it holds stays as it is in
             the child, and is never finalized there: an SQLite file, for example, would be cleaned
             up under the parent.
+        name: what the error calls it; default: its class.
 
     Returns:
         The object.
     """
-    _owners.add(owner)
+    _owners[owner] = name or type(owner).__name__
     return owner
 
 
@@ -104,13 +106,13 @@ def _forked() -> None:
         with contextlib.suppress(OSError, ValueError):  # closed already
             resource.close()
     _open.clear()
-    owners = list(_owners)
+    owners = list(_owners.items())
     _owners.clear()
-    for owner in owners:
+    for owner, name in owners:
         kind: Any = type(owner)
         methods = {key: each for key, each in vars(_Forked).items() if callable(each)}
         make: Any = type(kind)
-        owner.__class__ = make(kind.__name__, (kind,), {"__slots__": (), **methods})
+        owner.__class__ = make(name, (kind,), {"__slots__": (), **methods})
     if owners:
         import ctypes  # noqa: PLC0415 - no process needs it before
 

@@ -92,6 +92,7 @@ class Broadcast:
     def __init__(self, log: Log = LOG, clock: Callable[[], float] = time.monotonic) -> None:
         self._log = log
         self._clock = clock
+        parents_only(self, "Node")
         # by subscription; a listener's mistake must not stop the node
         self._callbacks: dict[object, tuple[Callable[[LinkEvent], None], Guard]] = {}
         self._streams: weakref.WeakSet[EventStream] = weakref.WeakSet()  # while they are in use

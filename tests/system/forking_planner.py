@@ -104,7 +104,8 @@ def main():
         ServiceClient(server.endpoint) as client,
     ):
         client.links()
-        before = node.links, client.links  # methods that the program took before
+        # Methods that the program took before.
+        before = node.links, client.links, node.subscribe(lambda _event: None)
         for _ in range(CHILDREN):  # a lock is held at the moment of some of them
 
             def use():

@@ -232,7 +232,7 @@ class TestLogs:
         node = Node(field.team, "titan", radio=radio)
         with node, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as program:
             waiting = threading.Event()
-            caplog.handler.addFilter(lambda record: waiting.set() or True)
+            caplog.handler.addFilter(lambda _record: waiting.set() or True)
             program.sendto(b"no report", (field.host, radio.port))
             assert waiting.wait(60)
         assert ("mocha_link.node.titan", "titan") in [

@@ -297,12 +297,10 @@ def test_babeld_may_come_later_and_restart(made):
 
 
 def test_a_babeld_that_hangs_is_connected_to_again(made):
-    babeld, _ = made(silent_s=0.2)
+    babeld, _ = made(silent_s=0.1)
     babeld.listen()
-    babeld.accept(BEGIN)
-    babeld.wait("titan", 50.0)
-    babeld.wait("titan", None)
-    babeld.accept(BEGIN)
+    for _ in range(3):
+        babeld.accept(BEGIN)  # the test holds every connection open
 
 
 def test_a_babeld_that_answers_is_kept(made):
