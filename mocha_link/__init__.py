@@ -6,15 +6,20 @@ with Node(team, "titan") as node:
     node.publish("/pose", b"...")
 """
 
+import logging
+
 from mocha_link.lazy import door
 
 __version__ = "0.2.0.dev0"
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())  # the program decides
 
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "clock": ("Clock", "Instant", "SystemClock"),
         "errors": ("ListenError", "MochaLinkError", "PortInUseError", "RadioError"),
+        "forks": ("ForkedError",),
         "links.metrics": (
             "Contact",
             "ContactBegan",

@@ -7,6 +7,7 @@ from mocha_link.errors import ListenError as ListenError
 from mocha_link.errors import MochaLinkError as MochaLinkError
 from mocha_link.errors import PortInUseError as PortInUseError
 from mocha_link.errors import RadioError as RadioError
+from mocha_link.forks import ForkedError as ForkedError
 from mocha_link.links.metrics import Contact as Contact
 from mocha_link.links.metrics import ContactBegan as ContactBegan
 from mocha_link.links.metrics import ContactEnded as ContactEnded

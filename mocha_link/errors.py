@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Final
+from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 MISSING_EXTRA: Final = 7
@@ -147,14 +147,21 @@ class Guard:
     Args:
         what: the work that continues, as the beginning of the log line.
         clock: steady seconds.
+        log: where it logs.
 
     Attributes:
         errors: the number of errors so far.
     """
 
-    def __init__(self, what: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        what: str,
+        clock: Callable[[], float] = time.monotonic,
+        log: logging.Logger | logging.LoggerAdapter[Any] = LOG,
+    ) -> None:
         self.errors = 0
         self._what = what
+        self._log = log
         self._clock = clock
         self._due_s = -math.inf  # when the next one is logged
         self._logged = 0  # `errors` at the last one
@@ -176,6 +183,6 @@ class Guard:
             self._due_s = now_s + GUARD_LOG_S
             count = self.errors - self._logged
             times = f" ({count} since the last one)" if count > 1 else ""
-            LOG.error("%s%s", self._what, times, exc_info=error)
+            self._log.error("%s%s", self._what, times, exc_info=error)
             self._logged = self.errors
         return True

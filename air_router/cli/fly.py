@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import dataclasses
 import gc
+import logging
 import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -45,7 +46,9 @@ from air_router.web import ServeError, web_of, web_options
 from mocha_link import ListenError, PortInUseError, RadioError
 from mocha_link.cli import PATH, Decorator, Options, Parsed, command, option, optional, together
 from mocha_link.errors import MissingExtraError, needs_extra
-from mocha_link.team import KeyFileError, KeyMismatchError
+from mocha_link.team import KeyFileError, KeyMismatchError, keys
+
+_log = logging.getLogger(__name__)
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
 PART: Final = "--part"
@@ -104,6 +107,9 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
         if hours:
             status.print_line(hours)
     mapper = Mapper(mission)
+    exposure = keys.exposure(team, [team.robot(uav)])
+    if exposure:
+        _log.warning("%s", exposure)
     gossip = Gossip(
         mission.frame,
         team,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +12,9 @@ import click
 from mocha_link.cli.keys_command import links, protection_lines
 from mocha_link.cli.links_view import aligned
 from mocha_link.cli.program import PATH, Options, command, examples, option
-from mocha_link.team import DocumentError, Team
+from mocha_link.team import DocumentError, Team, keys
+
+LOG = logging.getLogger("mocha_link")
 
 
 @command(
@@ -28,6 +31,9 @@ def run(options: Options) -> int:
         if options.json:
             print(json.dumps({"problems": [problem.as_json() for problem in error.problems]}))
         raise
+    exposure = keys.exposure(team, team.robots.values())
+    if exposure:
+        LOG.warning("%s", exposure)
     if options.json:
         print(json.dumps(_ids(team)))
         return 0
@@ -50,6 +56,7 @@ def _ids(team: Team) -> dict[str, Any]:
         },
         "trigger": team.trigger.model_dump(),
         "trust": team.trust.value,
+        "exposed": [r.name for r in team.robots.values() if keys.exposed(team, r)],
         "links": [{"robots": robots, "open_because": why} for robots, why in links(team).items()],
     }
 

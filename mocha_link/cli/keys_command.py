@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,6 +26,9 @@ from mocha_link.team import (
     keys,
 )
 
+ROBOT_FOLDER = "/etc/mocha-link"
+"""Where a robot has its team file and its secret: that of our service."""
+
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -45,10 +49,19 @@ class _Plan(NamedTuple):
     "Make keys for the robots of a team, so that no other node can connect to theirs.",
     examples(
         "mocha-link keys team.yaml",
+        "mocha-link keys --team team.yaml                 # also a folder to copy to each robot",
         "mocha-link keys team.yaml --robot io --force     # io's secret is lost",
     ),
 )
-@click.argument("team", type=PATH, help="team file (YAML); the command changes it")
+@click.argument("team", type=PATH, required=False, help="team file (YAML); the command changes it")
+@option(
+    "--team",
+    "whole_team",
+    type=PATH,
+    metavar="TEAM",
+    help="instead: the keys of all robots, and for each a folder with what to copy to it; "
+    "overwrites no key",
+)
 @option(
     "--out", type=PATH, metavar="DIR", help="folder of the secret keys (default: keys, beside TEAM)"
 )
@@ -60,28 +73,79 @@ class _Plan(NamedTuple):
 def run(options: Options) -> int:
     """Make what is missing. Raises MochaLinkError of several kinds; nothing is written then."""
     keys.require()
-    text, start = _read(options.team)
-    team = Team.from_document(Document.from_text(text, options.team))
-    directory = options.out or options.team.parent / "keys"
+    path = _team_path(options)
+    text, start = _read(path)
+    team = Team.from_document(Document.from_text(text, path))
+    directory = options.out or path.parent / "keys"
     robots = [team.robot(name) for name in options.robot or team.robots]
-    plans = [_plan(robot, directory, force=options.force) for robot in robots]
+    places = {robot.name: keys.path_of(robot.name, directory) for robot in robots}
+    if options.whole_team:
+        places = {name: _place(name, place) for name, place in places.items()}
+    plans = [_plan(robot, places[robot.name], force=options.force) for robot in robots]
     public = {plan.robot.name: plan.public for plan in plans if plan.public}
     after = team.with_robots({name: {"key": key} for name, key in public.items()})
-    changed = text if options.print else with_keys(text, options.team, public)
-    _write_secrets(plans, directory, force=options.force)
+    changed = text if options.print else with_keys(text, path, public)
+    _write_secrets(plans, places, force=options.force)
     if options.print:
         print("\n".join(_lines_to_add(public)))
     elif changed != text:
-        _write(options.team, start + changed.encode())
+        _write(path, start + changed.encode())
     output = sys.stderr if options.print else sys.stdout
     print("\n".join([f"{plan.robot.name}: {plan.summary}" for plan in plans]), file=output)
     print("\n".join(["", *protection_lines(after)]), file=output)
-    if public:
+    if options.whole_team:
+        print("\ncopy to each robot, and start its node there:")
+        for robot in robots:
+            if not robot.original:
+                print("\n".join(_lay_out(robot, path, directory)))
+    elif public:
         print(
             "\ngive every robot the new team file, and each secret to its robot alone",
             file=sys.stderr,
         )
     return 0
+
+
+def _team_path(options: Options) -> Path:
+    """The team file. Raises UsageError unless one is named, with options that fit."""
+    if bool(options.team) == bool(options.whole_team):
+        raise click.UsageError("name one team file: TEAM, or --team TEAM for all robots at once")
+    if options.whole_team and (options.robot or options.force or options.print):
+        raise click.UsageError(
+            "--team is for all robots and overwrites nothing; use TEAM with --robot, --force and "
+            "--print"
+        )
+    path: Path = options.whole_team or options.team
+    return path
+
+
+def _place(name: str, earlier: Path) -> Path:
+    """Where the secret of a robot is in the folder for it, or where an earlier command left it."""
+    place = keys.path_of(name, earlier.parent / name)
+    return earlier if earlier.exists() and not place.exists() else place
+
+
+def _lay_out(robot: Robot, team: Path, directory: Path) -> list[str]:
+    """Complete the folder for a robot; the commands that bring it there."""
+    folder = directory / robot.name
+    secret, earlier = keys.path_of(robot.name, folder), keys.path_of(robot.name, directory)
+    content, copy = team.read_bytes(), folder / team.name
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not copy.exists() or copy.read_bytes() != content:
+            with new_file(copy) as file:
+                file.write(content)
+    except OSError as error:
+        raise TeamTextError(f"cannot write {copy}: {error.strerror}") from None
+    if not secret.exists() and earlier.exists():
+        keys.write(secret, robot.name, keys.read(earlier))
+    if not secret.exists():
+        return [f"  {robot.name}: its secret is not here; {copy} is its new team file"]
+    there, name = f"{ROBOT_FOLDER}/{shlex.quote(team.name)}", shlex.quote(robot.name)
+    return [
+        f"  scp -p {shlex.quote(str(folder))}/* {robot.address}:{ROBOT_FOLDER}/",
+        f"      mocha-link node {there} --robot {name} --keys {ROBOT_FOLDER}",
+    ]
 
 
 def links(team: Team) -> dict[tuple[str, str], str | None]:
@@ -162,8 +226,7 @@ def _robots(document: Document) -> dict[str, dict[str, Any]]:
     return {as_label(name): values for name, values in document.data["robots"].items()}
 
 
-def _plan(robot: Robot, directory: Path, *, force: bool) -> _Plan:
-    path = keys.path_of(robot.name, directory)
+def _plan(robot: Robot, path: Path, *, force: bool) -> _Plan:
     if robot.original:
         return _Plan(robot, "runs the original MOCHA, which knows no keys")
     if path.exists() and not force:
@@ -177,20 +240,20 @@ def _plan(robot: Robot, directory: Path, *, force: bool) -> _Plan:
             "take the file away, or make a new key with --force"
         )
     if robot.key is not None and not force:
-        return _Plan(robot, f"has its key; its secret is not in {directory}")
+        return _Plan(robot, f"has its key; its secret is not in {path.parent}")
     secret = SecretKey.generate()
     return _Plan(robot, f"new key; its secret is in {path}", secret, secret.public.text)
 
 
-def _write_secrets(plans: list[_Plan], directory: Path, *, force: bool) -> None:
+def _write_secrets(plans: list[_Plan], places: Mapping[str, Path], *, force: bool) -> None:
     made = {plan.robot.name: plan.secret for plan in plans if plan.secret}
-    if made:
+    for folder in {places[name].parent for name in made}:
         try:
-            directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
-            raise keys.KeyFileError(f"cannot make {directory}: {error.strerror}") from None
+            raise keys.KeyFileError(f"cannot make {folder}: {error.strerror}") from None
     for name, secret in made.items():
-        keys.write(keys.path_of(name, directory), name, secret, replace=force)
+        keys.write(places[name], name, secret, replace=force)
 
 
 def _read(path: Path) -> tuple[str, bytes]:

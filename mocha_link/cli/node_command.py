@@ -28,7 +28,7 @@ from mocha_link.lifetime import until_terminated
 from mocha_link.links import LinkEvent
 from mocha_link.node import Node
 from mocha_link.service import MetricsServer, PrometheusServer, ServiceServer, as_fields
-from mocha_link.team import Team
+from mocha_link.team import Team, keys
 
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
 POLL_S = 1.0  # Python overlooks a signal that comes just before a wait, until that ends
@@ -103,6 +103,9 @@ def run(options: Options) -> int:
             service = stack.enter_context(ServiceServer(node, options.serve))
             _print_line(f"serves programs on {service.endpoint}")
         robot = node.robot
+        exposure = keys.exposure(node.team, [robot])
+        if exposure:
+            LOG.warning("%s", exposure)
         if robot.original:
             LOG.warning(
                 "%s says that %s runs the original node: the others speak the old protocol "

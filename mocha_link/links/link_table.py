@@ -26,6 +26,7 @@ from mocha_link.links.metrics import (
     SyncTimedOut,
 )
 from mocha_link.links.reading import Unit, as_reading
+from mocha_link.logs import NodeLog
 from mocha_link.store import difference
 
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
@@ -35,8 +36,6 @@ LEAST_BYTES = 16 * 1024  # smaller syncs do not measure the link,
 LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
 STEP_S = 0.1  # by so much a clock is set at least; less is how finely it is read
 REMIND_S = 600.0  # so often the log repeats that a peer has another team file
-
-LOG = logging.getLogger("mocha_link")
 
 
 @dataclass(slots=True)
@@ -111,13 +110,20 @@ class LinkTable:
     """Keeps the metrics of all links from events, and logs the faults of links.
 
     Args:
+        name: the robot of the node.
         quiet_s: a contact that only exchanges have shown is over so long after the last one.
         protected: peers to which the links are encrypted.
     """
 
     def __init__(
-        self, peers: Iterable[str], *, quiet_s: float = QUIET_S, protected: Container[str] = ()
+        self,
+        peers: Iterable[str],
+        name: str = "",
+        *,
+        quiet_s: float = QUIET_S,
+        protected: Container[str] = (),
     ) -> None:
+        self._name = name
         self._links = {
             peer: _LinkRecord(LinkMetrics(peer, protected=peer in protected)) for peer in peers
         }
@@ -189,7 +195,7 @@ class LinkTable:
         link = self._links[peer]
         level = logging.DEBUG if link.refused else logging.WARNING
         link.refused += 1
-        LOG.log(level, "refused from %s: %s", peer, reason)
+        NodeLog(self._name, peer).log(level, "refused from %s: %s", peer, reason)
 
     def compare_teams(self, me: str, peer: str, now: Instant, *, differs: bool) -> None:
         """Take in whether a peer has another team file than `me`; logged, and at times again."""
@@ -198,7 +204,7 @@ class LinkTable:
         recently = link.warned_s is not None and now.steady_s - link.warned_s <= REMIND_S
         if differs and not recently:
             link.warned_s = now.steady_s
-            LOG.warning("%s: nothing is exchanged: %s", me, difference(peer))
+            NodeLog(me, peer).warning("%s: nothing is exchanged: %s", me, difference(peer))
 
     def measure(
         self,

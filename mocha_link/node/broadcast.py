@@ -5,18 +5,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import inspect
-import logging
 import threading
+import time
 import weakref
 from collections import deque
 from collections.abc import Callable
 from typing import Self
 
+from mocha_link.errors import LOG, Guard
+from mocha_link.forks import parents_only
 from mocha_link.links import LinkEvent
+from mocha_link.logs import Log
 
 QUEUE_EVENTS = 1000
-
-LOG = logging.getLogger("mocha_link")
 
 
 class EventStream:
@@ -37,6 +38,7 @@ class EventStream:
         self._lock = threading.Lock()
         self._loop: asyncio.AbstractEventLoop | None = None  # of the task that iterates
         self._ready = asyncio.Event()  # an event waits, or the end
+        parents_only(self)
 
     def __aiter__(self) -> Self:
         return self
@@ -80,10 +82,19 @@ class EventStream:
 
 
 class Broadcast:
-    """The listeners of a node."""
+    """The listeners of a node.
 
-    def __init__(self) -> None:
-        self._callbacks: dict[object, Callable[[LinkEvent], None]] = {}  # by subscription
+    Args:
+        log: gets the errors of callbacks, of each the first and then one line in ten seconds.
+        clock: steady seconds.
+    """
+
+    def __init__(self, log: Log = LOG, clock: Callable[[], float] = time.monotonic) -> None:
+        self._log = log
+        self._clock = clock
+        parents_only(self, "Node")
+        # by subscription; a listener's mistake must not stop the node
+        self._callbacks: dict[object, tuple[Callable[[LinkEvent], None], Guard]] = {}
         self._streams: weakref.WeakSet[EventStream] = weakref.WeakSet()  # while they are in use
         self._closed = False  # streams have ended
         self._lock = threading.Lock()
@@ -107,8 +118,10 @@ class Broadcast:
                 "a coroutine iterates over Node.events()"
             )
         key = object()
+        name = getattr(callback, "__qualname__", type(callback).__name__)
+        guard = Guard(f"a listener failed: {name}", self._clock, self._log)
         with self._lock:
-            self._callbacks[key] = callback
+            self._callbacks[key] = callback, guard
 
         def unsubscribe() -> None:
             with self._lock:
@@ -143,11 +156,9 @@ class Broadcast:
             if self._closed:
                 return
             callbacks, streams = list(self._callbacks.values()), list(self._streams)
-        for callback in callbacks:
-            try:
+        for callback, guard in callbacks:
+            with guard:
                 callback(event)
-            except Exception:  # a listener's mistake must not stop the node
-                LOG.exception("a listener failed on %s", event)
         for stream in streams:
             stream.push(event)
 

@@ -13,6 +13,7 @@ from collections.abc import Container, Iterable, Sequence
 
 import zmq
 
+from mocha_link.forks import closed_in_children
 from mocha_link.node import kernel, zmtp
 from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
@@ -68,7 +69,7 @@ class Connection:
         self._reply_bytes = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
         self._opened = False
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket = closed_in_children(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import math
 import socket
 import threading
@@ -12,6 +11,7 @@ from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 
 import zmq
 
+from mocha_link.logs import NodeLog
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
 from mocha_link.node.kernel import Polled, Poller
@@ -22,8 +22,6 @@ FRESH_S = 60.0
 RETRY_S = 5.0
 RESOLVE_AGAIN_S = 0.02  # whether the address of a peer is known by now
 WAIT_FOR_READY_S = 300.0
-
-LOG = logging.getLogger("mocha_link")
 
 
 class Resolver:
@@ -126,7 +124,7 @@ class Dialer:
         try:
             self._datagrams = kernel.datagram_socket(self._me.listen)
         except OSError as error:
-            LOG.warning("no datagrams: %s", error)
+            NodeLog(self._me.name).warning("no datagrams: %s", error)
         else:
             self._poller.register(self._datagrams.fileno(), zmq.POLLIN)
 

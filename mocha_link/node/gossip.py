@@ -81,7 +81,7 @@ class Gossip:
         self._team = team
         self._by_timer = by_timer
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
-        self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s, protected=protected)
+        self._link_table = LinkTable(self.me.peers, name, quiet_s=quiet_s, protected=protected)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer, name=name)
         self._publisher = Publisher(self.me, team.topics_of(name), self.database, sign)
         self._context = NodeContext(

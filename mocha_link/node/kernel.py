@@ -13,6 +13,8 @@ from pathlib import Path
 
 import zmq
 
+from mocha_link.forks import closed_in_children
+
 DATAGRAM_BYTES = 1500
 
 # Of struct tcp_info, linux/tcp.h (since 4.6): u32 us, 2**32 - 1 while there is none.
@@ -70,7 +72,7 @@ def let_address_come_later(unbound: socket.socket) -> None:
 
 def tune(connection: socket.socket, dead_s: int) -> None:
     """Send small frames at once, and detect a dead peer within so many seconds."""
-    connection.setblocking(False)
+    closed_in_children(connection).setblocking(False)
     with contextlib.suppress(OSError):  # the connection is closed already
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -86,7 +88,7 @@ def listener(address: str, port: int, *, early: bool = False) -> socket.socket:
 
     Raises OSError.
     """
-    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    made = closed_in_children(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if early:
@@ -106,7 +108,7 @@ def datagram_socket(listen: str, number: int = 0, buffer_bytes: int = 0) -> sock
     The address need not be there yet. Datagrams are cut in parts where a link takes less than their
     size, not thrown away. Raises OSError.
     """
-    datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    datagrams = closed_in_children(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     try:
         if buffer_bytes:
             datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer_bytes)
@@ -146,7 +148,7 @@ class Poller:
     """Waits for descriptors. One must be taken out before it is closed."""
 
     def __init__(self) -> None:
-        self._selector = selectors.DefaultSelector()
+        self._selector = closed_in_children(selectors.DefaultSelector())
 
     def fileno(self) -> int:
         """A descriptor that is readable when something is ready, for the loop of another."""

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable, Coroutine, Iterable
 from functools import partial
 from pathlib import Path
+from types import TracebackType
+from typing import Any, ParamSpec, Self, TypeVar
+from weakref import WeakMethod
 
 from mocha_link.clock import Clock, Instant, SystemClock
 from mocha_link.errors import MochaLinkError
+from mocha_link.forks import parents_only
 from mocha_link.lifetime import Startable
 from mocha_link.links import LinkEvent, LinkMetrics, Reading, StorageFailed, StorageRecovered
+from mocha_link.logs import NodeLog
 from mocha_link.node.broadcast import Broadcast, EventStream
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.node.transport import Transport
@@ -35,6 +43,9 @@ CLOSE_S = 0.95  # of the second, for all parts together
 LEAST_CLOSE_S = 0.05
 LARGE_BYTES = 64 * 1024  # takes long to compress
 
+_Event = TypeVar("_Event", bound=LinkEvent)
+_Given = ParamSpec("_Given")
+
 
 class NodeClosedError(MochaLinkError):
     """A node was used after its end, or started twice."""
@@ -43,11 +54,13 @@ class NodeClosedError(MochaLinkError):
 class Node(Startable):
     """The gossip node of one robot: its ports, its pulls, its messages.
 
-    Use it as a context manager, or call `start` and `close`. Every method may be called from any
-    thread.
+    Use it as a context manager (``with``, or ``async with`` in asyncio), or call `start` and
+    `close`. Every method may be called from any thread. In a process that was forked beside it
+    every method raises ForkedError. A node that is dropped without `close` emits a ResourceWarning
+    and closes.
 
     Args:
-        team: the team; every robot must load the same file.
+        team: the team, or its team file; every robot must load the same file.
         name: the robot that this node belongs to.
         clock: the robot's clock for stamps, ages and triggers; default: this machine's.
         radio: the source of signal readings; default: the radio of the robot in the team file. A
@@ -64,11 +77,14 @@ class Node(Startable):
         KeyFileError: the secret is missing or invalid, or other users can read it.
         KeyMismatchError: the secret does not match the key in the team file.
         KeysUnavailableError: the team has keys, and the extra ``keys`` is not installed.
+        DocumentError: the team file cannot be read, or has problems.
     """
+
+    _closed = True  # until it is constructed: nothing is to be closed
 
     def __init__(  # noqa: PLR0913 - what a node may be given
         self,
-        team: Team,
+        team: Team | Path | str,
         name: str,
         *,
         clock: Clock | None = None,
@@ -78,6 +94,7 @@ class Node(Startable):
         keys: Path | str | None = None,
         datagrams: bool = True,
     ) -> None:
+        team = team if isinstance(team, Team) else Team.load(team)
         robot = team.robot(name)
         self._secret = secret_key(team, name, Path(keys) if keys else None)
         if radio is None and robot.radio is not None:
@@ -87,14 +104,16 @@ class Node(Startable):
         self.clock: Clock = clock or SystemClock()
         self._radio = radio
         self._lock = threading.Lock()
-        self._broadcast = Broadcast()
+        log = NodeLog(name)
+        self._broadcast = Broadcast(log)
         self._transport: Transport | None = None  # while it is started
-        self._closed = False  # for good
         # Events of the storage before the gossip exists; None: it exists.
         self._early: list[LinkEvent] | None = []
         self._peer_keys = peer_keys(team, robot) if self._secret else {}  # of protected peers
         self._storage = (
-            Storage(Path(storage), config=TeamConfig.of(team), on_fault=self._fault)
+            Storage(
+                Path(storage), config=TeamConfig.of(team), on_fault=_weakly(self._fault), log=log
+            )
             if storage
             else None
         )
@@ -113,6 +132,8 @@ class Node(Startable):
             if self._storage:
                 self._storage.close()
             raise
+        parents_only(self)
+        self._closed = False  # True: for good
         with self._lock:
             early, self._early = self._early, None
             for event in early or ():
@@ -138,7 +159,7 @@ class Node(Startable):
             self._gossip,
             self.team,
             lock=self._lock,
-            now=self._now,
+            now=partial(_instant, self.clock),
             deliver=self._broadcast.send,
             secret=self._secret,
             keys=self._peer_keys,
@@ -148,7 +169,7 @@ class Node(Startable):
         self._transport = transport
         if self._radio and not self._closed:
             try:
-                self._radio.start(self._signal_received)
+                self._radio.start(_weakly(self._signal_received))
             except BaseException:
                 self.close()
                 raise
@@ -165,20 +186,55 @@ class Node(Startable):
             self._closed = True
             self._end()
 
+    async def __aenter__(self) -> Self:
+        """Start, on the thread of the event loop: a radio may make tasks."""
+        return self.__enter__()
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close without blocking the event loop."""
+        if not self._closed:
+            self._closed = True
+            try:
+                if self._radio:
+                    self._radio.close()  # made tasks here, perhaps
+            finally:
+                await asyncio.shield(asyncio.to_thread(self._end_node))
+
+    def __del__(self) -> None:
+        if self._closed or sys.is_finalizing():
+            return
+        if self._transport or self._storage:
+            warnings.warn(
+                f"the node of {self.name} was dropped without close(); use 'with Node(...)'",
+                ResourceWarning,
+                stacklevel=2,
+                source=self,
+            )
+        self.close()
+
     def _end(self) -> None:
         until_s = time.monotonic() + CLOSE_S
         try:
             if self._radio:
                 self._radio.close()
         finally:
-            if self._transport:
-                self._transport.close()
-            if self._storage:
-                with self._lock:  # what waits for its interval is not to be lost
-                    for topic in self.team.topics_of(self.name):
-                        self._gossip.flush(topic, self._now())
-                self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
-            self._broadcast.close()
+            self._end_node(until_s)
+
+    def _end_node(self, until_s: float | None = None) -> None:
+        until_s = until_s or time.monotonic() + CLOSE_S
+        if self._transport:
+            self._transport.close()
+        if self._storage:
+            with self._lock:  # what waits for its interval is not to be lost
+                for topic in self.team.topics_of(self.name):
+                    self._gossip.flush(topic, self._now())
+            self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
+        self._broadcast.close()
 
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
         """Store a message of this robot, so that peers can pull it.
@@ -199,13 +255,12 @@ class Node(Startable):
         Raises:
             UnknownTopicError: the team file gives this robot no such topic.
             PayloadError: the payload is larger than 64 MiB.
-            TypeError: `data` is not bytes; encode it first.
+            TypeError: `data` is not bytes, bytearray or memoryview; encode it first.
             NodeClosedError: the node is closed.
         """
         self._check_open()
         known = self.team.topic(self.name, topic)
         data = as_bytes(data, topic)
-        wire.check_size(data)
         large = len(data) >= LARGE_BYTES and not known.aggregate
         frame = wire.compress(data) if large else None  # meanwhile the node goes on
         with self._lock:
@@ -214,6 +269,27 @@ class Node(Startable):
         if self._storage and not (self._transport and self._transport.is_current_thread()):
             self._storage.wait()
         return header
+
+    async def published(self, topic: str, data: bytes, *, now: bool = False) -> Header:
+        """`publish` for asyncio: the event loop goes on while it compresses and writes to disk.
+
+        The message is published also if the waiting task is cancelled.
+
+        Args:
+            topic: the name of a topic of this robot.
+            data: the payload, at most 64 MiB.
+            now: publish at once, whatever `min_interval_s` is.
+
+        Returns:
+            The header of the message.
+
+        Raises:
+            UnknownTopicError: the team file gives this robot no such topic.
+            PayloadError: the payload is larger than 64 MiB.
+            TypeError: `data` is not bytes, bytearray or memoryview; encode it first.
+            NodeClosedError: the node is closed.
+        """
+        return await asyncio.to_thread(self.publish, topic, data, now=now)
 
     def flush(self, topic: str) -> None:
         """Publish the message of a topic that waits for its interval.
@@ -360,6 +436,45 @@ class Node(Startable):
         """
         return self._broadcast.stream()
 
+    def wait_for(
+        self,
+        kind: type[_Event],
+        condition: Callable[[_Event], bool] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> Coroutine[Any, Any, _Event]:
+        """Wait in asyncio for the next event of a kind.
+
+        Events count from this call on, not from the ``await``: so that none is missed, call it
+        before what causes the event, and await the result after that.
+
+        Args:
+            kind: the class of the event, e.g. SyncEnded.
+            condition: only events for which it is true; called on the event loop.
+            timeout_s: real seconds from the ``await`` on; default: no limit.
+
+        Returns:
+            A coroutine; its result is the event.
+
+        Raises:
+            TimeoutError: no such event in time.
+            NodeClosedError: the node was closed before.
+        """
+        return self._next(self._broadcast.stream(), kind, condition, timeout_s)
+
+    async def _next(
+        self,
+        stream: EventStream,
+        kind: type[_Event],
+        condition: Callable[[_Event], bool] | None,
+        timeout_s: float | None,
+    ) -> _Event:
+        async with asyncio.timeout(timeout_s):
+            async for event in stream:
+                if isinstance(event, kind) and (condition is None or condition(event)):
+                    return event
+        raise NodeClosedError(f"the node of {self.name} was closed before the {kind.__name__}")
+
     def sync(self, peer: str, *, both: bool = False) -> bool:
         """Pull from a peer now.
 
@@ -370,13 +485,16 @@ class Node(Startable):
                 while this node pushes everything it stores.
 
         Returns:
-            Whether a pull began; False if a pull from the peer is under way.
+            Whether a pull began; False if a pull from the peer is under way, or the node is not
+            started yet.
 
         Raises:
             UnknownRobotError: the peer is not linked to this robot.
             NodeClosedError: the node is closed.
         """
         self._check_open()
+        if self._transport is None and peer in self.robot.peers:
+            return False
         with self._lock:
             started = self._gossip.sync(peer, self._now(), both=both)
         self._wake()
@@ -399,8 +517,7 @@ class Node(Startable):
         self._wake()
 
     def _now(self) -> Instant:
-        clock = self.clock
-        return Instant(clock.now_s(), time.monotonic(), isinstance(clock, SystemClock))
+        return _instant(self.clock)
 
     def _wake(self) -> None:
         if self._transport:
@@ -409,3 +526,19 @@ class Node(Startable):
     def _check_open(self) -> None:
         if self._closed:
             raise NodeClosedError(f"the node of {self.name} is closed; make a new one")
+
+
+def _instant(clock: Clock) -> Instant:
+    return Instant(clock.now_s(), time.monotonic(), isinstance(clock, SystemClock))
+
+
+def _weakly(method: Callable[_Given, None]) -> Callable[_Given, None]:
+    """A method that other threads may hold without keeping its object from being dropped."""
+    weak = WeakMethod(method)
+
+    def call(*args: _Given.args, **more: _Given.kwargs) -> None:
+        found = weak()
+        if found:
+            found(*args, **more)
+
+    return call

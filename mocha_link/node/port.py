@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import logging
 import socket
 from collections.abc import Container, Iterator
 from functools import partial
@@ -12,6 +11,7 @@ from functools import partial
 import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
+from mocha_link.logs import NodeLog
 from mocha_link.node import kernel
 from mocha_link.node.curve import CurveServer
 from mocha_link.node.kernel import Polled, Poller
@@ -23,8 +23,6 @@ from mocha_link.team import PublicKey, Robot, SecretKey
 MAX_REQUEST_BYTES = 65_536 + 1024
 
 _DATAGRAM_BUFFER_BYTES = 1024 * 1024
-
-LOG = logging.getLogger("mocha_link")
 
 
 class Port:
@@ -69,7 +67,9 @@ class Port:
         try:
             self._datagrams = kernel.datagram_socket(me.listen, number, _DATAGRAM_BUFFER_BYTES)
         except OSError as error:
-            LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
+            NodeLog(me.name, peer).warning(
+                "no datagrams on port %d of %s: %s", number, me.name, error.strerror
+            )
 
     def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
@@ -157,7 +157,7 @@ def _listener(me: Robot, peer: str, number: int) -> socket.socket:
         except OSError as error:
             why = error if error.errno == errno.EADDRINUSE else why
         else:
-            LOG.warning(
+            NodeLog(me.name, peer).warning(
                 "%s is no address of this machine now: no peer reaches port %d of %s before it is "
                 "('listen' in the team file)",
                 me.listen,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ from functools import partial
 from hashlib import blake2b
 from math import inf
 
+from mocha_link.logs import NodeLog
 from mocha_link.store import (
     LENGTH_BYTES,
     UNSAFE_MS,
@@ -18,6 +18,7 @@ from mocha_link.store import (
     Header,
     Record,
     as_ms,
+    is_void,
     pack_batch,
     wire,
 )
@@ -28,8 +29,6 @@ Sign = Callable[[Topic, bytes], bytes]
 LEAP_MS = 600_000
 MOST_RECOVERED = 16  # messages of a topic that we did not make; more are not from before a restart
 FULL_BYTES = 64 * 1024  # a batch of so much goes at once
-
-LOG = logging.getLogger("mocha_link")
 
 
 @dataclass(slots=True)
@@ -97,6 +96,11 @@ class Publisher:
             draft = None
         last_ms = self._last_ms.get(topic.name)
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        latest_ms = wire.latest_ms(now_s)
+        if newest is not None and is_void(newest.stamp_ms, latest_ms):
+            newest = None  # our clock was wrong by more than a century: nobody takes that message,
+        if last_ms is not None and is_void(last_ms, latest_ms):
+            last_ms = None  # nor any later one
         if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
             stamp_ms = self._stamp_after(topic, newest, now_s, data)
         else:
@@ -131,7 +135,7 @@ class Publisher:
             return None
         self._overtaken[topic.name] += 1
         if self._overtaken[topic.name] == MOST_RECOVERED + 1:
-            LOG.warning(
+            NodeLog(self._robot.name).warning(
                 "another node publishes %s's topic %s: give each robot a name of its own",
                 self._robot.name,
                 topic.name,

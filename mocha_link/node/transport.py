@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import socket
 import threading
 import time
@@ -14,6 +13,7 @@ import zmq
 from mocha_link.clock import Instant
 from mocha_link.errors import Guard
 from mocha_link.links import LinkEvent
+from mocha_link.logs import NodeLog
 from mocha_link.node.connection import Connection
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
@@ -39,8 +39,6 @@ YIELD_S = 0.0  # a thread that waits for the lock would not get it from one that
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
-
-LOG = logging.getLogger("mocha_link")
 
 
 class Transport:
@@ -91,7 +89,7 @@ class Transport:
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
         self._expired_s = 0.0  # steady clock
         # Input from one peer must not end the work for the others.
-        self._guard = Guard(f"{self._me.name}: an error in the node")
+        self._guard = Guard(f"{self._me.name}: an error in the node", log=NodeLog(self._me.name))
         self._stopping = False  # set by `close`
         self._thread = threading.Thread(
             target=self._run, name=f"mocha-link {self._me.name}", daemon=True
@@ -144,7 +142,7 @@ class Transport:
         elif self._thread is not threading.current_thread():
             self._thread.join(CLOSE_S)
             if self._thread.is_alive():
-                LOG.error(
+                NodeLog(self._me.name).error(
                     "%s: a listener has not returned for %g s; the ports close when it does",
                     self._me.name,
                     CLOSE_S,

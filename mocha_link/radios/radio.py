@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from mocha_link.errors import MochaLinkError, RadioError
 from mocha_link.links import Reading
+from mocha_link.logs import Log
 
 LOG = logging.getLogger("mocha_link")
 
@@ -71,13 +72,18 @@ class ManualRadio:
 class BackgroundRadio:
     """Runs an event loop on a thread of its own; `close` ends both at once.
 
+    Args:
+        log: where it logs: the log of its robot's node.
+
     Attributes:
+        log: where it logs.
         refused: the number of reports that were invalid or that the node did not accept. The radio
             keeps running after them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, log: Log = LOG) -> None:
         self.refused = 0
+        self.log = log
         self._report: Report  # to the node; set when it is started
         self._end: Callable[[], object] | None = None  # cancels what listens
         self._thread: threading.Thread | None = None  # while it is started
@@ -127,7 +133,7 @@ class BackgroundRadio:
         """
         level = logging.DEBUG if self.refused else logging.WARNING
         self.refused += 1
-        LOG.log(level, "radio report refused: %s", error)
+        self.log.log(level, "radio report refused: %s", error)
 
     async def lines(self, stream: asyncio.StreamReader) -> AsyncIterator[bytes]:
         """The lines of a stream, without blank ones; a line above the stream's limit is refused.

@@ -18,8 +18,10 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 
 from mocha_link.errors import RadioError
 from mocha_link.links import Reading, Unit
+from mocha_link.logs import Log, NodeLog
+from mocha_link.radios.peers import peers_by_radio
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 MAX_LINE_BYTES = 64 * 1024  # a published dictionary is one line
 RETRY_S = 2.0
@@ -55,9 +57,10 @@ class RajantRadio(BackgroundRadio):
         retry_s: Real seconds before it begins anew.
         silent_s: After so many without a line, too.
         command: What to run in place of ``java -jar``.
+        log: where it logs.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - how the monitor is run
         self,
         url: RadioUrl,
         peers: Mapping[str, str],
@@ -65,8 +68,9 @@ class RajantRadio(BackgroundRadio):
         retry_s: float = RETRY_S,
         silent_s: float = SILENT_S,
         command: tuple[str, ...] = ("java", "-jar"),
+        log: Log = LOG,
     ) -> None:
-        super().__init__()
+        super().__init__(log)
         self._url = url
         self._peers = peers
         self._retry_s = retry_s
@@ -97,7 +101,7 @@ class RajantRadio(BackgroundRadio):
             except (OSError, RadioError) as error:
                 why = str(error) or "no answer"
             if why != complaint:  # once, not every two seconds
-                LOG.warning("%s: %s; trying again", self._url, why)
+                self.log.warning("%s: %s; trying again", self._url, why)
             complaint = "" if printed else why
             await asyncio.sleep(self._retry_s)
 
@@ -274,3 +278,8 @@ def _mac(text: str) -> str:
     if len(raw) != _MAC_BYTES or max(raw) > 0xFF:
         return ""
     return ":".join(f"{byte:02x}" for byte in raw)
+
+
+def open_rajant(url: RadioUrl, team: Team, robot: Robot) -> RajantRadio:
+    """The radio ``rajant:``. Raises RadioError."""
+    return RajantRadio(url, peers_by_radio(team, robot), log=NodeLog(robot.name))

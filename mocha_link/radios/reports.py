@@ -18,9 +18,12 @@ from collections.abc import Callable
 from typing import IO, Any
 
 from mocha_link.errors import RadioError, needs_extra
+from mocha_link.forks import closed_in_children
 from mocha_link.links import Reading, Unit
+from mocha_link.logs import Log, NodeLog
+from mocha_link.radios.peers import the_peer
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 MAX_LINE_BYTES = 2048
 MAX_PROGRAMS = 8  # connected to one port
@@ -95,8 +98,8 @@ def accept(radio: BackgroundRadio, raw: bytes, source: str) -> None:
 class _ListeningRadio(BackgroundRadio):
     """Listens on a port of its own."""
 
-    def __init__(self, url: RadioUrl) -> None:
-        super().__init__()
+    def __init__(self, url: RadioUrl, log: Log = LOG) -> None:
+        super().__init__(log)
         self._url = url  # where it listens
         self._socket: socket.socket | None = None  # while it listens
 
@@ -114,7 +117,7 @@ class _ListeningRadio(BackgroundRadio):
 
     def _bound(self, kind: socket.SocketKind) -> socket.socket:
         """A socket at the address that the URL names. Raises RadioError."""
-        found = self._socket = socket.socket(socket.AF_INET, kind)
+        found = self._socket = closed_in_children(socket.socket(socket.AF_INET, kind))
         try:
             if kind is socket.SOCK_STREAM:
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -156,8 +159,8 @@ class UdpRadio(_ListeningRadio):
     are counted in `refused`.
     """
 
-    def __init__(self, url: str) -> None:
-        super().__init__(RadioUrl.parse(url, scheme="udp"))
+    def __init__(self, url: str, log: Log = LOG) -> None:
+        super().__init__(RadioUrl.parse(url, scheme="udp"), log)
 
     def start(self, report: Report) -> None:
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
@@ -175,8 +178,8 @@ class TcpRadio(_ListeningRadio):
     dead is disconnected after 30 s; a silent one may stay.
     """
 
-    def __init__(self, url: str) -> None:
-        super().__init__(RadioUrl.parse(url, scheme="tcp"))
+    def __init__(self, url: str, log: Log = LOG) -> None:
+        super().__init__(RadioUrl.parse(url, scheme="tcp"), log)
         self._programs = 0  # connected now
 
     def start(self, report: Report) -> None:
@@ -217,8 +220,8 @@ class TcpRadio(_ListeningRadio):
 class StdinRadio(BackgroundRadio):
     """Receives reports as lines on standard input (``stdin:``), as `TcpRadio` does."""
 
-    def __init__(self, file: IO[Any] | None = None) -> None:
-        super().__init__()
+    def __init__(self, file: IO[Any] | None = None, log: Log = LOG) -> None:
+        super().__init__(log)
         self._file = file  # None: standard input
 
     def start(self, report: Report) -> None:
@@ -246,7 +249,7 @@ class StdinRadio(BackgroundRadio):
         loop.add_reader(fd, read)
         async for line in self.lines(stream):
             accept(self, line, "stdin")
-        LOG.warning("standard input has ended: no more radio reports, no peer is heard")
+        self.log.warning("standard input has ended: no more radio reports, no peer is heard")
 
 
 class MavlinkRadio(_ListeningRadio):
@@ -256,8 +259,8 @@ class MavlinkRadio(_ListeningRadio):
     ground station can forward the radio's messages there.
     """
 
-    def __init__(self, url: RadioUrl, peer: str) -> None:
-        super().__init__(url)
+    def __init__(self, url: RadioUrl, peer: str, log: Log = LOG) -> None:
+        super().__init__(url, log)
         self._peer = peer  # at the other end
 
     def start(self, report: Report) -> None:
@@ -299,3 +302,23 @@ def _reading(status: Any) -> Reading | None:
 def _dialect() -> Any:
     with needs_extra("a radio that reports its state by MAVLink", "mavlink"):
         return importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
+
+
+def open_udp(url: RadioUrl, _team: Team, robot: Robot) -> UdpRadio:
+    """The radio ``udp:``."""
+    return UdpRadio(url.text, NodeLog(robot.name))
+
+
+def open_tcp(url: RadioUrl, _team: Team, robot: Robot) -> TcpRadio:
+    """The radio ``tcp:``."""
+    return TcpRadio(url.text, NodeLog(robot.name))
+
+
+def open_stdin(_url: RadioUrl, _team: Team, robot: Robot) -> StdinRadio:
+    """The radio ``stdin:``."""
+    return StdinRadio(log=NodeLog(robot.name))
+
+
+def open_mavlink(url: RadioUrl, _team: Team, robot: Robot) -> MavlinkRadio:
+    """The radio ``mavlink:``. Raises RadioError."""
+    return MavlinkRadio(url, the_peer(url, robot), NodeLog(robot.name))

@@ -11,8 +11,10 @@ from collections.abc import Mapping
 
 from mocha_link.errors import RadioError
 from mocha_link.links import Reading, Unit
+from mocha_link.logs import Log, NodeLog
+from mocha_link.radios.peers import peers_by_radio
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
-from mocha_link.team import RadioUrl
+from mocha_link.team import RadioUrl, Robot, Team
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0
@@ -59,6 +61,7 @@ class WifiRadio(BackgroundRadio):
         peers: The robots by the MAC addresses of their radios, in lower case.
         poll_s: How often, in real seconds.
         command: What to run in place of `iw`.
+        log: where it logs.
     """
 
     def __init__(
@@ -68,8 +71,9 @@ class WifiRadio(BackgroundRadio):
         *,
         poll_s: float = POLL_S,
         command: tuple[str, ...] = ("iw",),
+        log: Log = LOG,
     ) -> None:
-        super().__init__()
+        super().__init__(log)
         self._command = (*command, "dev", url.host, "station", "dump")
         self._peers = peers
         self._poll_s = poll_s
@@ -97,7 +101,7 @@ class WifiRadio(BackgroundRadio):
         except OSError as error:
             complaint = f"cannot run {self._command[0]}: {error.strerror}"
         if complaint and complaint != self._complaint:  # once, not every second
-            LOG.warning("%s", complaint)
+            self.log.warning("%s", complaint)
         self._complaint = complaint
         return stations
 
@@ -117,5 +121,10 @@ class WifiRadio(BackgroundRadio):
             await iw.wait()
         if iw.returncode:
             text = complaint.decode(errors="replace").strip()
-            LOG.debug("%s: %s", " ".join(self._command), text)
+            self.log.debug("%s: %s", " ".join(self._command), text)
         return output.decode(errors="replace")
+
+
+def open_wifi(url: RadioUrl, team: Team, robot: Robot) -> WifiRadio:
+    """The radio ``wifi:``. Raises RadioError."""
+    return WifiRadio(url, peers_by_radio(team, robot), log=NodeLog(robot.name))

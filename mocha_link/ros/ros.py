@@ -15,12 +15,11 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from mocha_link.errors import needs_extra
 from mocha_link.team import Ros
 
 with needs_extra("what reads ROS messages", "ros"):
+    import numpy as np
     from rosbags.interfaces import Nodetype
     from rosbags.interfaces.typing import FieldDesc
 

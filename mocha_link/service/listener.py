@@ -23,6 +23,7 @@ import zmq
 from zmq.utils import z85
 
 from mocha_link.errors import ListenError, MissingExtraError, PortInUseError
+from mocha_link.forks import closed_in_children
 from mocha_link.loopback import is_loopback
 from mocha_link.node import (
     ClientConnections,
@@ -183,7 +184,7 @@ class Listener:
             self._folder = tempfile.mkdtemp(prefix="mocha-link-")
             path = f"{self._folder}/socket"
         _clear(path, what)
-        listener = socket.socket(socket.AF_UNIX)
+        listener = closed_in_children(socket.socket(socket.AF_UNIX))
         before = os.umask(0o177)  # no other user may connect, not even at first
         try:
             listener.bind(path)

@@ -17,6 +17,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.forks import closed_in_children, parents_only
 from mocha_link.lifetime import Startable
 from mocha_link.links import LinkMetrics, LinkState, Unit
 from mocha_link.node import Node
@@ -154,6 +155,7 @@ class _Server(ThreadingTCPServer):
         self._open: dict[socket.socket, float] = {}  # when each was accepted, monotonic
         self._lock = threading.Lock()
         super().__init__(address, _Handler)
+        closed_in_children(self.socket)
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Whether there is room for one more."""
@@ -201,6 +203,7 @@ class PrometheusServer(Startable):
         self._address = (host or "127.0.0.1", int(port))  # as requested
         self._server: _Server | None = None  # while it serves
         self._thread: threading.Thread | None = None  # while it serves
+        parents_only(self)
 
     @property
     def url(self) -> str:

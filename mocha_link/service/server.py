@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from mocha_link.errors import Guard
+from mocha_link.forks import parents_only
 from mocha_link.lifetime import Startable
 from mocha_link.links import Contact, LinkEvent, LinkMetrics, Reading
 from mocha_link.node import Node
@@ -52,6 +53,7 @@ class EndpointServer(Startable):
         self._waker: socket.socket | None = None  # ends the wait
         self._thread: threading.Thread | None = None  # while it serves
         self._unsubscribe: Callable[[], None] | None = None  # from the node's events
+        parents_only(self)
 
     def start(self) -> None:
         """Begin to serve. Raises PortInUseError or ListenError."""

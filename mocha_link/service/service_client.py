@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import zmq
 
 from mocha_link.errors import MochaLinkError, RequestError
+from mocha_link.forks import parents_only
 from mocha_link.lifetime import Closeable
 from mocha_link.service.endpoint import EndpointError, connect, folder
 
@@ -55,6 +56,7 @@ class _Connection(Closeable):
         except BaseException:
             self.close()
             raise
+        parents_only(self)
 
     @abstractmethod
     def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:

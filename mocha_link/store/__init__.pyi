@@ -16,12 +16,14 @@ from mocha_link.store.reassembly_buffer import is_alone as is_alone
 from mocha_link.store.record import Kept as Kept
 from mocha_link.store.record import Knowledge as Knowledge
 from mocha_link.store.record import Record as Record
+from mocha_link.store.record import is_void as is_void
 from mocha_link.store.storage import Storage as Storage
 from mocha_link.store.storage_file import StorageError as StorageError
 from mocha_link.store.trust import TeamConfig as TeamConfig
 from mocha_link.store.trust import Verifier as Verifier
 from mocha_link.store.trust import config_hash_of as config_hash_of
 from mocha_link.store.trust import difference as difference
+from mocha_link.store.trust import impossibility as impossibility
 from mocha_link.store.trust import sign as sign
 from mocha_link.store.wire import MAX_BODY_BYTES as MAX_BODY_BYTES
 from mocha_link.store.wire import MAX_BYTES as MAX_BYTES

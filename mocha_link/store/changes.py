@@ -26,7 +26,7 @@ class Changes:
         self.drops |= earlier.drops
         self.knowledge = earlier.knowledge | self.knowledge
 
-    def pieces(self) -> list[Changes]:
+    def pieces(self, most_bytes: int = PIECE_BYTES) -> list[Changes]:
         """The same as transactions of bounded size, mostly one; a large body is a larger one.
 
         Whichever of them was the last before a crash, nothing is lost: messages go together with
@@ -35,7 +35,7 @@ class Changes:
         """
         if self.drops.keys() & self.puts.keys():  # another file: its messages get other numbers
             return [self]
-        pieces, room = [Changes()], PIECE_BYTES
+        pieces, room = [Changes()], most_bytes
         drops: dict[int, list[int]] = {}  # numbers by topic key
         for number, key in sorted(self.drops.items()):
             drops.setdefault(key, []).append(number)
@@ -46,9 +46,9 @@ class Changes:
             key = record.header.key
             gone = drops.pop(key, []) if last[key] == number else []
             size = _ROW_BYTES + len(record.body) + _DROP_BYTES * len(gone)
-            if size > room and room < PIECE_BYTES:
+            if size > room and room < most_bytes:
                 pieces.append(Changes())
-                room = PIECE_BYTES
+                room = most_bytes
             pieces[-1].puts[number] = record
             pieces[-1].drops.update(dict.fromkeys(gone, key))
             room -= size
@@ -56,7 +56,7 @@ class Changes:
             for number in gone:
                 if room < _DROP_BYTES:
                     pieces.append(Changes())
-                    room = PIECE_BYTES
+                    room = most_bytes
                 pieces[-1].drops[number] = key
                 room -= _DROP_BYTES
         pieces[-1].knowledge = dict(self.knowledge)

@@ -10,6 +10,7 @@ is that of the header lists for original nodes.
 from __future__ import annotations
 
 import secrets
+import struct
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,10 +19,18 @@ from hashlib import blake2b
 from math import isfinite
 from operator import xor
 
-from mocha_link.store.record import Floors, Kept, Knowledge, Record, WireOrder, follows
+from mocha_link.store.record import (
+    Floors,
+    Kept,
+    Knowledge,
+    Record,
+    WireOrder,
+    follows,
+    is_void,
+)
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
-from mocha_link.store.wire import STAMPS_MS, WRAP_MS, Header, latest_ms
+from mocha_link.store.wire import STAMPS_MS, WRAP_MS, Header, is_taken, latest_ms
 
 GROUPS = 16
 """A robot's topics fall into so many groups, each with a digest: group = topic id % GROUPS."""
@@ -30,6 +39,7 @@ GROUPS = 16
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
 _GAP = 1 << 32
+_RAW = struct.Struct(f"{Header.SIZE}s")
 
 
 class Database:
@@ -114,11 +124,14 @@ class Database:
             if header.pack() in self._by_raw:
                 return False
             floor_ms = self._floors.stamps_ms[header.key]
+            versions, latest = self._versions.get(header.key), latest_ms(now_s)
+            if versions and is_void(versions[0].record.stamp_ms, latest):
+                return stamp_ms is None or is_taken(stamp_ms, now_s)
             if stamp_ms is None:
                 stamp_ms = header.stamp_ms(now_s)
             elif floor_ms < 0 or not self._versions[header.key][-1].record.extrapolated:
                 return stamp_ms > floor_ms
-            return follows(stamp_ms, floor_ms, latest_ms(now_s))
+            return follows(stamp_ms, floor_ms, latest)
 
     def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
         """Those of a list of headers that are not here and would be stored, in their order.
@@ -128,9 +141,10 @@ class Database:
         `header_list` has a multiple of 6 bytes.
         """
         latest = latest_ms(now_s)
+        offered = [raw for (raw,) in _RAW.iter_unpack(header_list)]
         with self._lock:
-            newer = self._floors.exceeded(header_list, latest)
-            wanted = [raw for raw in newer if raw not in self._by_raw]
+            unknown = [raw for raw in offered if raw not in self._by_raw]
+            wanted = self._floors.exceeded(unknown, latest)
         return self._floors.newest_of_each(wanted, latest)
 
     def insert(self, record: Record, now_s: float) -> bool:
@@ -209,6 +223,8 @@ class Database:
         key = int.from_bytes(raw[:2], "big")
         versions = self._versions.get(key, [])
         depth = max(1, self._histories.get(key, 1))
+        if versions and is_taken(record.stamp_ms, now_s):
+            self._drop_void(key, versions, now_s)
         place = len(versions)
         while place and _newer(record, versions[place - 1].record, now_s):
             place -= 1
@@ -232,6 +248,15 @@ class Database:
         if len(versions) == depth:
             self._floors.stamps_ms[key] = versions[-1].record.stamp_ms
         return True
+
+    def _drop_void(self, key: int, versions: list[Kept], now_s: float) -> None:
+        """Drop what was stored under a clock that was wrong by more than a century."""
+        latest, newest = latest_ms(now_s), versions[0]
+        if is_void(newest.record.stamp_ms, latest):
+            self._wire.changed.setdefault(key, newest.rank)
+            self._floors.stamps_ms[key] = -1
+            while versions and is_void(versions[0].record.stamp_ms, latest):
+                self._drop(versions.pop(0), self._groups[newest.record.header.robot_id])
 
     def _drop(self, old: Kept, group: list[int]) -> None:
         del self._by_raw[old.raw], self._by_number[old.number]

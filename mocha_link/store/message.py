@@ -87,22 +87,26 @@ class Message:
 
 
 def as_bytes(data: bytes, topic: str) -> bytes:
-    """The payload of a message as bytes.
+    """The payload of a message as bytes, which nobody can change any more.
 
     Args:
-        data: any bytes-like object.
+        data: bytes, a bytearray or a memoryview; other objects with a buffer, e.g. numpy arrays,
+            are refused, as a receiver would not know what its bytes mean.
         topic: the name of the topic, for the error.
 
     Raises:
-        TypeError: the object has no buffer of bytes.
+        TypeError: it is another object.
+        PayloadError: larger than any node would accept; it is not copied then.
     """
-    try:
-        return bytes(memoryview(data))
-    except TypeError:
+    given: object = data  # the annotation is not enforced
+    if not isinstance(given, bytes | bytearray | memoryview):
         raise TypeError(
             f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
-            "json.dumps(value).encode(), or what mocha_link.ros.typed.Typed(team).encode makes"
-        ) from None
+            "json.dumps(value).encode(), array.tobytes(), or what "
+            "mocha_link.ros.typed.Typed(team).encode makes"
+        )
+    wire.check_size(data)
+    return data if isinstance(given, bytes) else bytes(data)
 
 
 def message_of(record: Record, team: Team) -> Message | None:

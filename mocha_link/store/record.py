@@ -6,20 +6,25 @@ header read.
 
 from __future__ import annotations
 
+import struct
 from array import array
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
-import numpy as np
-
-from mocha_link.store.wire import AHEAD_MS, WRAP_MS, Header
+from mocha_link.store.wire import AHEAD_MS, FUTURE_MS, WRAP_MS, Header
 
 KEYS = 65_536
 _UNSET_MS = 50 * 365 * 86_400_000  # a clock at 1970 or soon after was never set
 _FUTURE_MS = AHEAD_MS // 3
 _TURNED_MS = WRAP_MS - 2 * AHEAD_MS
+_DAY_MS = 86_400_000  # more than nodes stamp beyond one another: see `Publisher`
+VOID_MS = FUTURE_MS + _DAY_MS - AHEAD_MS
+"""So far beyond the latest time that a header may stand for, a stamp is void."""
+
+_LAST_MS = 999  # of a second; a header may hold more, which is no time
+_FIELDS = struct.Struct(">HHH")  # of a header: key, seconds, milliseconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +102,14 @@ def follows(stamp_ms: int, stored_ms: int, latest_ms: int) -> bool:
     return (seen > stored) != turned
 
 
+def is_void(stored_ms: int, latest_ms: int) -> bool:
+    """Whether a stored stamp is one that no node takes today: a clock was wrong by 139 years.
+
+    Such a message gives way to any other of its topic, so a clock that is right again heals it.
+    """
+    return stored_ms - latest_ms >= VOID_MS
+
+
 def _turn(latest_ms: int) -> tuple[int, int]:
     """Beyond which time, and how far apart, two stamps are the other way round."""
     if latest_ms < _UNSET_MS:
@@ -109,38 +122,40 @@ class Floors:
 
     def __init__(self) -> None:
         self.stamps_ms = array("q", [-1]) * KEYS  # by topic key; -1: any
-        self._view = np.frombuffer(self.stamps_ms, np.int64)  # the same, for numpy
 
-    def exceeded(self, headers: bytes, latest_ms: int) -> list[bytes]:
+    def exceeded(self, headers: Iterable[bytes], latest_ms: int) -> list[bytes]:
         """Those of the headers whose time exceeds the floor, and those whose time is impossible.
 
-        A time is taken for the last one up to `latest_ms`.
+        A time is taken for the last one up to `latest_ms`. It decides as `follows` does, for up to
+        65,536 headers in a row: that is why the same comparison stands here without calls.
         """
-        fields = np.frombuffer(headers, ">u2").reshape(-1, 3).astype(np.int64)
-        milliseconds = fields[:, 2]
-        seen = latest_ms - (latest_ms - fields[:, 1] * 1000 - milliseconds) % WRAP_MS
-        floors = self._view[fields[:, 0]]
-        # As `follows` does.
-        strange = (floors > latest_ms) | ((floors < _UNSET_MS) & (floors >= 0))
-        stored = np.where(strange, latest_ms - (latest_ms - floors) % WRAP_MS, floors)
-        apart = np.abs(seen - stored)
+        floors = self.stamps_ms
         border_ms, far_ms = _turn(latest_ms)
-        turned = (np.maximum(seen, stored) > border_ms) & (floors >= 0)
-        turned &= (apart >= far_ms) & (apart < WRAP_MS)
-        chosen = ((seen > stored) ^ turned) | (milliseconds > 999)
-        raws: list[bytes] = np.frombuffer(headers, f"V{Header.SIZE}")[chosen].tolist()
-        return raws
+        void_ms = latest_ms + VOID_MS
+        chosen = []
+        for raw in headers:
+            key, seconds, milliseconds = _FIELDS.unpack(raw)
+            stored = floors[key]
+            if 0 <= stored < void_ms and milliseconds <= _LAST_MS:
+                seen = latest_ms - (latest_ms - seconds * 1000 - milliseconds) % WRAP_MS
+                if stored > latest_ms or stored < _UNSET_MS:
+                    stored = latest_ms - (latest_ms - stored) % WRAP_MS
+                later, apart = (seen, seen - stored) if seen > stored else (stored, stored - seen)
+                turned = later > border_ms and far_ms <= apart < WRAP_MS
+                if (seen > stored) == turned:
+                    continue
+            chosen.append(raw)
+        return chosen
 
     @staticmethod
     def newest_of_each(headers: Sequence[bytes], latest_ms: int) -> list[bytes]:
         """Of several headers of a topic only the newest, at the place of the first."""
-        fields = np.frombuffer(b"".join(headers), ">u2").reshape(-1, 3).astype(np.int64)
-        keys = fields[:, 0]
-        if np.bincount(keys).max(initial=0) < 2:
+        if len({raw[:2] for raw in headers}) == len(headers):
             return list(headers)
-        ages = (latest_ms - fields[:, 1] * 1000 - fields[:, 2]) % WRAP_MS
         best: dict[int, tuple[int, bytes]] = {}
-        for key, age, raw in zip(keys.tolist(), ages.tolist(), headers, strict=True):
+        for raw in headers:
+            key, seconds, milliseconds = _FIELDS.unpack(raw)
+            age = (latest_ms - seconds * 1000 - milliseconds) % WRAP_MS
             if key not in best or age < best[key][0]:
                 best[key] = (age, raw)
         return [raw for _, raw in best.values()]

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from mocha_link.logs import Log
 from mocha_link.store import storage_file
 from mocha_link.store.changes import Changes
 from mocha_link.store.record import Knowledge, Record
@@ -58,9 +59,10 @@ class Storage:
             can again; mostly on the storage's thread.
         retry_s: real seconds until the next try.
         connect: opens the SQLite file.
+        log: where it logs.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a storage may be given
         self,
         path: Path,
         *,
@@ -68,8 +70,10 @@ class Storage:
         on_fault: Callable[[StorageError | None], None] | None = None,
         retry_s: float = RETRY_S,
         connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
+        log: Log = LOG,
     ) -> None:
         self.path = Path(path)
+        self._log = log
         self._config = config
         self._on_fault = on_fault
         self._retry_s = retry_s
@@ -169,7 +173,7 @@ class Storage:
             left = self._given - self._saved
         if left:
             what = "1 change is" if left == 1 else f"{left} changes are"
-            LOG.warning("%s: %s not on disk", self.path, what)
+            self._log.warning("%s: %s not on disk", self.path, what)
         return not left
 
     def _tell(self) -> None:
@@ -182,8 +186,8 @@ class Storage:
                 self._attempt()
             if self._given > self._saved:
                 self._attempt()
-        except Exception as error:  # a mistake of ours ends the writing, not the node
-            LOG.exception("%s: the writing has ended", self.path)
+        except Exception as error:  # noqa: BLE001 - our mistake ends the writing, not the node
+            self._log.exception("%s: the writing has ended", self.path)
             self._fault = StorageError(f"{self.path} is not written any more: {error!r}")
             self._report(self._fault)
         finally:
@@ -240,7 +244,9 @@ class Storage:
         removed = self._file.adopt(self._config, found) if self._config else 0
         if removed:
             what = "1 message is" if removed == 1 else f"{removed} messages are"
-            LOG.warning("%s: %s gone: under this team file the ids mean others", self.path, what)
+            self._log.warning(
+                "%s: %s gone: under this team file the ids mean others", self.path, what
+            )
         return self._file
 
     def _close_file(self) -> None:
@@ -292,9 +298,9 @@ class Storage:
             self._changed.notify_all()
         if anew:
             moved = f", and is now {aside}" if aside else ""
-            LOG.error("%s%s; a new one is begun with what is in memory", fault, moved)
+            self._log.error("%s%s; a new one is begun with what is in memory", fault, moved)
         elif not is_known:
-            LOG.error("%s; working from memory, next try in %g s", fault, self._retry_s)
+            self._log.error("%s; working from memory, next try in %g s", fault, self._retry_s)
         if not is_known:
             self._report(fault)
 
@@ -305,12 +311,12 @@ class Storage:
             self._saved = given
             self._changed.notify_all()
         if was:
-            LOG.warning("%s: all is on disk again", self.path)
+            self._log.warning("%s: all is on disk again", self.path)
             self._report(None)
 
     def _report(self, fault: StorageError | None) -> None:
         if self._on_fault:
             try:
                 self._on_fault(fault)
-            except Exception:
-                LOG.exception("%s raised an error", self._on_fault)
+            except Exception:  # noqa: BLE001 - a listener's
+                self._log.exception("%s raised an error", self._on_fault)

@@ -22,7 +22,7 @@ import struct
 import zlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.path_safety import check_links
 from mocha_link.store.changes import Changes
 from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.reserve import Reserve
 from mocha_link.store.trust import TeamConfig
 from mocha_link.store.wire import Header, HeaderError
 
@@ -39,6 +40,8 @@ LOCKED_S = 0.2  # how long a lock of another process is waited for
 JOURNAL_BYTES = 1024 * 1024
 JOURNAL_PAGES = 128  # of a page's 4 KiB: then the journal goes into the file, and begins anew
 SPARE_PAGES = 256
+SCARCE_BYTES = 256 * 1024  # of a transaction while the disk is full
+VACUUM_PAGES = 64  # given back at a time while the disk is full: the journal has to hold them
 
 _MAGIC = b"SQLite format 3\0"
 _CHECKED = struct.Struct(">QBBQ?Bd")
@@ -111,15 +114,23 @@ class StorageFile:
 
     def __init__(self, path: Path, connect: Callable[[Path], sqlite3.Connection] = connect) -> None:
         self._path = path
+        self._reserve = Reserve(path)
         self._connection = connect(path)
         # Of altered text something is made that its checksum does not fit.
         self._connection.text_factory = lambda raw: raw.decode(errors="replace")
         try:
-            self._prepare()
+            try:
+                self._prepare()
+            except sqlite3.OperationalError as error:
+                if _code(error) != sqlite3.SQLITE_FULL or not self._reserve.release():
+                    raise
+                self._roll_back()
+                self._prepare()
         except BaseException:
             with suppress(sqlite3.Error):
                 self._connection.close()
             raise
+        self._reserve.hold()
 
     def _prepare(self) -> None:
         run = self._connection.execute
@@ -210,13 +221,52 @@ class StorageFile:
         except sqlite3.OperationalError as error:
             if _code(error) != sqlite3.SQLITE_FULL:
                 raise
-            # The journal or dropped messages may have the missing room.
-            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
-            self._commit(changes)
-            changes.settle(changes)
+            self._write_scarcely(changes)
+        self._reserve.hold()
         spare = self._value("PRAGMA freelist_count") if drops else 0
         if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
             self._connection.execute(f"PRAGMA incremental_vacuum({spare})").fetchall()
+
+    def _write_scarcely(self, changes: Changes) -> None:
+        """Write while the disk is full: the journal, or what is dropped, may have the room.
+
+        With the room of the reserve only what frees at least as much as it takes is written.
+        """
+        *pieces, last = changes.pieces(SCARCE_BYTES)
+        pieces.append(replace(last, knowledge={}))
+        growth_bytes = [self._growth_bytes(piece) for piece in pieces]
+        shrinking = [p for p, more in zip(pieces, growth_bytes, strict=True) if more <= 0]
+        if shrinking:
+            self._reserve.release()
+        self._checkpoint()
+        for piece in shrinking:
+            self._commit(piece)
+            changes.settle(piece)
+        self._give_back()
+        self._commit(changes)  # what is known of peers, last of all
+        changes.settle(changes)
+
+    def _growth_bytes(self, piece: Changes) -> int:
+        """By how much a piece makes the messages in the file more."""
+        put = sum(len(record.body) for record in piece.puts.values())
+        select = "SELECT length(body) FROM record WHERE number = ?"
+        found = (self._connection.execute(select, (n,)).fetchone() for n in piece.drops)
+        freed: int = sum(row[0] for row in found if row)
+        return put - freed
+
+    def _give_back(self) -> None:
+        """Give free pages to the disk until the reserve has its room again."""
+        self._checkpoint()
+        while not self._reserve.hold() and self._value("PRAGMA freelist_count"):
+            self._connection.execute(f"PRAGMA incremental_vacuum({VACUUM_PAGES})").fetchall()
+            self._checkpoint()
+
+    def _checkpoint(self) -> None:
+        self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+
+    def _roll_back(self) -> None:
+        with suppress(sqlite3.Error):  # SQLite may have done it by itself
+            self._connection.execute("ROLLBACK")
 
     def _commit(self, changes: Changes) -> None:
         """Commit, all or nothing: dropped numbers first, their room serves for the rest."""
@@ -234,8 +284,7 @@ class StorageFile:
             )
             run("COMMIT")
         except BaseException:
-            with suppress(sqlite3.Error):  # SQLite may have done it by itself
-                run("ROLLBACK")
+            self._roll_back()
             raise
 
     def close(self) -> None:

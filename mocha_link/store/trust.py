@@ -16,6 +16,8 @@ from mocha_link.store import wire
 from mocha_link.store.wire import Body, Header, PayloadError, Trailer
 from mocha_link.team import Robot, SecretKey, Team, Topic, Trust, public_key
 
+YEAR_S = 365.25 * 86_400
+
 _PURPOSE = b"mocha-link message 1\0"
 
 
@@ -73,6 +75,35 @@ class Verifier:
                 raise SignatureError(
                     f"the signature is not of {robot.name}, handed on by {handed_by}"
                 )
+
+
+def impossibility(
+    team: Team, robot_id: int, topic_id: int, stamp_ms: int, now_s: float
+) -> str | None:
+    """Why a message cannot be one of the team's; None: it can.
+
+    Args:
+        team: the team.
+        robot_id: the id of the robot in its header.
+        topic_id: the id of the topic.
+        stamp_ms: its time, or what of it the header has.
+        now_s: Unix time of this node.
+    """
+    if (robot_id << 8 | topic_id) not in team.topics_by_key:
+        known = team.by_ids(robot_id, 0)
+        missing = f"no robot with topics has id {robot_id}"
+        if known:
+            missing = f"{known[0].name} has no topic with id {topic_id}"
+        return f"{missing} in the team file; give all robots the same file"
+    if not wire.is_taken(stamp_ms, now_s):
+        years = (stamp_ms / 1000 - now_s) / YEAR_S
+        return f"its time is {years:.0f} years ahead of this clock; set the clock that is wrong"
+    if stamp_ms % wire.WRAP_MS <= wire.UNSAFE_MS:
+        return (
+            "its time is in the first second of 65536, where original nodes stop for good; the "
+            "node that made it should have stamped it a second later"
+        )
+    return None
 
 
 def _about(robot: Robot, topic: Topic) -> bytes:

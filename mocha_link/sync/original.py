@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 from mocha_link.clock import Instant
 from mocha_link.links import Direction
-from mocha_link.store import WRAP_MS, Header, HeaderError, Kept, PayloadError, Record, wire
+from mocha_link.store import (
+    WRAP_MS,
+    Header,
+    HeaderError,
+    Kept,
+    PayloadError,
+    Record,
+    impossibility,
+    wire,
+)
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
@@ -170,10 +179,10 @@ class ClientSession:
             except HeaderError as error:
                 refusals.append(str(error))
                 continue
-            if header.key not in self._peer.node.team.topics_by_key:
-                refusals.append(f"header {header}: no such robot or topic in the team")
-            elif header.hangs_old_nodes:
-                refusals.append(f"header {header}: original nodes would stop over its time")
+            team, stamp_ms = self._peer.node.team, header.stamp_ms(now.unix_s)
+            why = impossibility(team, header.robot_id, header.topic_id, stamp_ms, now.unix_s)
+            if why:
+                refusals.append(f"header {header}: {why}")
             else:
                 found.append((cut.get(header.key, 0), header))
         # What a contact was too short for comes last: it must not starve the others again.
@@ -224,7 +233,7 @@ def _check_time(header: Header, stamp_ms: int, now_s: float) -> None:
     if stamp_ms % WRAP_MS != header.wrapped_ms:
         raise PayloadError("it carries the time of another message")
     if not wire.is_taken(stamp_ms, now_s):
-        raise PayloadError("of an impossible time")
+        raise PayloadError("its time is more than 139 years ahead of this clock")
 
 
 @dataclass(slots=True)

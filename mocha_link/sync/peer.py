@@ -22,7 +22,7 @@ from mocha_link.links import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.store import WRAP_MS, Header, PayloadError, Record, Trailer, wire
+from mocha_link.store import WRAP_MS, Header, PayloadError, Record, Trailer, is_void, wire
 from mocha_link.sync.protocol import NEAR_S, Frame, NodeContext, Send
 from mocha_link.team import Robot, Topic
 
@@ -231,6 +231,8 @@ class Peer:
             return True
         if stamp_ms in held:
             return False
+        if is_void(held[0], wire.latest_ms(record.received_s)):  # both clocks were wrong then
+            return True
         if record.extrapolated:  # others may have extrapolated another one
             return all((other - stamp_ms) % WRAP_MS for other in held)
         return held[-1] < stamp_ms or len(held) < self._histories.get(key, 1)

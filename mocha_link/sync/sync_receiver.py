@@ -17,6 +17,7 @@ from mocha_link.store import (
     PayloadError,
     Record,
     difference,
+    impossibility,
     is_alone,
     wire,
 )
@@ -316,9 +317,9 @@ class SyncReceiver:
         safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
         if safe and message_id >> 48 in self._topics:
             return False
-        self._refuse(
-            f"message {message_id:016x}: no such robot or topic in the team, or an impossible time"
-        )
+        robot_id, topic_id = divmod(message_id >> 48, 256)
+        why = impossibility(self._peer.node.team, robot_id, topic_id, stamp_ms, self._now.unix_s)
+        self._refuse(f"message {message_id:016x}: {why}")
         return True
 
     def _wants(self, message_id: int) -> bool:

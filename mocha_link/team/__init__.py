@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = door(
     {
         "document": ("Document", "MAX_BYTES", "as_yaml", "yaml_lines"),
         "error_text": ("Key", "as_label", "code_of", "request_error_text", "text_of_error"),
+        "installed_radios": ("RADIO_GROUP", "radios_of_others"),
         "keys": (
             "KeyFileError",
             "KeyMismatchError",

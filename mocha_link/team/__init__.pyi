@@ -11,6 +11,8 @@ from mocha_link.team.error_text import as_label as as_label
 from mocha_link.team.error_text import code_of as code_of
 from mocha_link.team.error_text import request_error_text as request_error_text
 from mocha_link.team.error_text import text_of_error as text_of_error
+from mocha_link.team.installed_radios import RADIO_GROUP as RADIO_GROUP
+from mocha_link.team.installed_radios import radios_of_others as radios_of_others
 from mocha_link.team.keys import KeyFileError as KeyFileError
 from mocha_link.team.keys import KeyMismatchError as KeyMismatchError
 from mocha_link.team.keys import PublicKey as PublicKey

@@ -12,12 +12,14 @@ import hashlib
 import os
 import stat
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from zmq.utils import z85
 
 from mocha_link.errors import MissingExtraError, MochaLinkError
+from mocha_link.loopback import is_loopback
 from mocha_link.team.team import Robot, Team
 
 try:
@@ -177,6 +179,29 @@ def open_because(robot: Robot, other: Robot) -> str | None:
         if each.key is None:
             return f"{each.name} has no key"
     return None
+
+
+def exposed(team: Team, robot: Robot) -> list[str]:
+    """The peers whose ports of a robot need no key, if other machines can reach them."""
+    if is_loopback(robot.listen):
+        return []
+    return [peer for peer in robot.peers if open_because(robot, team.robot(peer))]
+
+
+def exposure(team: Team, robots: Iterable[Robot]) -> str | None:
+    """One warning about ports that need no key and that other machines can reach; None: no such."""
+    places = []
+    for robot in robots:
+        ports = ", ".join(str(robot.port_for(peer)) for peer in exposed(team, robot))
+        where = "every interface" if robot.listen == "*" else robot.listen
+        places += [f"{robot.name} on {where}, port {ports}"] if ports else []
+    if not places:
+        return None
+    return (
+        f"NO KEYS: any machine that reaches these ports can read all messages and publish in the "
+        f"name of any robot: {'; '.join(places)}. Make keys (mocha-link keys --team {team.path}), "
+        "or set 'listen: 127.0.0.1' where all robots are on one machine"
+    )
 
 
 def path_of(name: str, directory: Path) -> Path:

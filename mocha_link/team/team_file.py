@@ -14,6 +14,7 @@ from pydantic import Field as Key
 from pydantic_core import PydanticCustomError
 
 from mocha_link.errors import RadioError
+from mocha_link.team.installed_radios import radios_of_others
 
 MAX_RADIO_ID = 128  # some MAC addresses and an IP address
 IDS = 256  # robot, topic and type ids are one byte on the wire
@@ -70,8 +71,11 @@ _PLACE, _PORT = rf"//(?P<host>{_HOST})", r":(?P<port>\d{1,5})"
 class _Form:
     shown: str  # an example, for messages
     pattern: str  # of the part between scheme and options
-    options: tuple[str, ...] = ()  # that such a URL may have
+    options: tuple[str, ...] | None = ()  # that such a URL may have; None: any
 
+
+_ANY = r"(//(?P<host>[^/?#:\s]*)(:(?P<port>\d{1,5}))?)?[^?\s]*"
+"""Of a radio of another package, which reads the text itself."""
 
 FORMS: Mapping[str, _Form] = {
     "udp": _Form("udp://host:port", _PLACE + _PORT),
@@ -80,6 +84,10 @@ FORMS: Mapping[str, _Form] = {
     "wifi": _Form("wifi://interface", _PLACE),
     "rajant": _Form(
         "rajant://host:port or rajant://host?jar=monitor.jar", f"{_PLACE}({_PORT})?", ("jar",)
+    ),
+    "babel": _Form(
+        "babel://localhost:port or babel:/path/of/socket",
+        rf"({_PLACE}{_PORT}|(?P<path>/[^/?][^?]*))",
     ),
     "mavlink": _Form("mavlink://host:port?peer=robot", _PLACE + _PORT, ("peer",)),
 }
@@ -98,6 +106,7 @@ class RadioUrl:
     port: int | None  # None: the URL has none
     options: Mapping[str, str] = field(hash=False)  # behind the question mark
     text: str  # as it was written
+    path: str = ""  # of a socket
 
     @classmethod
     def parse(cls, text: str, scheme: str | None = None) -> Self:
@@ -106,8 +115,12 @@ class RadioUrl:
         found = scheme or head.partition(":")[0]
         form = FORMS.get(found)
         if form is None:
-            raise _wrong(text, ", ".join(form.shown for form in FORMS.values()))
-        match = re.fullmatch(f"{found}:{form.pattern}", head)
+            others = radios_of_others(FORMS)
+            if found not in others:
+                shown = [each.shown for each in FORMS.values()] + [f"{name}:..." for name in others]
+                raise _wrong(text, ", ".join(shown))
+            form = _Form(f"{found}:...", _ANY, None)
+        match = re.fullmatch(f"{re.escape(found)}:{form.pattern}", head)
         try:
             pairs = parse_qsl(query, strict_parsing=True, max_num_fields=4) if mark else []
         except ValueError:
@@ -118,11 +131,12 @@ class RadioUrl:
             match is not None
             and (port or 0) <= LAST_PORT
             and len(options) == len(pairs)
-            and options.keys() <= set(form.options)
+            and (form.options is None or options.keys() <= set(form.options))
         )
         if not fits or (found == "rajant" and (port is None) != ("jar" in options)):
             raise _wrong(text, form.shown)
-        return cls(found, parts.get("host", ""), port, options, text)
+        host, path = parts.get("host") or "", parts.get("path") or ""
+        return cls(found, host, port, options, text, path)
 
     def __str__(self) -> str:
         return self.text

@@ -81,6 +81,7 @@ FOREIGN = {  # first words of commands that are not ours
     "roscore": "ROS 1",
     "roslaunch": "ROS 1",
     "rostopic": "ROS 1",
+    "scp": "OpenSSH",
     "colcon": "builds ROS 2 packages",
     "rerun": "opens records",
     "ros2": "ROS 2",

@@ -57,6 +57,16 @@ def fly(command, udp_port, short_mission):
     return start
 
 
+def test_a_node_without_keys_that_other_machines_can_reach_is_warned_of(fly, short_mission):
+    path = short_mission.with_name("team.yaml")
+    team = Team.load(path)
+    path.write_text(team.with_robots({name: {"listen": "*"} for name in team.robots}).dump())
+    flight = fly()
+    flight.wait_for("NO KEYS: any machine that reaches these ports can read all messages")
+    flight.interrupt()
+    flight.finish()
+
+
 def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):
     vehicle(speed=15)
     flight = fly("--arm", "--yes")

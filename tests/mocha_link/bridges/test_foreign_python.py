@@ -29,6 +29,7 @@ FOREIGN = {
     "mocha_link.service",
     "mocha_link.service.endpoint",
     "mocha_link.errors",
+    "mocha_link.forks",
     "mocha_link.lazy",
     "mocha_link.loopback",
     "mocha_link.path_safety",

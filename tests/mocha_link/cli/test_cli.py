@@ -273,3 +273,15 @@ def test_a_node_says_what_is_stored_and_whom_it_stands_in_for(tmp_path, field, t
     assert process.returncode == 0
     assert f"{storage} has 1 message\n" in lines
     assert any("says that io runs the original node" in line for line in lines)
+
+
+@pytest.mark.parametrize("listen", ["*", "127.0.0.1"])
+def test_a_node_without_keys_warns_if_other_machines_can_reach_it(field, team_file, listen):
+    changes = {name: {"listen": listen, "address": "127.0.0.1"} for name in field.team.robots}
+    team_file.write_text(field.team.with_robots(changes).dump())
+    process, lines = started([str(team_file), "--robot", "io"], stdout=subprocess.DEVNULL)
+    with process:
+        process.terminate()
+    warnings = [line for line in lines if "NO KEYS" in line]
+    assert len(warnings) == (listen == "*")
+    assert all("io on every interface, port" in line for line in warnings)

@@ -1,12 +1,13 @@
 """Clocks that are set, robots that restart, contacts that break: the newest message still wins."""
 
+import itertools
 import random
 
 import pytest
 
 from benchmarks.fleet.network_sim import NAMES, NEAR_DBM, NetworkSim, team_of
 from mocha_link.node.publisher import LEAP_MS
-from mocha_link.store import wire
+from mocha_link.store import Database, Storage, wire
 from mocha_link.store.record import Record
 from mocha_link.store.wire import FUTURE_MS, STAMPS_MS, UNSAFE_MS, WRAP_MS, Header, as_ms
 from tests.mocha_link.conftest import TEAM
@@ -109,3 +110,42 @@ def test_a_robot_outlives_what_was_forged_in_its_name_for_the_far_future(team, o
     net.publish("titan", "/map", b"truest")
     net.pull("io", "titan")
     assert net.held("io")["titan", "/map"] == b"truest"
+
+
+YEARS_S = 200 * 365 * DAY_S
+
+
+@pytest.mark.parametrize("wrong", [("titan",), ("titan", "io"), NAMES])
+@pytest.mark.parametrize("original", [False, True])
+@pytest.mark.parametrize("restarted", [False, True])
+def test_clocks_that_were_200_years_ahead_heal_when_they_are_right_again(
+    team, tmp_path, wrong, original, restarted
+):
+    """The next message of a topic arrives at all, and those of the wrong time are gone."""
+    net = NetworkSim(team.with_robots({"callisto": {"original": original}}))
+    if restarted:
+        storage = Storage(tmp_path / "titan.db")
+        net.restart("titan", database=Database(team.histories, storage))
+    for name in wrong:
+        net.offset_s[name] = YEARS_S
+    for data in (b"1", b"2"):
+        net.publish("titan", "/map", data)
+        net.wait(0.01)
+    for client, server in itertools.permutations(NAMES, 2):
+        net.pull(client, server)
+    net.offset_s.clear()
+    if restarted:
+        storage.close()
+        storage = Storage(tmp_path / "titan.db")
+        net.restart("titan", database=Database(team.histories, storage))
+    net.publish("titan", "/map", b"right")
+    for _ in range(2):
+        net.wait(15.0)
+        for client, server in itertools.permutations(NAMES, 2):
+            net.pull(client, server)
+    for name in NAMES:
+        assert net.held(name)["titan", "/map"] == b"right"
+        ages_s = [net.now.unix_s - record.stamp_s for record in net.nodes[name].database.kept()]
+        assert all(0 <= age_s < 1000 for age_s in ages_s)
+    if restarted:
+        storage.close()

@@ -17,7 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit, as_reading
-from mocha_link.radios import ManualRadio, UdpRadio, open_radio, peers_by_radio
+from mocha_link.radios import ManualRadio, UdpRadio, open_radio
+from mocha_link.radios.peers import peers_by_radio
 from mocha_link.radios.radio import BackgroundRadio
 from mocha_link.radios.rajant import RajantRadio
 from mocha_link.radios.reports import (

@@ -178,6 +178,28 @@ def group_of(record):
     return record.header.robot_id, record.header.topic_id % GROUPS
 
 
+AGES_S = st.sampled_from([WRAP, WRAP + 200 * YEAR])
+
+
+@given(
+    st.integers(1, 3),
+    st.lists(st.tuples(TOPICS, AGES_S, st.integers(0, 40_000), AGES_S), max_size=30),
+)
+def test_messages_of_a_clock_that_was_centuries_ahead_give_way_when_it_is_right(depth, inserts):
+    database = Database(dict.fromkeys(range(1 << 16), depth))
+    model = Model(depth)
+    for ids, stamp_s, offset_s, now_s in inserts:
+        each = made(ids, 1, round((stamp_s + offset_s) * 1000))
+        if stamp_s <= now_s == WRAP:  # it is of a time that nodes take: what none takes is gone
+            model.kept = [
+                old for old in model.kept if topic(old) != ids or old.stamp_s < WRAP + 100 * YEAR
+            ]
+        assert database.insert(each, now_s) == model.insert(each)
+        assert database.records() == tuple(model.records())
+        assert database.kept() == tuple(model.kept)
+    check_digests(database, model.kept)
+
+
 @given(
     st.integers(1, 3),
     st.lists(st.tuples(RECORDS, CLOCK_S, st.booleans()), max_size=30),

@@ -114,7 +114,9 @@ def test_unknown_and_unsafe_headers_are_never_fetched(pull):
     pull.offer(header(TOPICS), header(0, robot_id=2), header(0, robot_id=255), unsafe, wrong_ms)
     assert pull.asked == [b"DENDTtitan"]
     assert len(pull.refusals) == 5
-    assert "no such robot or topic in the team" in pull.refusals[0]
+    assert "io has no topic with id 200 in the team file" in " ".join(pull.refusals)
+    assert "no robot with topics has id 255 in the team file" in " ".join(pull.refusals)
+    assert "original nodes stop for good" in " ".join(pull.refusals)
 
 
 @pytest.mark.parametrize("content", [b"SERRM", b"1234567", bytes(6 * 65537)])

@@ -242,20 +242,21 @@ def test_what_the_team_does_not_trust_is_refused_for_good():
 
 @pytest.mark.parametrize("pieces", [False, True])
 @pytest.mark.parametrize(
-    "message_id",
+    ("message_id", "why"),
     [
-        LONG - LONG % (1 << 48) + 2**47,
-        sync.message_id_of(3, 4, START_MS - START_MS % WRAP_MS + 1_000),
-        sync.message_id_of(3, 4, 0),
+        (LONG - LONG % (1 << 48) + 2**47, "years ahead of this clock"),
+        (sync.message_id_of(3, 4, START_MS - START_MS % WRAP_MS + 1_000), "original nodes stop"),
+        (sync.message_id_of(3, 4, 0), "original nodes stop"),
     ],
 )
-def test_impossible_and_unsafe_times_are_refused(message_id, pieces):
+def test_impossible_and_unsafe_times_are_refused(message_id, why, pieces):
     asking = Asking()
     if pieces:
         asking.hear(asking.chunks(pieces=[(message_id, body(), 0, 10)]))
     else:
         asking.hear(asking.chunks((message_id, body())))
     assert len(asking.refusals) == 1
+    assert why in asking.refusals[0] or (pieces and "a piece of" in asking.refusals[0])
     assert asking.node.content == {}
     assert len(asking.node.reassembly) == 0
 
@@ -266,12 +267,16 @@ def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
     receiver = SyncReceiver(peer)
     receiver.open(NOW)
     asking = Asking()
-    for robot_id, topic_id in ((3, 0), (0, 3), (255, 255)):
+    for robot_id, topic_id, why in (
+        (3, 0, "no robot with topics has id 3 in the team file"),
+        (0, 3, "callisto has no topic with id 3 in the team file"),
+        (255, 255, "no robot with topics has id 255 in the team file"),
+    ):
         message_id = sync.message_id_of(robot_id, topic_id, START_MS)
         frame = asking.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
         receiver.receive(frame, NOW)
         assert len(peer.refusals) == 2
-        assert "no such robot or topic in the team" in peer.refusals[0]
+        assert why in peer.refusals[0]
         peer.refusals.clear()
     assert node.content == {}
     done = Done(EPOCH, 50, asking.number, cut_short=False).encode()

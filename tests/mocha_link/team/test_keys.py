@@ -335,3 +335,141 @@ def test_a_team_file_that_cannot_be_written(path, capsys, monkeypatch):
     assert path.read_text() == TEAM
     assert main(["keys", str(path)]) == 0  # goes on with the secrets that are there
     assert "a: key added" in capsys.readouterr().out
+
+
+# All robots at once: a folder for each
+
+
+def tree(folder: Path) -> dict[str, tuple[int, bytes, int]]:
+    """Mode, content and time of every file."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {
+        str(path.relative_to(folder)): (mode(path), path.read_bytes(), path.stat().st_mtime_ns)
+        for path in files
+    }
+
+
+def test_one_command_makes_what_each_robot_needs(path, tmp_path, capsys):
+    assert main(["keys", "--team", str(path)]) == 0
+    out = capsys.readouterr().out
+    made = tree(tmp_path / "keys")
+    assert set(made) == {"a/a.key", "a/team.yaml", "b/b.key", "b/team.yaml"}  # old has no key
+    assert {mode(tmp_path / "keys" / name) for name in "ab"} == {0o700}
+    team = Team.load(path)
+    for name in "ab":
+        assert made[f"{name}/{name}.key"][0] == 0o600
+        folder = tmp_path / "keys" / name
+        assert keys.secret_key(Team.load(folder / "team.yaml"), name, folder)
+        assert f"scp -p {folder}/* {team.robot(name).address}:/etc/mocha-link/" in out
+        assert f"mocha-link node /etc/mocha-link/team.yaml --robot {name} --keys" in out
+    assert "old: runs the original MOCHA" in out
+    assert "protected by keys: a - b" in out
+
+
+def test_a_second_time_it_changes_nothing(path, tmp_path, capsys):
+    assert main(["keys", "--team", str(path)]) == 0
+    made, team = tree(tmp_path / "keys"), path.stat().st_mtime_ns
+    assert main(["keys", "--team", str(path)]) == 0
+    assert tree(tmp_path / "keys") == made
+    assert path.stat().st_mtime_ns == team
+
+
+def test_a_robot_that_joins_gets_its_folder_and_all_get_the_new_team_file(path, tmp_path):
+    assert main(["keys", "--team", str(path)]) == 0
+    before = tree(tmp_path / "keys")
+    robot = "  c: {kind: rover, address: 127.0.0.1, base_port: 40, clients: []}\n"
+    path.write_text(path.read_text().replace("kinds:", robot + "kinds:"))
+    assert main(["keys", "--team", str(path)]) == 0
+    after = tree(tmp_path / "keys")
+    assert set(after) - set(before) == {"c/c.key", "c/team.yaml"}
+    for name in "ab":
+        assert after[f"{name}/{name}.key"] == before[f"{name}/{name}.key"]
+        assert after[f"{name}/team.yaml"][1] == path.read_bytes()
+
+
+def test_secrets_that_an_earlier_command_made_are_laid_out(path, tmp_path):
+    assert main(["keys", str(path)]) == 0
+    assert main(["keys", "--team", str(path)]) == 0
+    for name in "ab":
+        folder = tmp_path / "keys" / name
+        assert keys.secret_key(Team.load(folder / "team.yaml"), name, folder)
+        assert mode(folder / f"{name}.key") == 0o600
+
+
+def test_a_secret_of_another_key_is_never_overwritten(path, tmp_path, capsys):
+    place = tmp_path / "keys" / "a" / "a.key"
+    assert main(["keys", "--team", str(path)]) == 0
+    place.unlink()
+    keys.write(place, "a", SecretKey.generate())
+    before = tree(tmp_path)
+    assert main(["keys", "--team", str(path)]) == 1
+    assert f"the secret in {place} is not of the key" in capsys.readouterr().err
+    assert tree(tmp_path) == before
+
+
+def test_a_secret_that_is_not_here_is_said(path, tmp_path, capsys):
+    assert main(["keys", "--team", str(path)]) == 0
+    (tmp_path / "keys" / "b" / "b.key").unlink()
+    capsys.readouterr()
+    assert main(["keys", "--team", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert f"b: its secret is not here; {tmp_path / 'keys' / 'b' / 'team.yaml'} is its new" in out
+    assert f"scp -p {tmp_path / 'keys' / 'b'}" not in out
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--team", "TEAM", "TEAM"],
+        ["--team", "TEAM", "--force"],
+        ["--team", "TEAM", "--print"],
+        ["--team", "TEAM", "--robot", "a"],
+    ],
+)
+def test_options_that_do_not_go_together_are_wrong_usage(path, tmp_path, capsys, options):
+    assert main(["keys", *(str(path) if each == "TEAM" else each for each in options)]) == 2
+    assert "TEAM" in capsys.readouterr().err
+    assert path.read_text() == TEAM
+    assert not (tmp_path / "keys").exists()
+
+
+# Ports that need no key
+
+
+def exposed(path, capsys, caplog) -> tuple[str, list[str]]:
+    """What `check` warns of, in its log and for scripts."""
+    caplog.clear()
+    assert main(["check", str(path), "--json"]) == 0
+    logged = "".join(f"{record.levelname} {record.message}\n" for record in caplog.records)
+    return logged, json.loads(capsys.readouterr().out)["exposed"]
+
+
+def test_check_warns_once_of_all_ports_without_keys_that_others_can_reach(path, capsys, caplog):
+    warning, names = exposed(path, capsys, caplog)
+    assert names == ["a", "b", "old"]
+    assert warning.count("WARNING NO KEYS") == warning.count("\n") == 1
+    assert "a on every interface, port 10, 11; b on every interface, port 20, 21" in warning
+    assert f"mocha-link keys --team {path}" in warning
+
+
+def test_keys_or_loopback_are_no_exposure(path, capsys, caplog):
+    main(["keys", "--team", str(path)])
+    capsys.readouterr()
+    warning, names = exposed(path, capsys, caplog)
+    assert names == ["a", "b", "old"]  # the original node has no key: these two serve it openly
+    assert "a on every interface, port 11; b on every interface, port 21" in warning
+    text = path.read_text()
+    path.write_text(text.replace("127.0.0.1,", "127.0.0.1, listen: 127.0.0.1,"))
+    assert exposed(path, capsys, caplog)[1] == ["b"]
+    text = path.read_text()
+    path.write_text(text.replace("    base_port: 20", "    listen: 127.0.0.2\n    base_port: 20"))
+    assert exposed(path, capsys, caplog) == ("", [])
+
+
+def test_a_robot_without_peers_is_no_exposure(tmp_path, capsys, caplog):
+    path = tmp_path / "alone.yaml"
+    path.write_text(
+        f"robots: {{a: {{kind: rover, address: h, base_port: 1, clients: []}}}}\n{KINDS}"
+    )
+    assert exposed(path, capsys, caplog) == ("", [])
