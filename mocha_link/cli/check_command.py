@@ -65,7 +65,7 @@ def _team_tables(team: Team) -> str:
         radio = robot.radio or f"timer, {team.trigger.interval_s:g} s"
         node = "original" if robot.original else ""
         rows.append(
-            (robot.name, str(robot.robot_id), robot.kind, robot.address, ports, radio, node)
+            (robot.name, str(robot.robot_id), robot.kind, robot.shown_address, ports, radio, node)
         )
     heads = ("kind", "topic", "id", "type", "dtype", "priority", "at most every", "keeps", "sends")
     kinds: list[tuple[str, ...]] = [heads]

@@ -16,6 +16,7 @@ import click
 from mocha_link.cli.program import PATH, Options, Parsed, command, examples, option, seconds
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
+from mocha_link.hosts import joined
 from mocha_link.links import (
     Direction,
     LinkEvent,
@@ -185,7 +186,8 @@ class _Trial:
 
     def _outgoing(self, peer: str) -> Finding:
         robot = self._team.robot(peer)
-        place = f"{robot.address}:{robot.port_for(self._robot.name)}"
+        number = robot.port_for(self._robot.name)
+        place = joined(robot.address, number) if robot.address else f"port {number} (by mDNS)"
         end = self._ends.get((peer, IN))
         if isinstance(end, SyncEnded):
             link = self._gossip.links(_now())[peer]
@@ -196,8 +198,13 @@ class _Trial:
         hint = ""
         if "refused" in why and "key" not in why:
             hint = (
-                f"; {robot.address} is reached, but no node of {peer} listens at that port: "
-                "start it, or compare base_port in the two team files"
+                f"; {robot.address or peer} is reached, but no node of {peer} listens at that "
+                "port: start it, or compare base_port in the two team files"
+            )
+        elif robot.address is None:
+            hint = (
+                f"; is the node of {peer} on, on the same link as this computer, and does the link "
+                "carry multicast (mDNS, UDP port 5353)? Otherwise add its address to the team file"
             )
         elif end is None or "no connection" in why or "unreachable" in why or "no route" in why:
             hint = (
@@ -216,7 +223,7 @@ class _Trial:
                 False,
                 f"it has not asked this robot within {self._seconds:g} s: it does not hear this "
                 "robot by radio, its team file has another address than "
-                f"{self._robot.address}:{port}, or a firewall here stops TCP and UDP",
+                f"{self._robot.shown_address}, port {port}, or a firewall here stops TCP and UDP",
             )
         pulls = f"it asks this robot, at port {port}"
         if isinstance(end, SyncEnded):

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from typing import IO, Any
 
 from mocha_link.errors import RadioError, needs_extra
+from mocha_link.hosts import family_of, socket_address
 from mocha_link.links import Reading, Unit
 from mocha_link.radios.radio import LOG, BackgroundRadio, Report
 from mocha_link.team import RadioUrl
@@ -114,11 +115,11 @@ class _ListeningRadio(BackgroundRadio):
 
     def _bound(self, kind: socket.SocketKind) -> socket.socket:
         """A socket at the address that the URL names. Raises RadioError."""
-        found = self._socket = socket.socket(socket.AF_INET, kind)
+        found = self._socket = socket.socket(family_of(self._url.host), kind)
         try:
             if kind is socket.SOCK_STREAM:
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind((self._url.host, self._url.port or 0))
+            found.bind(socket_address(self._url.host, self._url.port or 0))
         except OSError as error:
             found.close()
             self._socket = None
