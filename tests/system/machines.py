@@ -82,6 +82,18 @@ class Machine:
             time.sleep(0.1)
         raise TimeoutError("no link-local address")
 
+    def answer(self, *words):
+        """What `mocha-link` prints on this machine."""
+        command = [sys.executable, "-m", "mocha_link", *words]
+        done = subprocess.run(
+            ["ip", "netns", "exec", self.name, *command],
+            capture_output=True,
+            check=False,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+        return done.stdout
+
     def run(self, script, *arguments):
         return Program(self._stack, self.name, script, arguments)
 

@@ -134,3 +134,18 @@ def test_a_hostile_announcement_does_not_redirect_a_robot_with_keys(two, tmp_pat
     assert stranger.line() == ["taken"]  # b is looked for there, too
     b = two.b.run("count_robot.py", str(tmp_path / "team.yaml"), "b", str(tmp_path / "keys"))
     exchange(a, b, time.monotonic())
+
+
+@pytest.mark.parametrize("runs", [False, True])
+def test_the_doctor_finds_a_second_robot_of_the_same_name(two, tmp_path, runs):
+    """It runs on b's computer as a, which the team file has elsewhere."""
+    two.a.add(f"{A4}/24")
+    two.b.add(f"{B4}/24")
+    team = tmp_path / "team.yaml"
+    team.write_text(TEAM % (f"address: {A4},", f"address: {B4},"))
+    if runs:
+        assert two.a.run("count_robot.py", str(team), "a", "-").line() == ["ready"]
+    out = two.b.answer("doctor", str(team), "--robot", "a", "--seconds", "1")
+    assert f"BAD  '{A4}' in the team file is no address of this computer" in out
+    assert ("two robots run as a" in out) is runs
+    assert ("the others do not find a" in out) is not runs
