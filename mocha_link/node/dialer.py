@@ -27,7 +27,6 @@ WAIT_FOR_READY_S = 300.0
 MOVED_S = 10.0  # a connection is replaced at most so often because its peer seems to be elsewhere
 MAX_PLACES = 1024  # to which datagrams went; what comes from elsewhere is not received
 MAX_COPIES = 3  # of a datagram, while it is not known at which address the peer is
-UNANSWERED = 2  # packets in a row, on a connection to where the peer may be no longer
 
 LOG = logging.getLogger("mocha_link")
 
@@ -251,10 +250,12 @@ class Dialer:
     def expire(self, now_s: float) -> None:
         """Look for connections that lead to where their peer is no longer; call it now and then."""
         for peer, connection in list(self._connections.items()):
-            if isinstance(connection, Connection) and connection.unanswered() >= UNANSWERED:
+            if not isinstance(connection, Connection):
+                continue
+            hosts = self.book.hosts(peer)  # and so names are resolved anew while they are used
+            if connection.unanswered():
                 self.book.failed(peer)
-                first = next(iter(self.book.hosts(peer)), connection.host)
-                if first != connection.host and self.book.is_stated(peer, first):
+                if hosts and hosts[0] != connection.host and self.book.is_stated(peer, hosts[0]):
                     self._replace(peer, connection, now_s)
 
     def own_addresses_changed(self, now_s: float) -> list[str]:

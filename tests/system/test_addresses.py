@@ -56,6 +56,17 @@ def two(tmp_path):
         yield Two(*found)
 
 
+def alone(two, tmp_path, a_address, b_address):
+    """Two robots of which only a can dial the other one."""
+    a, b = (tmp_path / f"{name}.yaml" for name in "ab")
+    stated = [f"address: {each}," if each else "" for each in (a_address, b_address)]
+    a.write_text(TEAM % tuple(stated))
+    b.write_text(TEAM % ("address: 10.99.0.99,", stated[1]))
+    return two.a.run("count_robot.py", str(a), "a", "-"), two.b.run(
+        "count_robot.py", str(b), "b", "-"
+    )
+
+
 def exchange(a, b, after_s=0.0):
     """Both receive what the other one publishes after a time; how long that took at most."""
     return max(a.receives("b", after_s, FOUND_S), b.receives("a", after_s, FOUND_S)) - after_s
@@ -98,6 +109,18 @@ def test_a_name_gets_another_address_in_mid_contact(two, prefix):
     moved_s = move(two.b, theirs, new, prefix)
     two.a.knows(alpha=ours, beta=new)
     print(f"found after {exchange(a, b, moved_s):.2f} s")
+
+
+def test_a_name_gets_another_address_and_the_robot_cannot_dial(two, tmp_path):
+    """It is asked for again as soon as the connection does not answer."""
+    two.a.add(f"{A4}/24")
+    two.b.add(f"{B4}/24")
+    two.a.knows(beta=B4)
+    a, _ = alone(two, tmp_path, A4, "beta")
+    a.receives("b")
+    moved_s = move(two.b, B4, C4)
+    two.a.knows(beta=C4)
+    print(f"found after {a.receives('b', moved_s, FOUND_S) - moved_s:.2f} s")
 
 
 @pytest.mark.parametrize("keys", [False, True])
