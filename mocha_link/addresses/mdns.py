@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ipaddress
-import logging
 import os
 import socket
 import threading
@@ -18,15 +17,14 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, Final
 
 from mocha_link.addresses.limits import MAX_ANNOUNCEMENTS, MAX_OF_NAME, MDNS_CLOSE_S
-from mocha_link.errors import needs_extra
+from mocha_link.errors import Guard, needs_extra
 from mocha_link.hosts import ANY, as_host, is_number
 from mocha_link.team import Robot, Team
 
 SERVICE: Final = "_mocha-link._tcp.local."
 REQUEST_MS: Final = 3000
+AGAIN_S: Final = 2.0  # after an error
 _MAX_REQUESTS: Final = 16  # announcements that are completed at the same time
-
-LOG = logging.getLogger("mocha_link")
 
 
 class Mdns:
@@ -62,6 +60,8 @@ class Mdns:
         # By robot and announcement, the newest last: addresses.
         self._found: dict[str, dict[str, tuple[str, ...]]] = {name: {} for name in self._wanted}
         self._requests: set[asyncio.Task[None]] = set()
+        self._guard = Guard(f"{me.name}: an error in mDNS")
+        self._own: list[str] = []  # addresses of this machine in this session
         self._loop: asyncio.AbstractEventLoop | None = None  # while the thread runs
         self._restart: asyncio.Event | None = None
         self._closed = threading.Event()
@@ -91,12 +91,19 @@ class Mdns:
     def close(self) -> None:
         """Announce the end, and stop within `MDNS_CLOSE_S`, or a little later on its own."""
         self._closed.set()
-        self.addresses_changed()
+        self._begin_anew()
         if self._thread.ident is not None:
             self._thread.join(MDNS_CLOSE_S)
 
     def addresses_changed(self) -> None:
-        """The addresses of this machine have changed: announce the present ones."""
+        """The addresses of this machine may have changed: announce the present ones.
+
+        The kernel announces addresses whose lifetime is prolonged, too.
+        """
+        if _own_hosts() != self._own:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
         with self._lock:
             loop, restart = self._loop, self._restart
         if loop and restart:
@@ -122,12 +129,12 @@ class Mdns:
             self._loop, self._restart = asyncio.get_running_loop(), restart
         while not self._closed.is_set():
             restart.clear()
-            try:
+            errors = self._guard.errors
+            with self._guard:
                 await self._session(restart)
-            except OSError as error:  # no interface, or none that takes multicast
-                LOG.warning("%s: no mDNS for now: %s", self._me.name, error)
+            if self._guard.errors > errors:  # no interface, or none that takes multicast
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(restart.wait(), 2.0)
+                    await asyncio.wait_for(restart.wait(), AGAIN_S)
         with self._lock:
             self._loop = self._restart = None
 
@@ -136,6 +143,7 @@ class Mdns:
         from zeroconf import InterfaceChoice, IPVersion  # noqa: PLC0415 - an extra
         from zeroconf.asyncio import AsyncServiceBrowser, AsyncZeroconf  # noqa: PLC0415
 
+        self._own = _own_hosts()
         listen = self._me.listen
         single = listen != ANY and is_number(listen)
         version = IPVersion.All
@@ -147,7 +155,7 @@ class Mdns:
         try:
             if self._wanted:
                 AsyncServiceBrowser(daemon.zeroconf, SERVICE, handlers=[self._changed])
-            hosts = [listen] if single else _own_hosts()
+            hosts = [listen] if single else self._own
             if self._announces and hosts:
                 await daemon.async_register_service(self._announcement(hosts))
             if not self._closed.is_set():
@@ -186,9 +194,10 @@ class Mdns:
         """Request what an announcement lacks, and take it."""
         from zeroconf.asyncio import AsyncServiceInfo  # noqa: PLC0415 - an extra
 
-        info = AsyncServiceInfo(service_type, name)
-        if info.load_from_cache(zeroconf) or await info.async_request(zeroconf, REQUEST_MS):
-            self._take(name, info)
+        with self._guard:  # anyone can announce anything
+            info = AsyncServiceInfo(service_type, name)
+            if info.load_from_cache(zeroconf) or await info.async_request(zeroconf, REQUEST_MS):
+                self._take(name, info)
 
     def _take(self, name: str, info: Any) -> None:
         """Note the addresses of an announcement, if it is of a robot that is to be found.

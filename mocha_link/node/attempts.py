@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Iterator, Sequence
 
 from mocha_link.node.connection import Connection
@@ -35,7 +36,8 @@ class Attempts:
         self._owner = owner
         self._open: dict[str, Connection] = {}  # by address
         self._tried: set[str] = set()
-        self._next_s = 0.0  # when the next address is tried, steady seconds
+        self._next_s = 0.0  # when the next address may be tried, steady seconds
+        self._has_more = False  # there is a next one
 
     def __iter__(self) -> Iterator[str]:
         """The addresses of those under way."""
@@ -59,9 +61,11 @@ class Attempts:
                 connection.advance(now_s)
             if not connection.failure and connection.stands:
                 return self._open.pop(host)
-        left = [host for host in hosts if host not in self._tried]
-        if not left or not self.frames or (self._open and now_s < self._next_s):
+        left = [host for host in hosts if host not in self._tried] if self.frames else []
+        self._has_more = bool(left)
+        if not left or (self._open and now_s < self._next_s):
             return None
+        self._has_more = len(left) > 1
         self._tried.add(left[0])
         try:
             connection = self._connect(left[0])
@@ -80,6 +84,7 @@ class Attempts:
         for host in failed:
             self.failure = self.failure or self._open[host].failure
             self._close(self._open.pop(host))
+            self._next_s = 0.0
         for each in self._open.values():
             each.watch(self._poller, self._owner)
         return failed
@@ -100,5 +105,5 @@ class Attempts:
 
     @property
     def wake_s(self) -> float:
-        """When to call `advance` though nothing has come, in steady seconds."""
-        return self._next_s
+        """When to call `advance` though nothing has come, in steady seconds; inf: at no time."""
+        return self._next_s if self._has_more else math.inf

@@ -22,7 +22,6 @@ from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.router import BURST
 from mocha_link.team import PublicKey, Robot, Seal, SecretKey, Team
 
-RESOLVE_AGAIN_S = 0.02  # whether the address of a peer is known by now
 WAIT_FOR_READY_S = 300.0
 MOVED_S = 10.0  # a connection is replaced at most so often because its peer seems to be elsewhere
 MAX_PLACES = 1024  # to which datagrams went; what comes from elsewhere is not received
@@ -192,7 +191,7 @@ class Dialer:
         for peer in self._needs_polling:
             connection = self._connections[peer]
             if isinstance(connection, Attempts):
-                waits_s.append(max(connection.wake_s - now_s, RESOLVE_AGAIN_S))
+                waits_s.append(connection.wake_s - now_s)
             elif connection.failure is not None:
                 waits_s.append(0.0)
             elif connection.wake_s is not None:

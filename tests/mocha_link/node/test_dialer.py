@@ -99,19 +99,28 @@ def test_a_node_of_one_family_does_not_take_the_port_of_the_other(field, poller,
 class Named:
     """The host name of titan stands for several addresses."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, *hosts: str) -> None:
-        self.hosts = hosts
-        self.resolved = threading.Semaphore(0)
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.hosts: tuple[str, ...] = ()
+        self.threads: set[threading.Thread] = set()
         monkeypatch.setattr(socket, "getaddrinfo", self.addresses)
 
     def addresses(self, name: str, *_: object) -> list[tuple[object, ...]]:
         assert name == "titan.local"
-        self.resolved.release()
+        self.threads.add(threading.current_thread())
         return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, 0)) for each in self.hosts]
 
 
-def test_a_peer_is_found_at_the_second_address_of_its_name(field, monkeypatch):
-    Named(monkeypatch, "127.0.0.77", field.host)  # nothing listens at the first
+@pytest.fixture
+def named(field, monkeypatch) -> Iterator[Named]:
+    del field  # it ends later, and looks for threads then
+    found = Named(monkeypatch)
+    yield found
+    for thread in found.threads:
+        thread.join(WAIT_S)
+
+
+def test_a_peer_is_found_at_the_second_address_of_its_name(field, named):
+    named.hosts = ("127.0.0.77", field.host)  # nothing listens at the first
     titan, _, _ = field.node("titan")
     titan.publish("/map", b"grid")
     field.team = field.team.with_robots({"titan": {"address": "titan.local"}})
@@ -119,8 +128,8 @@ def test_a_peer_is_found_at_the_second_address_of_its_name(field, monkeypatch):
     assert saw.pull("titan").messages == 1
 
 
-def test_a_peer_is_found_again_where_its_name_points_now(field, monkeypatch):
-    names = Named(monkeypatch, field.host)
+def test_a_peer_is_found_again_where_its_name_points_now(field, named):
+    named.hosts = (field.host,)
     here = field.team
     titan, _, _ = field.node("titan")
     titan.publish("/map", b"grid")
@@ -129,7 +138,7 @@ def test_a_peer_is_found_again_where_its_name_points_now(field, monkeypatch):
     assert saw.pull("titan").messages == 1
     titan.close()
     field.clock.time_s += 5
-    names.hosts = ("127.0.0.78",)
+    named.hosts = ("127.0.0.78",)
     field.team = here.with_robots({"titan": {"listen": "127.0.0.78"}})
     titan, _, _ = field.node("titan")
     titan.publish("/map", b"another")
@@ -139,16 +148,14 @@ def test_a_peer_is_found_again_where_its_name_points_now(field, monkeypatch):
     assert saw.node.latest("titan", "/map").data == b"another"
 
 
-def test_with_keys_what_only_takes_connections_holds_up_nothing(
-    field: Field, monkeypatch, tmp_path
-):
+def test_with_keys_what_only_takes_connections_holds_up_nothing(field: Field, named, tmp_path):
     """Whoever may be at an address of the peer's name: it has to show the peer's key."""
     for name in ("titan", "io"):
         secret = SecretKey.generate()
         field.team = field.team.with_robots({name: {"key": secret.public.text}})
         keys.write(tmp_path / f"{name}.key", name, secret)
     port = field.team.robot("titan").port_for("io")
-    Named(monkeypatch, "127.0.0.79", field.host)
+    named.hosts = ("127.0.0.79", field.host)
     with (
         socket.create_server(("127.0.0.79", port)) as silent,
         Node(field.team, "titan", radio=ManualRadio(), keys=tmp_path) as titan,
