@@ -69,6 +69,13 @@ class AddressBook:
         """Whether an address is what the team file, its host name or mDNS has for a peer."""
         return host in self._stated(peer)
 
+    def is_trusted(self, peer: str, host: str) -> bool:
+        """Whether an address is not one that only who comes in the peer's name has shown.
+
+        With keys it does not matter who has named an address.
+        """
+        return peer in self._protected or self.is_stated(peer, host)
+
     def failure(self, peer: str) -> str | None:
         """Why there is no address; None: there is one, or it may still be found."""
         address = self._team.robot(peer).address

@@ -11,6 +11,9 @@ from mocha_link.node.kernel import Polled, Poller
 STAGGER_S = 0.25
 """The next address is tried so long after the one before, or when that has failed."""
 
+STRANGER_S = 1.0
+"""One that anyone may have named waits longer, while others may still answer."""
+
 
 class Attempts:
     """What waits for a peer of which no connection stands.
@@ -22,30 +25,41 @@ class Attempts:
         connect: opens a connection to an address; OSError: it cannot.
         poller: waits for these connections, too.
         owner: whose they are, in the poller.
+        trusted: whether an address is not one that anyone may have named.
 
     Attributes:
         frames: requests to be sent when one stands.
         failure: why the first address failed; None: none has.
     """
 
-    def __init__(self, connect: Callable[[str], Connection], poller: Poller, owner: str) -> None:
+    def __init__(
+        self,
+        connect: Callable[[str], Connection],
+        poller: Poller,
+        owner: str,
+        *,
+        trusted: Callable[[str], bool],
+    ) -> None:
         self.frames: list[bytes] = []
         self.failure: str | None = None
         self._connect = connect
         self._poller = poller
         self._owner = owner
+        self._trusted = trusted
         self._open: dict[str, Connection] = {}  # by address
         self._tried: set[str] = set()
-        self._next_s = 0.0  # when the next address may be tried, steady seconds
+        self._tried_s = 0.0  # when an address was tried last, steady seconds
+        self._next_s = 0.0  # when the next one is tried if those under way have not failed
         self._has_more = False  # there is a next one
 
     def __iter__(self) -> Iterator[str]:
         """The addresses of those under way."""
         return iter(self._open)
 
-    def adopt(self, connection: Connection) -> None:
+    def adopt(self, connection: Connection, now_s: float) -> None:
         """Go on with a connection that does not stand yet, beside others."""
         self.frames = connection.take_waiting()
+        self._tried_s = now_s
         self._open[connection.host] = connection
         self._tried.add(connection.host)
 
@@ -62,10 +76,11 @@ class Attempts:
             if not connection.failure and connection.stands:
                 return self._open.pop(host)
         left = [host for host in hosts if host not in self._tried] if self.frames else []
-        self._has_more = bool(left)
-        if not left or (self._open and now_s < self._next_s):
+        self._schedule(left)
+        if not left or now_s < self.wake_s:
             return None
-        self._has_more = len(left) > 1
+        self._tried_s = now_s
+        self._schedule(left[1:])
         self._tried.add(left[0])
         try:
             connection = self._connect(left[0])
@@ -75,8 +90,13 @@ class Attempts:
         if len(self._tried) == len(hosts) == 1:
             return connection
         self._open[left[0]] = connection
-        self._next_s = now_s + STAGGER_S
         return None
+
+    def _schedule(self, left: Sequence[str]) -> None:
+        self._has_more = bool(left)
+        if left:
+            wait_s = STAGGER_S if self._trusted(left[0]) else STRANGER_S
+            self._next_s = self._tried_s + wait_s
 
     def settle(self) -> list[str]:
         """Wait for those under way; the addresses of those that have failed, which are closed."""
@@ -84,7 +104,6 @@ class Attempts:
         for host in failed:
             self.failure = self.failure or self._open[host].failure
             self._close(self._open.pop(host))
-            self._next_s = 0.0
         for each in self._open.values():
             each.watch(self._poller, self._owner)
         return failed
@@ -106,4 +125,6 @@ class Attempts:
     @property
     def wake_s(self) -> float:
         """When to call `advance` though nothing has come, in steady seconds; inf: at no time."""
-        return self._next_s if self._has_more else math.inf
+        if not self._has_more:
+            return math.inf
+        return self._next_s if self._open else -math.inf

@@ -113,7 +113,8 @@ class Dialer:
         self._needs_polling.add(peer)
 
     def _attempts(self, peer: str) -> Attempts:
-        return Attempts(partial(self._new_connection, peer), self._poller, peer)
+        connect, trusted = partial(self._new_connection, peer), partial(self.book.is_trusted, peer)
+        return Attempts(connect, self._poller, peer, trusted=trusted)
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
@@ -291,7 +292,7 @@ class Dialer:
             connection.leave("the peer's address has changed")
         else:
             attempts = self._connections[peer] = self._attempts(peer)
-            attempts.adopt(connection)
+            attempts.adopt(connection, now_s)
 
     # --- datagrams
 
@@ -301,6 +302,7 @@ class Dialer:
             return
         reached = self._reached.get(peer)
         hosts = [reached] if reached else self.book.hosts(peer)[:MAX_COPIES]
+        hosts = [host for host in hosts if reached or self.book.is_trusted(peer, host)]
         port = self._team.robot(peer).port_for(self._me.name)
         seal = self._seals.get(peer)
         if len(self._peers_at) > MAX_PLACES:
