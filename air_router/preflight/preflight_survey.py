@@ -102,14 +102,20 @@ class PreflightSurvey:
         return 1.0 if self.clock is None else await self.clock.measured_rate()
 
     async def _reachable(self) -> dict[str, bool] | None:
-        """Whose node answers now; None without a team, and where a simulation starts the nodes."""
+        """Whose node answers now; None without a team, and where a simulation starts the nodes.
+
+        Robots that are found by mDNS are left out: the flight's own node looks for them.
+        """
         team = self.team
         if team is None or self.simulated:
             return None
-        names = team.robot(self.uav).peers
-        places = [(team.robot(n).address, team.robot(n).port_for(self.uav)) for n in names]
-        answers = await asyncio.gather(*(_answers(*place) for place in places))
-        return dict(zip(names, answers, strict=True))
+        peers = [team.robot(name) for name in team.robot(self.uav).peers]
+        places = {
+            peer.name: (peer.address, peer.port_for(self.uav)) for peer in peers if peer.address
+        }
+        answers = await asyncio.gather(*(_answers(*place) for place in places.values()))
+        found = dict(zip(places, answers, strict=True))
+        return found if found or not peers else None
 
 
 async def _answers(host: str, port: int) -> bool:

@@ -12,25 +12,35 @@ import click
 from mocha_link.cli.keys_command import links, protection_lines
 from mocha_link.cli.links_view import aligned
 from mocha_link.cli.program import PATH, Options, command, examples, option
+from mocha_link.cli.rollout import changes
 from mocha_link.team import DocumentError, Team, keys
 
 LOG = logging.getLogger("mocha_link")
 
 
 @command(
-    "Check a team file and show the ids and ports that follow from it.",
-    examples("mocha-link check missions/pennovation/team.yaml"),
+    "Check a team file and show the ids and ports that follow from it. With NEW, compare "
+    "two team files: what nodes that have OLD and nodes that have NEW exchange less, as long as "
+    "both are in use. Exit code 1: NEW cuts something.",
+    examples(
+        "mocha-link check missions/pennovation/team.yaml",
+        "mocha-link check team.yaml team.new.yaml     # before a roll-out",
+    ),
 )
-@click.argument("team", type=PATH, help="team file (YAML)")
+@click.argument("team", type=PATH, metavar="TEAM|OLD", help="team file (YAML)")
+@click.argument("new", type=PATH, required=False, help="team file that is to replace it")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(options: Options) -> int:
     """Do it; returns the exit code."""
     try:
         team = Team.load(options.team)
+        new = Team.load(options.new) if options.new else None
     except DocumentError as error:
         if options.json:
             print(json.dumps({"problems": [problem.as_json() for problem in error.problems]}))
         raise
+    if new:
+        return _compare(team, new, as_json=options.json)
     exposure = keys.exposure(team, team.robots.values())
     if exposure:
         LOG.warning("%s", exposure)
@@ -39,6 +49,27 @@ def run(options: Options) -> int:
         return 0
     print("\n".join([_team_tables(team), "", _rules_line(team), *protection_lines(team)]))
     return 0
+
+
+def _compare(old: Team, new: Team, *, as_json: bool) -> int:
+    """Print what a roll-out changes; returns the exit code."""
+    found = changes(old, new)
+    cuts = sum(change.cuts for change in found)
+    if as_json:
+        listed = [change.as_json() for change in found]
+        print(json.dumps({"cuts": bool(cuts), "changes": listed}))
+        return 1 if cuts else 0
+    for change in found:
+        print(f"{'CUTS' if change.cuts else 'ok  '}  {change}")
+    if not found:
+        print("both files mean the same")
+    elif cuts:
+        print(
+            f"\n{cuts} of {len(found)} changes cut the exchange until all nodes have the new file"
+        )
+    else:
+        print(f"\nnone of {len(found)} changes cuts the exchange: restart the nodes in any order")
+    return 1 if cuts else 0
 
 
 def _ids(team: Team) -> dict[str, Any]:
@@ -72,7 +103,7 @@ def _team_tables(team: Team) -> str:
         radio = robot.radio or f"timer, {team.trigger.interval_s:g} s"
         node = "original" if robot.original else ""
         rows.append(
-            (robot.name, str(robot.robot_id), robot.kind, robot.address, ports, radio, node)
+            (robot.name, str(robot.robot_id), robot.kind, robot.shown_address, ports, radio, node)
         )
     heads = ("kind", "topic", "id", "type", "dtype", "priority", "at most every", "keeps", "sends")
     kinds: list[tuple[str, ...]] = [heads]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import queue
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -13,9 +14,11 @@ from typing import NamedTuple
 
 import click
 
+from mocha_link.addresses import Resolver
 from mocha_link.cli.program import PATH, Options, Parsed, command, examples, option, seconds
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
+from mocha_link.hosts import is_number, joined
 from mocha_link.links import (
     Direction,
     LinkEvent,
@@ -25,11 +28,13 @@ from mocha_link.links import (
     as_reading,
     threshold,
 )
-from mocha_link.node import Gossip, Transport
+from mocha_link.node import Gossip, Transport, kernel
 from mocha_link.radios import open_radio
 from mocha_link.team import Robot, SecretKey, Team, peer_keys, secret_key
 
 LISTEN_S = 8.0  # four intervals of nodes that pull by the timer
+RESOLVE_S = 3.0  # for the name of this computer
+GREET_S = 1.0  # for a node at its address
 AHEAD_S = 1.0  # clocks closer than that do no harm
 IN, OUT = Direction.IN, Direction.OUT
 
@@ -110,6 +115,7 @@ class _Trial:
     def run(self) -> None:
         """Try it all, then judge."""
         with closing(self._transport()), self._radio():
+            self.findings.extend(self._own_address())
             self._watch()
         for peer in self._robot.peers:
             self.findings.append(self._outgoing(peer))
@@ -152,6 +158,27 @@ class _Trial:
                 return transport
             self._serves = False
 
+    def _own_address(self) -> Iterator[Finding]:
+        """Whether the others dial this computer, or another one that may run as the same robot."""
+        name, address = self._robot.name, self._robot.address
+        if address is None or not self._robot.peers:
+            return
+        hosts, why = _resolved(address, min(self._seconds, RESOLVE_S))
+        if not hosts:
+            yield Finding(None, False, f"its address in the team file: {why}")
+        elif not any(map(kernel.is_ours, hosts)):
+            text = f"'{address}' in the team file is no address of this computer"
+            port = self._robot.port_for(self._robot.peers[0])
+            if any(_greets(host, port) for host in hosts):
+                text += (
+                    f", and a node answers there: two robots run as {name}, which loses messages "
+                    "of both, or a relay or NAT leads from there to here; give each robot a name "
+                    "of its own"
+                )
+            else:
+                text += f": the others do not find {name}; correct the address, or this computer's"
+            yield Finding(None, False, text)
+
     def _radio(self) -> AbstractContextManager[object]:
         """While it listens to the radio, if there is one that is ours."""
         if self._robot.radio is None:
@@ -185,7 +212,8 @@ class _Trial:
 
     def _outgoing(self, peer: str) -> Finding:
         robot = self._team.robot(peer)
-        place = f"{robot.address}:{robot.port_for(self._robot.name)}"
+        number = robot.port_for(self._robot.name)
+        place = joined(robot.address, number) if robot.address else f"port {number} (by mDNS)"
         end = self._ends.get((peer, IN))
         if isinstance(end, SyncEnded):
             link = self._gossip.links(_now())[peer]
@@ -196,8 +224,13 @@ class _Trial:
         hint = ""
         if "refused" in why and "key" not in why:
             hint = (
-                f"; {robot.address} is reached, but no node of {peer} listens at that port: "
-                "start it, or compare base_port in the two team files"
+                f"; {robot.address or peer} is reached, but no node of {peer} listens at that "
+                "port: start it, or compare base_port in the two team files"
+            )
+        elif robot.address is None:
+            hint = (
+                f"; is the node of {peer} on, on the same link as this computer, and does the link "
+                "carry multicast (mDNS, UDP port 5353)? Otherwise add its address to the team file"
             )
         elif end is None or "no connection" in why or "unreachable" in why or "no route" in why:
             hint = (
@@ -216,7 +249,7 @@ class _Trial:
                 False,
                 f"it has not asked this robot within {self._seconds:g} s: it does not hear this "
                 "robot by radio, its team file has another address than "
-                f"{self._robot.address}:{port}, or a firewall here stops TCP and UDP",
+                f"{self._robot.shown_address}, port {port}, or a firewall here stops TCP and UDP",
             )
         pulls = f"it asks this robot, at port {port}"
         if isinstance(end, SyncEnded):
@@ -245,6 +278,27 @@ class _Trial:
         good = reading.value >= limit
         less = "a contact begins at" if good else "too weak: no contact begins below"
         return Finding(peer, good, f"{text}; {less} {limit:g}")
+
+
+def _resolved(address: str, limit_s: float) -> tuple[tuple[str, ...], str]:
+    """The addresses that a host stands for, or why there are none."""
+    if is_number(address):
+        return (address,), ""
+    found = threading.Event()
+    resolver = Resolver(found.set)
+    if not resolver.hosts(address):
+        found.wait(limit_s)
+    why = resolver.failure(address) or f"the name server has not answered within {limit_s:g} s"
+    return resolver.hosts(address), why
+
+
+def _greets(host: str, port: int) -> bool:
+    """Whether something at a place begins to speak as nodes do."""
+    try:
+        with socket.create_connection((host, port), timeout=GREET_S) as probe:
+            return probe.recv(1) == b"\xff"
+    except OSError:
+        return False
 
 
 def _now() -> Instant:

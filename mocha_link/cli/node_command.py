@@ -24,6 +24,7 @@ from mocha_link.cli.program import (
     option,
     web_address,
 )
+from mocha_link.hosts import joined
 from mocha_link.lifetime import until_terminated
 from mocha_link.links import LinkEvent
 from mocha_link.node import Node
@@ -117,7 +118,9 @@ def run(options: Options) -> int:
             count = len(node.messages())
             _print_line(f"{options.storage} has {count} message{'s' * (count != 1)}")
         for peer in robot.peers:
-            _print_line(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
+            _print_line(
+                f"{robot.name} answers {peer} on {joined(robot.listen, robot.port_for(peer))}"
+            )
         _print_line("ready; Ctrl-C ends")
         _show(events, as_json=options.json)
     return 0

@@ -14,6 +14,7 @@ from collections.abc import Container, Iterable, Sequence
 import zmq
 
 from mocha_link.forks import closed_in_children
+from mocha_link.hosts import family_of, host_of, joined, socket_address
 from mocha_link.node import kernel, zmtp
 from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
@@ -36,7 +37,7 @@ class Connection:
     """A connection of our own ZMTP: it is set up in half the time that libzmq takes.
 
     Args:
-        address: An IPv4 address.
+        host: An address, IPv4 or IPv6.
         send_before_ready: Requests do not wait for the peer's handshake; with keys they have to.
         keys: Ours, and the peer's: the connection is encrypted then.
 
@@ -44,20 +45,24 @@ class Connection:
         failure: the text of the error that ended the connection; None: it is usable.
         send_before_ready: requests do not wait for the peer's handshake; becomes False when a peer
             did not accept that.
+        left: it was given up for another address.
     """
 
     def __init__(
         self,
-        address: str,
+        host: str,
         port: int,
         *,
         send_before_ready: bool = True,
         keys: tuple[SecretKey, PublicKey] | None = None,
     ) -> None:
         self.failure: str | None = None
+        self.left = False
         self.send_before_ready = send_before_ready
         self._keys = keys
-        self._address = (address, port)  # to dial again
+        self.host = host
+        self._port = port
+        self._unreported = False  # `advance` has read what the next `turn` reports
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
         self._waiting: list[bytes] = []  # requests until it stands
         self._watched: socket.socket | None = None  # in the poller
@@ -69,16 +74,18 @@ class Connection:
         self._reply_bytes = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
         self._opened = False
-        self._socket = closed_in_children(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+        self._socket = closed_in_children(socket.socket(family_of(self.host), socket.SOCK_STREAM))
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
-            self._socket.connect(self._address)
+            self._socket.connect(socket_address(self.host, self._port))
         except BlockingIOError:
             pass
         except OSError as error:
-            host, port = self._address
-            self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
+            self._fail_to_connect(error.strerror or str(error))
+
+    def _fail_to_connect(self, why: str) -> None:
+        self.failure = f"cannot connect to {joined(self.host, self._port)}: {why}"
 
     def _mechanism(self) -> zmtp.Mechanism:
         if self._keys is None:
@@ -127,13 +134,34 @@ class Connection:
             return None
         return self._connected_s + SEND_BEFORE_READY_S
 
+    @property
+    def stands(self) -> bool:
+        """Whether it is the peer's: with keys, its other end has shown the peer's key."""
+        return self._protocol.ready if self._keys else self._connected_s is not None
+
+    def advance(self, now_s: float) -> None:
+        """Set it up further; the next `turn` reports what has arrived."""
+        self._unreported |= self.turn(now_s)
+
+    def leave(self, why: str) -> None:
+        """It leads nowhere any more, as something else has shown; a fresh one may get through."""
+        self.failure = self.failure or why
+        self.left = True
+
+    def is_from_here(self) -> bool:
+        """Whether this machine still has the address from which it goes out."""
+        try:
+            return kernel.is_ours(host_of(self._socket.getsockname()))
+        except OSError:
+            return False
+
     def turn(self, now_s: float) -> bool:
         """Send and receive as much as possible; whether anything arrived."""
-        arrived = False
+        arrived, self._unreported = self._unreported, False
         try:
             if self._connected_s is None:
                 if not self._is_connected():
-                    return False
+                    return arrived
                 self._connected_s = now_s
                 arrived = True
             arrived = self._read() or arrived
@@ -151,6 +179,11 @@ class Connection:
             with contextlib.suppress(OSError):
                 self._flush()
 
+    def take_waiting(self) -> list[bytes]:
+        """The requests that have not been sent, which are not sent on this connection any more."""
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
     def replies(self) -> Iterable[Sequence[Part]]:
         """The body parts of the replies since the last call."""
         return self._protocol.replies()
@@ -158,6 +191,10 @@ class Connection:
     def rtt_s(self) -> float | None:
         """The round-trip time as the kernel has seen it."""
         return kernel.rtt_s(self._socket)
+
+    def unanswered(self) -> int:
+        """How often in a row what it sends was sent again, as the kernel has counted."""
+        return kernel.unanswered(self._socket)
 
     def close(self) -> None:
         """Close when what was sent is out."""
@@ -238,7 +275,6 @@ class Connection:
             why = "the keys do not fit, or it has none" if self._keys else "the peer wants a key"
             self.failure = f"the connection broke in the ZeroMQ handshake, or {why}"
         elif self._connected_s is None:
-            host, port = self._address
-            self.failure = f"cannot connect to {host}:{port}: {error.args[-1]}"
+            self._fail_to_connect(str(error.args[-1]))
         else:
             self.failure = "the peer closed the connection"

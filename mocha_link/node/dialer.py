@@ -5,75 +5,27 @@ from __future__ import annotations
 import contextlib
 import math
 import socket
-import threading
 import time
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping
+from functools import partial
 
 import zmq
 
+from mocha_link.addresses import AddressBook, Mdns, Resolver
+from mocha_link.hosts import host_of
 from mocha_link.logs import NodeLog
+from mocha_link.loopback import is_loopback
 from mocha_link.node import kernel
+from mocha_link.node.attempts import Attempts
 from mocha_link.node.connection import Connection
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.router import BURST
 from mocha_link.team import PublicKey, Robot, Seal, SecretKey, Team
 
-FRESH_S = 60.0
-RETRY_S = 5.0
-RESOLVE_AGAIN_S = 0.02  # whether the address of a peer is known by now
 WAIT_FOR_READY_S = 300.0
-
-
-class Resolver:
-    """Turns host names into IPv4 addresses in threads of its own; numbers at once.
-
-    A resolver thread calls `wake` when it has a result.
-    """
-
-    def __init__(self, wake: Callable[[], None]) -> None:
-        self._wake = wake
-        self._lock = threading.Lock()
-        self._found: dict[str, tuple[str | None, str, float]] = {}  # address, why not, when
-        self._resolving: set[str] = set()  # names that a thread resolves
-
-    def address(self, host: str) -> str | None:
-        """The address if it is resolved; None.
-
-        Resolution is under way, or `failure` has the reason.
-        """
-        try:
-            socket.inet_pton(socket.AF_INET, host)
-        except (OSError, ValueError):
-            pass
-        else:
-            return host
-        with self._lock:
-            address, why, since_s = self._found.get(host, (None, "", -math.inf))
-            stale = time.monotonic() - since_s > (RETRY_S if why else FRESH_S)
-            if stale and host not in self._resolving:
-                self._resolving.add(host)
-                threading.Thread(target=self._resolve, args=(host,), daemon=True).start()
-            return address
-
-    def failure(self, host: str) -> str | None:
-        """Why resolution failed; None while it is under way, or when there is an address."""
-        with self._lock:
-            address, why, _ = self._found.get(host, (None, "", 0.0))
-            return None if address or host in self._resolving else why or None
-
-    def _resolve(self, host: str) -> None:
-        address, why = None, ""
-        try:
-            found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
-            address = str(found[0][4][0])
-        except (OSError, UnicodeError) as error:
-            why = f"no address for '{host}': {error}"
-        with self._lock:
-            if address is None:  # name servers go out of reach as robots do
-                address = self._found.get(host, (None, "", 0.0))[0]
-            self._found[host] = (address, why, time.monotonic())
-            self._resolving.discard(host)
-        self._wake()
+MOVED_S = 10.0  # a connection is replaced at most so often because its peer seems to be elsewhere
+MAX_PLACES = 1024  # to which datagrams went; what comes from elsewhere is not received
+MAX_COPIES = 3  # of a datagram, while it is not known at which address the peer is
 
 
 class Dialer:
@@ -86,8 +38,12 @@ class Dialer:
         secret: of `me`; None: no link is protected.
         keys: of protected peers.
         seals: for the datagrams of protected peers.
-        wake: called from another thread when a name has an address.
+        wake: called from another thread when an address has come or gone.
         lost: called with a peer and why there is no connection to it.
+        mdns: finds robots without an address in the team file.
+
+    Attributes:
+        book: the addresses of the peers.
     """
 
     def __init__(  # noqa: PLR0913 - what it stands between
@@ -101,6 +57,7 @@ class Dialer:
         seals: Mapping[str, Seal],
         wake: Callable[[], None],
         lost: Callable[[str, str], None],
+        mdns: Mdns | None = None,
     ) -> None:
         self._team = team
         self._me = me
@@ -109,10 +66,14 @@ class Dialer:
         self._keys = keys
         self._seals = seals
         self._lost = lost
-        self._resolver = Resolver(wake)
-        self._connections: dict[
-            str, Connection | list[bytes]
-        ] = {}  # frames: the address is not known yet
+        self.book = AddressBook(team, keys, Resolver(self.update), mdns)
+        self._wake = wake
+        self._updated = False  # an address may have come or gone
+        self._connections: dict[str, Connection | Attempts] = {}
+        self._stated: set[str] = set()  # peers dialed at an address of team file, name or mDNS
+        self._reached: dict[str, str] = {}  # by peer: where it was reached in this contact
+        self._moved_s: dict[str, float] = {}  # by peer: when it seemed to be elsewhere, steady
+        self._left_s: dict[str, float] = {}  # by peer: when our address went away, steady
         # Peers whose connections need a turn without a poller event; all others wait for one.
         self._needs_polling: set[str] = set()
         self._wait_until_s: dict[str, float] = {}  # peers that requests must not hurry to
@@ -135,24 +96,30 @@ class Dialer:
         if self._datagrams:
             self._datagrams.close()
 
-    def address(self, peer: str) -> str | None:
-        """The address of a peer, if it is known."""
-        return self._resolver.address(self._team.robot(peer).address)
+    def update(self) -> None:
+        """An address may have come or gone; from any thread."""
+        self._updated = True
+        self._wake()
 
     # --- connections
 
     def connect(self, peer: str) -> None:
         """Replace the connection to a peer by a fresh one; it opens when something is sent."""
         self.hang_up(peer, void=True)
-        self._connections[peer] = []
+        self._reached.pop(peer, None)
+        self._connections[peer] = self._attempts(peer)
         self._needs_polling.add(peer)
+
+    def _attempts(self, peer: str) -> Attempts:
+        connect, trusted = partial(self._new_connection, peer), partial(self.book.is_trusted, peer)
+        return Attempts(connect, self._poller, peer, trusted=trusted)
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
         connection = self._connections.get(peer)
-        if isinstance(connection, list):
-            connection.append(frame)
-            self._open(peer, connection)
+        if isinstance(connection, Attempts):
+            connection.frames.append(frame)
+            self._open(peer, connection, (), time.monotonic())
         elif connection:
             connection.send(frame)
             self._watch(peer, connection)
@@ -161,10 +128,16 @@ class Dialer:
         """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""
         connection = self._connections.pop(peer, None)
         self._needs_polling.discard(peer)
-        if connection and not isinstance(connection, list):
+        if isinstance(connection, Attempts):
+            for host in connection:
+                self.book.failed(peer, host)
+            connection.close()
+        elif connection:
             now_s = time.monotonic()
             if not connection.send_before_ready and now_s >= self._wait_until_s.get(peer, 0.0):
                 self._wait_until_s[peer] = now_s + WAIT_FOR_READY_S
+            if connection.failure or not connection.stands:
+                self.book.failed(peer, connection.host)
             connection.forget(self._poller)
             if void:
                 connection.abort()
@@ -174,12 +147,17 @@ class Dialer:
     def ready(
         self, ready: Mapping[Polled, Hashable], now_s: float
     ) -> Iterator[tuple[str, Connection]]:
-        """The connections that need a turn; opens those with a resolved address."""
+        """The connections that need a turn; opens those with a known address."""
+        if self._updated:
+            self._updated = False
+            self._leave_old_addresses(now_s)
         polled = self._needs_polling.union(ready.values())
         for peer in [each for each in self._connections if each in polled]:
             connection = self._connections.get(peer)  # those before may have closed or replaced it
-            if isinstance(connection, list):
-                self._open(peer, connection)
+            if isinstance(connection, Attempts):
+                found = self._open(peer, connection, ready, now_s)
+                if found:
+                    yield peer, found
             elif connection and connection.is_ready(ready, now_s):
                 yield peer, connection
 
@@ -190,7 +168,14 @@ class Dialer:
         if connection.failure:
             self.hang_up(peer, void=True)
         else:
+            if connection.stands:
+                self._note_reached(peer, connection.host)
             self._watch(peer, connection)
+
+    def _note_reached(self, peer: str, host: str) -> None:
+        if self._reached.get(peer) != host:
+            self._reached[peer] = host
+            self.book.reached(peer, host)
 
     def _watch(self, peer: str, connection: Connection) -> None:
         connection.watch(self._poller, peer)
@@ -204,63 +189,140 @@ class Dialer:
         waits_s = [math.inf]
         for peer in self._needs_polling:
             connection = self._connections[peer]
-            if isinstance(connection, list):
-                waits_s.append(RESOLVE_AGAIN_S)
+            if isinstance(connection, Attempts):
+                waits_s.append(connection.wake_s - now_s)
             elif connection.failure is not None:
                 waits_s.append(0.0)
             elif connection.wake_s is not None:
                 waits_s.append(connection.wake_s - now_s)
         return min(waits_s)
 
-    def _open(self, peer: str, frames: list[bytes]) -> None:
-        """Open the connection to a peer and send what waits for it, once its address is known."""
-        robot = self._team.robot(peer)
-        address = self._resolver.address(robot.address)
-        port = robot.port_for(self._me.name)
-        why = self._resolver.failure(robot.address)
-        if address:
-            try:
-                connection = self._new_connection(peer, address, port)
-            except OSError as error:
-                why = f"cannot connect to {robot.address}:{port}: {error}"
+    def _open(
+        self, peer: str, attempts: Attempts, ready: Container[Polled], now_s: float
+    ) -> Connection | None:
+        """Open connections to a peer once an address is known; the one that gets what waits."""
+        hosts = self.book.hosts(peer)
+        found = attempts.advance(hosts, ready, now_s)
+        for host in attempts.settle():
+            self.book.failed(peer, host)
+        if found:
+            attempts.close()
+            self._connections[peer] = found
+            if self.book.is_stated(peer, found.host):
+                self._stated.add(peer)
             else:
-                self._connections[peer] = connection
-                for frame in frames:
-                    connection.send(frame)
-                self._watch(peer, connection)
-                return
+                self._stated.discard(peer)
+            for frame in attempts.frames:
+                found.send(frame)
+            self._watch(peer, found)
+            return found
+        why = attempts.failure if attempts.exhausted(hosts) else None
+        if not hosts:
+            why = self.book.failure(peer)
         if why:
             self._connections.pop(peer, None)
             self._needs_polling.discard(peer)
             self._lost(peer, why)
+        return None
 
-    def _new_connection(self, peer: str, address: str, port: int) -> Connection:
+    def _new_connection(self, peer: str, host: str) -> Connection:
+        port = self._team.robot(peer).port_for(self._me.name)
         send_before_ready = time.monotonic() >= self._wait_until_s.get(peer, 0.0)
         key = self._keys.get(peer)
         keys = (self._secret, key) if self._secret and key else None
-        return Connection(address, port, send_before_ready=send_before_ready, keys=keys)
+        return Connection(host, port, send_before_ready=send_before_ready, keys=keys)
+
+    # --- peers that move, and our own addresses
+
+    def came_from(self, peer: str, host: str) -> None:
+        """A peer came to its port from an address: there it is, perhaps no longer where it was.
+
+        A relay on this machine shows nothing of where the peer is.
+        """
+        if is_loopback(host) or not self.book.came_from(peer, host):
+            return
+        connection = self._connections.get(peer)
+        if isinstance(connection, Connection) and connection.host != host:
+            self._replace(peer, connection, time.monotonic())
+
+    def expire(self, now_s: float) -> None:
+        """Look for connections that lead to where their peer is no longer; call it now and then."""
+        for peer, connection in list(self._connections.items()):
+            if not isinstance(connection, Connection):
+                continue
+            hosts = self.book.hosts(peer)  # and so names are resolved anew while they are used
+            if connection.unanswered():
+                self.book.failed(peer)
+                if hosts and hosts[0] != connection.host and self.book.is_stated(peer, hosts[0]):
+                    self._replace(peer, connection, now_s)
+
+    def own_addresses_changed(self, now_s: float) -> list[str]:
+        """Close the connections that go out from an address that this machine has no longer.
+
+        Returns the peers that had one a moment ago and have none now: the new address may help.
+        """
+        for peer, connection in self._connections.items():
+            if isinstance(connection, Connection) and not connection.is_from_here():
+                connection.leave("the address of this computer has changed")
+                self._needs_polling.add(peer)
+                self._left_s[peer] = now_s
+        return [
+            peer
+            for peer, left_s in self._left_s.items()
+            if now_s - left_s < MOVED_S and peer not in self._connections
+        ]
+
+    def _leave_old_addresses(self, now_s: float) -> None:
+        """Close connections to addresses for which name or mDNS do not stand any more."""
+        for peer, connection in list(self._connections.items()):
+            if not isinstance(connection, Connection) or peer not in self._stated:
+                continue
+            if self.book.hosts(peer) and not self.book.is_stated(peer, connection.host):
+                self._replace(peer, connection, now_s)
+
+    def _replace(self, peer: str, connection: Connection, now_s: float) -> None:
+        """Try the other addresses of a peer, beside this one if it is not through yet."""
+        if now_s - self._moved_s.get(peer, -math.inf) < MOVED_S:
+            return
+        self._moved_s[peer] = now_s
+        self._needs_polling.add(peer)
+        if connection.stands or connection.failure:
+            connection.leave("the peer's address has changed")
+        else:
+            attempts = self._connections[peer] = self._attempts(peer)
+            attempts.adopt(connection, now_s)
 
     # --- datagrams
 
     def send_datagram(self, peer: str, packet: bytes) -> None:
-        """Send a datagram to a peer's port for us."""
-        address = self.address(peer)
-        if address and self._datagrams:
-            place = (address, self._team.robot(peer).port_for(self._me.name))
-            self._peers_at[place] = peer
-            seal = self._seals.get(peer)
-            with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
-                self._datagrams.sendto(seal.seal(packet) if seal else packet, place)
+        """Send a datagram to a peer's port for us; where it may be, before it was reached."""
+        if self._datagrams is None:
+            return
+        reached = self._reached.get(peer)
+        hosts = [reached] if reached else self.book.hosts(peer)[:MAX_COPIES]
+        hosts = [host for host in hosts if reached or self.book.is_trusted(peer, host)]
+        port = self._team.robot(peer).port_for(self._me.name)
+        seal = self._seals.get(peer)
+        if len(self._peers_at) > MAX_PLACES:
+            self._peers_at.clear()
+        for host in hosts:
+            place = kernel.destination(self._datagrams, host, port)
+            if place:
+                self._peers_at[host, port] = peer
+                with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
+                    self._datagrams.sendto(seal.seal(packet) if seal else packet, place)
 
     def packets(self, ready: Container[Polled]) -> Iterator[tuple[str, bytes]]:
         """The datagrams that peers have sent in reply to ours, each with its peer."""
         if self._datagrams is None or self._datagrams.fileno() not in ready:
             return
         for packet, source in kernel.received(self._datagrams, BURST):
-            peer = self._peers_at.get(source)
+            host = host_of(source)
+            peer = self._peers_at.get((host, source[1]))
             if peer is None:
                 continue
             seal = self._seals.get(peer)
             opened = seal.open(packet) if seal else packet
             if opened is not None:
+                self._note_reached(peer, host)
                 yield peer, opened

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import resource
 import selectors
 import socket
@@ -14,6 +15,7 @@ from pathlib import Path
 import zmq
 
 from mocha_link.forks import closed_in_children
+from mocha_link.hosts import ANY, SocketAddress, family_of, socket_address
 
 DATAGRAM_BYTES = 1500
 
@@ -21,7 +23,9 @@ DATAGRAM_BYTES = 1500
 _MIN_RTT_AT = 148
 _BACKLOG = 100  # as libzmq has it
 _NO_RTT_US = 2**32 - 1
+_RETRANSMITS_AT = 2  # u8: how often in a row what it sends was sent again without an answer
 _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT = 10, 0  # linux/in.h
+_IPV6_MTU_DISCOVER = 23  # linux/in6.h
 _IP_FREEBIND = 15  # linux/in.h
 _AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
 
@@ -54,6 +58,11 @@ def rtt_s(connection: socket.socket | None) -> float | None:
     return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
 
 
+def unanswered(connection: socket.socket | None) -> int:
+    """How often in a row what it sends was sent again without an acknowledgement."""
+    return _tcp_info(connection, "=B", _RETRANSMITS_AT) or 0
+
+
 def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
     if connection is None:
         return None
@@ -67,7 +76,39 @@ def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int
 
 def let_address_come_later(unbound: socket.socket) -> None:
     """Let it be bound to an address that the machine does not have yet. OSError: not on Linux."""
-    unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)
+    unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)  # of IPv6 sockets, too
+
+
+def _unbound(host: str, kind: socket.SocketKind) -> socket.socket:
+    """A socket for an address of this machine, or for all: IPv4 and IPv6 where both are there."""
+    if host != ANY:
+        made = socket.socket(family_of(host), kind)
+        if made.family == socket.AF_INET6:
+            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        return made
+    try:
+        made = socket.socket(socket.AF_INET6, kind)
+    except OSError:  # a kernel without IPv6
+        return socket.socket(socket.AF_INET, kind)
+    made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+    return made
+
+
+def _bind(unbound: socket.socket, host: str, port: int) -> None:
+    """Bind it to an address, or to all. Raises OSError."""
+    if host == ANY:
+        host = "::" if unbound.family == socket.AF_INET6 else "0.0.0.0"  # noqa: S104 - all
+    unbound.bind(socket_address(host, port))
+
+
+def is_ours(host: str) -> bool:
+    """Whether this machine has an address now."""
+    try:
+        with socket.socket(family_of(host), socket.SOCK_DGRAM) as probe:
+            probe.bind(socket_address(host, 0))
+    except OSError:
+        return False
+    return True
 
 
 def tune(connection: socket.socket, dead_s: int) -> None:
@@ -84,20 +125,22 @@ def tune(connection: socket.socket, dead_s: int) -> None:
 
 
 def listener(address: str, port: int, *, early: bool = False) -> socket.socket:
-    """Listens on an IPv4 address; `early`: on one, too, that the machine does not have yet.
+    """Listens on an address, or on all (``*``); `early`: on one that the machine lacks yet, too.
 
     Raises OSError.
     """
-    made = closed_in_children(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+    made = closed_in_children(_unbound(address, socket.SOCK_STREAM))
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if early:
             let_address_come_later(made)
         made.setblocking(False)
-        made.bind((address, port))
+        _bind(made, address, port)
         made.listen(_BACKLOG)
-    except BaseException:
+    except OSError as error:
         made.close()
+        if address == ANY and error.errno == errno.EADDRNOTAVAIL:  # IPv6 is switched off
+            return listener("0.0.0.0", port, early=early)  # noqa: S104 - all there is
         raise
     return made
 
@@ -108,24 +151,41 @@ def datagram_socket(listen: str, number: int = 0, buffer_bytes: int = 0) -> sock
     The address need not be there yet. Datagrams are cut in parts where a link takes less than their
     size, not thrown away. Raises OSError.
     """
-    datagrams = closed_in_children(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    datagrams = closed_in_children(_unbound(listen, socket.SOCK_DGRAM))
     try:
         if buffer_bytes:
             datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer_bytes)
         with contextlib.suppress(OSError):  # not Linux: its own way is as good
             datagrams.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT)
-        if listen != "*":
+            if datagrams.family == socket.AF_INET6:
+                datagrams.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _IP_PMTUDISC_DONT)
+        if listen != ANY:
             with contextlib.suppress(OSError):  # not Linux; then the address was there
                 let_address_come_later(datagrams)
-        datagrams.bind(("" if listen == "*" else listen, number))
+        _bind(datagrams, listen, number)
         datagrams.setblocking(False)
-    except OSError:
+    except OSError as error:
         datagrams.close()
+        if listen == ANY and error.errno == errno.EADDRNOTAVAIL:  # IPv6 is switched off
+            return datagram_socket("0.0.0.0", number, buffer_bytes)  # noqa: S104 - all there is
         raise
     return datagrams
 
 
-def received(datagrams: socket.socket, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
+def destination(datagrams: socket.socket, host: str, port: int) -> SocketAddress | None:
+    """What a socket of `datagram_socket` takes for an address; None: it does not reach it."""
+    if datagrams.family == socket.AF_INET:
+        return None if ":" in host else (host, port)
+    mapped = not datagrams.getsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY)
+    if ":" not in host and not mapped:
+        return None
+    try:
+        return socket_address(host, port, mapped=True)
+    except OSError:  # the interface has gone
+        return None
+
+
+def received(datagrams: socket.socket, limit: int) -> Iterator[tuple[bytes, SocketAddress]]:
     """The datagrams that have come, up to so many, and where from."""
     for _ in range(limit):
         try:

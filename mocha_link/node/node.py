@@ -151,6 +151,8 @@ class Node(Startable):
             PortInUseError: another process or node has one of the ports.
             ListenError: the robot's `listen` is not an address of this machine.
             RadioError: another process has the port of the radio.
+            MissingExtraError: a robot has no address in the team file, and the extra ``mdns`` is
+                not installed.
             NodeClosedError: the node was started or closed before.
         """
         if self._transport or self._closed:

@@ -11,6 +11,7 @@ from functools import partial
 import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
+from mocha_link.hosts import SocketAddress, joined
 from mocha_link.logs import NodeLog
 from mocha_link.node import kernel
 from mocha_link.node.curve import CurveServer
@@ -55,7 +56,7 @@ class Port:
         key: PublicKey | None = None,
     ) -> None:
         self.peer = peer
-        self.datagram_address: tuple[str, int] | None = None
+        self.datagram_address: SocketAddress | None = None
         number = me.port_for(peer)
         mechanism = None
         if secret and key:
@@ -109,11 +110,19 @@ class Port:
         """Whether a connection is still there."""
         return self._router.stands(route[0])
 
+    def source(self, route: Route) -> str | None:
+        """The address from which a connection comes; None: it is closed."""
+        return self._router.source(route[0])
+
+    def own_addresses_changed(self) -> None:
+        """Close the connections to addresses that this machine has no longer."""
+        self._router.own_addresses_changed()
+
     def flush(self, route: Route | None) -> bool:
         """Try to send what waits for a connection; whether it takes more."""
         return route is None or self._router.flush(route[0])
 
-    def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
+    def packets(self, limit: int) -> Iterator[tuple[bytes, SocketAddress]]:
         """The datagrams that have come, and where from."""
         return kernel.received(self._datagrams, limit) if self._datagrams else iter(())
 
@@ -146,14 +155,13 @@ def _listener(me: Robot, peer: str, number: int) -> socket.socket:
 
     Raises PortInUseError or ListenError.
     """
-    address = "" if me.listen == "*" else me.listen
     try:
-        return kernel.listener(address, number)
+        return kernel.listener(me.listen, number)
     except OSError as error:
         why = error
     if why.errno == errno.EADDRNOTAVAIL:
         try:
-            listener = kernel.listener(address, number, early=True)
+            listener = kernel.listener(me.listen, number, early=True)
         except OSError as error:
             why = error if error.errno == errno.EADDRINUSE else why
         else:
@@ -165,7 +173,7 @@ def _listener(me: Robot, peer: str, number: int) -> socket.socket:
                 me.name,
             )
             return listener
-    what = f"{me.name} cannot listen for {peer} on tcp://{me.listen}:{number}"
+    what = f"{me.name} cannot listen for {peer} on tcp://{joined(me.listen, number)}"
     if why.errno == errno.EADDRINUSE:
         raise PortInUseError(
             f"{what}: port {number} is in use; end the other node or process on it "

@@ -17,6 +17,7 @@ from collections.abc import Callable, Collection, Container, Hashable, Iterator,
 
 import zmq
 
+from mocha_link.hosts import host_of
 from mocha_link.node import kernel
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.zmtp import (
@@ -47,6 +48,15 @@ _MAX_REQUESTS = 1024  # in one read; our pulls have up to 256 under way
 _MAX_PIECES = 64  # in a system call
 
 
+def _host(name: Callable[[], object]) -> str | None:
+    """The address of an end of a connection; None: it is not one of IP, or is closed."""
+    try:
+        found = name()
+    except OSError:
+        return None
+    return host_of(found) if isinstance(found, tuple) else None
+
+
 class ClientConnection:
     """A client's connection to a router: its requests, and replies that are not sent yet."""
 
@@ -56,6 +66,7 @@ class ClientConnection:
         self.name = name  # begins its routes
         self.connection = connection
         self.number = connection.fileno()
+        self.source = _host(connection.getpeername)
         self.requests: deque[list[Part]] = deque()  # without a reply so far
         self.waiting_bytes = 0  # for the kernel to take them
         self.began_s = now_s
@@ -83,6 +94,11 @@ class ClientConnection:
     def holds_bytes(self) -> int:
         """What is kept for it: what has come of a request, and what it has not taken."""
         return self.waiting_bytes + self._session.held_bytes
+
+    def is_to_here(self) -> bool:
+        """Whether this machine still has the address to which it came."""
+        host = _host(self.connection.getsockname)
+        return host is None or kernel.is_ours(host)
 
     @property
     def left_early(self) -> bool:
@@ -408,6 +424,17 @@ class Router:
     def stands(self, name: bytes) -> bool:
         """Whether a connection is still there."""
         return name in self._inside
+
+    def source(self, name: bytes) -> str | None:
+        """The address from which a connection comes; None: it is closed."""
+        client = self._inside.get(name)
+        return client.source if client else None
+
+    def own_addresses_changed(self) -> None:
+        """Close the connections to addresses that this machine has no longer."""
+        for client in list(self._inside.values()):
+            if not client.is_to_here():
+                self._drop(client)
 
     def flush(self, name: bytes) -> bool:
         """Try to send what waits for a connection; whether it takes more."""

@@ -10,8 +10,10 @@ from collections.abc import Callable, Container, Hashable, Mapping
 
 import zmq
 
+from mocha_link.addresses import Mdns, OwnAddresses
 from mocha_link.clock import Instant
 from mocha_link.errors import Guard
+from mocha_link.hosts import host_of
 from mocha_link.links import LinkEvent
 from mocha_link.logs import NodeLog
 from mocha_link.node.connection import Connection
@@ -62,8 +64,9 @@ class Transport:
         simulated: bool = False,
         serves: bool = True,
     ) -> None:
-        self._gossip = gossip
         self._me = gossip.me  # whose node it is
+        self._mdns = Mdns.needed(team, self._me, announces=serves, wake=self._found)
+        self._gossip = gossip
         self._lock = lock
         self._now = now
         self._deliver = deliver
@@ -76,6 +79,7 @@ class Transport:
         self._unfinished: set[str] = set()  # peers at whose port there is more to do
         self._clients = ClientConnections()  # of all ports
         self._seals: dict[str, Seal] = {}  # by peer
+        self._own_addresses = OwnAddresses()
         self._dialer = Dialer(
             team,
             self._me,
@@ -85,6 +89,7 @@ class Transport:
             seals=self._seals,
             wake=self.wake,
             lost=self._lose,
+            mdns=self._mdns,
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
         self._expired_s = 0.0  # steady clock
@@ -105,6 +110,8 @@ class Transport:
             for peer in self._me.peers if self._serves else ():
                 self._ports[peer] = self._new_port(peer)
             self._dialer.start()
+            if self._mdns:
+                self._mdns.start()
         except BaseException:
             self._close_all()
             raise
@@ -113,6 +120,8 @@ class Transport:
         for port in self._ports.values():
             port.watch(self._poller)
         self._poller.register(self._woken.fileno(), zmq.POLLIN)
+        if self._own_addresses.number is not None:
+            self._poller.register(self._own_addresses.number, zmq.POLLIN)
         self._thread.start()
 
     def _new_port(self, peer: str) -> Port:
@@ -128,6 +137,10 @@ class Transport:
         """Wake the thread for a turn; from any thread."""
         with contextlib.suppress(OSError):  # full: it is about to wake anyway; closed: too late
             self._waker.send(b"\0")
+
+    def _found(self) -> None:
+        """MDNS has found an address, or lost one; from its thread."""
+        self._dialer.update()
 
     def is_current_thread(self) -> bool:
         """Whether this is the thread that must not wait."""
@@ -166,6 +179,8 @@ class Transport:
         if self._woken.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
+        if self._own_addresses.number in ready and self._own_addresses.changed():
+            self._leave_old_addresses()
         active = {each.peer for each in ready.values() if isinstance(each, Port)}
         active |= self._unfinished
         for peer in active:
@@ -208,21 +223,42 @@ class Transport:
         for route, parts in port.requests(ready):
             with self._guard, self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
+            self._came_from(port.peer, port.source(route))
             self._act()
             time.sleep(YIELD_S)
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
             opened = seal.open(packet) if seal else packet
+            host = host_of(source)
             # Without a key only the address identifies a peer.
-            strange = not seal and source[0] != self._dialer.address(port.peer)
+            strange = not seal and not self._dialer.book.is_at(port.peer, host)
             if opened is None or strange:
                 continue
             with self._guard, self._lock:
-                if self._gossip.packet_in(port.peer, opened, self._now()):
-                    port.datagram_address = source
+                accepted = self._gossip.packet_in(port.peer, opened, self._now())
+            if accepted:
+                port.datagram_address = source
+                self._came_from(port.peer, host)
             self._act()
 
+    def _came_from(self, peer: str, host: str | None) -> None:
+        if host:
+            with self._guard:
+                self._dialer.came_from(peer, host)
+
+    def _leave_old_addresses(self) -> None:
+        """This machine has other addresses than before."""
+        now = self._now()
+        for peer in self._dialer.own_addresses_changed(now.steady_s):
+            with self._lock:
+                self._gossip.sync(peer, now)
+        for port in self._ports.values():
+            port.own_addresses_changed()
+        if self._mdns:
+            self._mdns.addresses_changed()
+
     def _expire_clients(self, now: Instant) -> None:
+        self._dialer.expire(now.steady_s)
         for port in self._ports.values():
             for why in port.expire(now.steady_s):
                 with self._lock:
@@ -271,6 +307,8 @@ class Transport:
         with self._lock:
             if connection.failure and not self._gossip.leaves(peer):
                 self._gossip.lost(peer, connection.failure, now)
+                if connection.left:  # the contact goes on
+                    self._gossip.sync(peer, now)
         self._act()
         self._dialer.keep(peer, connection)
 
@@ -306,7 +344,10 @@ class Transport:
                 self._ports[peer].send_datagram(packet)
 
     def _close_all(self) -> None:
+        if self._mdns:
+            self._mdns.close()
         self._dialer.close()
+        self._own_addresses.close()
         for port in self._ports.values():
             port.close()
         self._poller.close()

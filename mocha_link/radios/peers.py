@@ -29,7 +29,7 @@ def peers_by_radio(team: Team, robot: Robot, *, addresses: bool = False) -> dict
     for peer in robot.peers:
         other = team.robot(peer)
         ids = re.split(r"[\s,]+", (other.radio_id or "").lower())
-        if addresses and as_address(other.address):
+        if addresses and other.address and as_address(other.address):
             ids.append(other.address)
         for radio_id in filter(None, ids):
             key = radio_id.replace("-", ":") if _DASHED_MAC.fullmatch(radio_id) else radio_id

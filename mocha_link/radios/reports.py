@@ -19,6 +19,7 @@ from typing import IO, Any
 
 from mocha_link.errors import RadioError, needs_extra
 from mocha_link.forks import closed_in_children
+from mocha_link.hosts import family_of, socket_address
 from mocha_link.links import Reading, Unit
 from mocha_link.logs import Log, NodeLog
 from mocha_link.radios.peers import the_peer
@@ -117,11 +118,11 @@ class _ListeningRadio(BackgroundRadio):
 
     def _bound(self, kind: socket.SocketKind) -> socket.socket:
         """A socket at the address that the URL names. Raises RadioError."""
-        found = self._socket = closed_in_children(socket.socket(socket.AF_INET, kind))
+        found = self._socket = closed_in_children(socket.socket(family_of(self._url.host), kind))
         try:
             if kind is socket.SOCK_STREAM:
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind((self._url.host, self._url.port or 0))
+            found.bind(socket_address(self._url.host, self._url.port or 0))
         except OSError as error:
             found.close()
             self._socket = None

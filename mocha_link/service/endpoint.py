@@ -113,6 +113,8 @@ def connect(client: zmq.Socket[Any], endpoint: str) -> bool:
             client.setsockopt(zmq.CURVE_SERVERKEY, key[0])
             client.setsockopt(zmq.CURVE_PUBLICKEY, public)
             client.setsockopt(zmq.CURVE_SECRETKEY, secret)
+        if endpoint.startswith(f"{TCP}["):
+            client.setsockopt(zmq.IPV6, 1)
         client.connect(endpoint)
     except zmq.ZMQError as error:
         raise EndpointError(

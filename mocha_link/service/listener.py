@@ -170,7 +170,7 @@ class Listener:
             raise MissingExtraError(f"{endpoint}, which encrypts,", "PyNaCl", "keys")
         key = load_key(endpoint) or zmq.curve_keypair()  # the last one: its clients find back
         host = _HOST if host == "localhost" else host
-        listener = kernel.listener(host, 0 if number == "*" else int(number))
+        listener = kernel.listener(host.strip("[]"), 0 if number == "*" else int(number))
         try:
             self.endpoint = f"{TCP}{host}:{listener.getsockname()[1]}"
             save_key(self.endpoint, key)

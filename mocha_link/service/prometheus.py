@@ -18,6 +18,7 @@ from prometheus_client.registry import Collector
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.forks import closed_in_children, parents_only
+from mocha_link.hosts import family_of, joined
 from mocha_link.lifetime import Startable
 from mocha_link.links import LinkMetrics, LinkState, Unit
 from mocha_link.node import Node
@@ -152,6 +153,7 @@ class _Server(ThreadingTCPServer):
 
     def __init__(self, address: tuple[str, int], node: Node) -> None:
         self.node = node
+        self.address_family = family_of(address[0])
         self._open: dict[socket.socket, float] = {}  # when each was accepted, monotonic
         self._lock = threading.Lock()
         super().__init__(address, _Handler)
@@ -200,7 +202,7 @@ class PrometheusServer(Startable):
         if not port.isdecimal() or int(port) > 65535:
             raise PrometheusError(f"'{address}' is no address; write host:port")
         self._node = node
-        self._address = (host or "127.0.0.1", int(port))  # as requested
+        self._address = (host.strip("[]") or "127.0.0.1", int(port))  # as requested
         self._server: _Server | None = None  # while it serves
         self._thread: threading.Thread | None = None  # while it serves
         parents_only(self)
@@ -209,7 +211,7 @@ class PrometheusServer(Startable):
     def url(self) -> str:
         """Where the metrics are."""
         host, port = self._server.server_address[:2] if self._server else self._address
-        return f"http://{host!s}:{port}/metrics"
+        return f"http://{joined(str(host), int(port))}/metrics"
 
     def start(self) -> None:
         """Begin to serve. Raises PrometheusError if the address is taken or not ours."""
@@ -217,7 +219,7 @@ class PrometheusServer(Startable):
             self._server = _Server(self._address, self._node)
         except OSError as error:
             raise PrometheusError(
-                f"cannot serve metrics on {self._address[0]}:{self._address[1]}: {error.strerror}; "
+                f"cannot serve metrics on {joined(*self._address)}: {error.strerror}; "
                 "choose another port, or an address of this machine"
             ) from None
         self._thread = threading.Thread(

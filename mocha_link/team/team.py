@@ -78,6 +78,11 @@ class Robot(RobotModel, frozen=True):
         """The robots with which this robot exchanges messages: its clients without itself."""
         return tuple(name for name in self.clients if name not in (None, self.name))
 
+    @property
+    def shown_address(self) -> str:
+        """Its address as text for the operator."""
+        return self.address or "mDNS"
+
     def port_for(self, peer: str) -> int:
         """The port on which this robot serves a peer.
 
@@ -305,8 +310,24 @@ def _problems(document: Document, model: TeamModel) -> Iterator[Problem]:
         if robot.key and robot.original:
             message = "an original node knows no keys; remove key, or original"
             yield document.problem(["robots", name, "key"], message, "not-for-original-nodes")
+        yield from _address_problems(document, model, name, robot)
         yield from _client_problems(document, model, name, robot)
     yield from _port_problems(document, model)
+
+
+def _address_problems(
+    document: Document, model: TeamModel, name: str, robot: RobotModel
+) -> Iterator[Problem]:
+    """Original nodes dial IPv4 addresses and host names, and have such addresses themselves."""
+    originals = {each for each, other in model.robots.items() if other.original}
+    near = [each for each in (name, *robot.clients) if each in originals]
+    if near and (robot.address is None or ":" in robot.address):
+        what = "mDNS" if robot.address is None else "IPv6"
+        message = (
+            f"the original node of {near[0]} knows no {what}; write an IPv4 address or a host name"
+        )
+        keys = ["robots", name, *(["address"] if robot.address else [])]
+        yield document.problem(keys, message, "not-for-original-nodes")
 
 
 def _client_problems(

@@ -14,6 +14,7 @@ from pydantic import Field as Key
 from pydantic_core import PydanticCustomError
 
 from mocha_link.errors import RadioError
+from mocha_link.hosts import ANY, NAME, NUMBER_6, as_host
 from mocha_link.team.installed_radios import radios_of_others
 
 MAX_RADIO_ID = 128  # some MAC addresses and an IP address
@@ -29,7 +30,7 @@ Ros = Literal[1, 2]
 class PortRange:
     """`count` ports at an address, from `first` on: one for each client of a robot."""
 
-    address: str
+    address: str | None  # None: unknown, so that nothing can clash
     first: int
     count: int
 
@@ -41,7 +42,7 @@ class PortRange:
     def overlaps(self, other: PortRange) -> bool:
         """Whether both want some port of the same address."""
         first, last = max(self.first, other.first), min(self.last, other.last)
-        return self.address == other.address and first <= last
+        return self.address is not None and self.address == other.address and first <= last
 
     def faults(self, others: Mapping[str, PortRange], key: str) -> Iterator[tuple[str, str]]:
         """Problem codes and messages, beside the ranges of others by the names of their robots.
@@ -61,10 +62,7 @@ class PortRange:
                 yield "ports-overlap", message
 
 
-_HOST = r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}(\.[A-Za-z0-9_-]{1,63})*\.?"
-"""A name or an IPv4 address; other labels cannot be resolved."""
-
-_PLACE, _PORT = rf"//(?P<host>{_HOST})", r":(?P<port>\d{1,5})"
+_PLACE, _PORT = rf"//(?P<host>{NAME}|\[{NUMBER_6}\])", r":(?P<port>\d{1,5})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +133,11 @@ class RadioUrl:
         )
         if not fits or (found == "rajant" and (port is None) != ("jar" in options)):
             raise _wrong(text, form.shown)
-        host, path = parts.get("host") or "", parts.get("path") or ""
-        return cls(found, host, port, options, text, path)
+        try:
+            host = as_host(parts["host"]) if parts.get("host") else ""
+        except ValueError:
+            raise _wrong(text, form.shown) from None
+        return cls(found, host, port, options, text, parts.get("path") or "")
 
     def __str__(self) -> str:
         return self.text
@@ -158,6 +159,17 @@ def _a_name(text: str) -> str:
     return text
 
 
+def _a_host(text: str) -> str:
+    try:
+        return as_host(text)
+    except ValueError as error:
+        raise PydanticCustomError("wrong-form", "{why}", {"why": str(error)}) from None
+
+
+def _a_bind_address(text: str) -> str:
+    return text if text == ANY else _a_host(text)
+
+
 def _a_type(text: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9_]+/[A-Za-z0-9_]+", text):
         raise ValueError(f"'{text:.40}' is no type: write package/Type, letters, digits and _ only")
@@ -172,7 +184,7 @@ def _a_datum(values: tuple[float, ...]) -> tuple[float, ...]:
 
 Name = Annotated[str, AfterValidator(_a_name)]
 TypeKey = Annotated[str, AfterValidator(_a_type)]
-Host = Annotated[str, StringConstraints(pattern=rf"^{_HOST}$")]
+Host = Annotated[str, AfterValidator(_a_host)]
 
 
 TypeName = Annotated[
@@ -234,6 +246,7 @@ class KindModel(BaseModel):
 class RobotModel(BaseModel, frozen=True):
     """One robot. `address` is what others dial, `listen` what its node binds.
 
+    Without an `address` others find it by mDNS.
     `clients` are in the order of the ports; None keeps a port unused. `radio_id` is by what the
     radios of others know it (MAC address, serial number). `key` is its public Ed25519 key in Z85.
     `original`: it runs the original MOCHA node. `ros`: how its ROS messages are serialized.
@@ -242,16 +255,18 @@ class RobotModel(BaseModel, frozen=True):
     """
 
     kind: Annotated[str, Key(description="one of the names under kinds")]
-    address: Annotated[Host, Key(description="host name or IPv4 address that the others dial")]
+    address: Annotated[
+        Host | None, Key(description="host name or address that the others dial")
+    ] = None
     base_port: Annotated[int, Key(ge=1, le=65535, description="first of its ports")]
     clients: Annotated[
         tuple[Name | None, ...], Key(description="the robots that may link to it, in port order")
     ]
     listen: Annotated[
         str,
-        StringConstraints(pattern=rf"^(\*|{_HOST})$"),
+        AfterValidator(_a_bind_address),
         Key(description="* or an address of this machine"),
-    ] = "*"
+    ] = ANY
     radio: Annotated[
         Annotated[str, AfterValidator(_a_radio)] | None,
         Key(description="the URL of its radio, e.g. udp://host:port"),

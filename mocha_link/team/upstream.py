@@ -21,9 +21,10 @@ import yaml
 from pydantic import BaseModel, BeforeValidator, RootModel, StringConstraints
 from pydantic import Field as Key
 
+from mocha_link.hosts import NAME
 from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
 from mocha_link.team.team import Team, UnknownRobotError
-from mocha_link.team.team_file import IDS, LAST_PORT, MAX_RADIO_ID, Host, Name, PortRange, TypeName
+from mocha_link.team.team_file import IDS, LAST_PORT, MAX_RADIO_ID, Name, PortRange, TypeName
 
 PRIORITIES = {
     "NO_PRIORITY": "none",
@@ -58,7 +59,10 @@ class _Topic(BaseModel):
 
 class _Robot(BaseModel):
     kind: Annotated[_Text, Key(alias="node-type")]
-    address: Annotated[Host, Key(alias="IP-address", description="an IPv4 address or a host name")]
+    address: Annotated[
+        Annotated[str, StringConstraints(pattern=rf"^{NAME}$")],
+        Key(alias="IP-address", description="an IPv4 address or a host name"),
+    ]
     radio: Annotated[Any, Key(alias="using-radio")] = None
     base_port: Annotated[int, BeforeValidator(_a_port), Key(alias="base-port", ge=1, le=LAST_PORT)]
     clients: list[Any]  # names, as the file has them

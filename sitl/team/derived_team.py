@@ -64,6 +64,8 @@ def _places(team: Team, chance: random.Random) -> dict[str, dict[str, object]]:
 def _all_free(robot: Robot) -> bool:
     count = len(robot.clients)
     radio = (socket.SOCK_DGRAM, robot.listen, robot.base_port + count)
-    nodes = product((socket.SOCK_STREAM,), (robot.address, robot.listen), range(count))
+    nodes = product(
+        (socket.SOCK_STREAM,), (robot.address or robot.listen, robot.listen), range(count)
+    )
     ports = [radio, *((kind, host, robot.base_port + offset) for kind, host, offset in nodes)]
     return all(is_free(*port) for port in ports)

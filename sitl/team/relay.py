@@ -55,7 +55,7 @@ def relayed_pairs(team: Team) -> tuple[RelayedPair, ...]:
         RelayedPair(
             client=client,
             server=server.name,
-            dialled=(server.address, server.port_for(client)),
+            dialled=(server.address or server.listen, server.port_for(client)),
             served=(server.listen, server.port_for(client)),
         )
         for server in team.robots.values()

@@ -170,6 +170,14 @@ def mavlink(there: Environment, _: Path) -> None:
     there.run("python", "radio.py")
 
 
+def mdns(there: Environment, _: Path) -> None:
+    """The same team, whose robots are at no address of the team file."""
+    team = (there.home / "missions/two/team.yaml").read_text()
+    (there.home / "team.yaml").write_text(team.replace("address: 127.0.0.1, ", ""))
+    (there.home / "two.py").write_text(TWO_NODES)
+    there.run("python", "two.py", "")
+
+
 ROS = """
 from mocha_link.ros.ros import RosCodec
 
@@ -214,6 +222,7 @@ class Use(NamedTuple):
 NODES = {
     "keys": Use(("mocha-link", "keys", "missions/two/team.yaml"), keys),
     "mavlink": Use((), mavlink),
+    "mdns": Use((), mdns),
     "ros": Use((), ros),
     "ros2": Use(("mocha-link", "bridge", "ros2", "--node", "ipc:///nowhere"), ros2),
 }

@@ -6,13 +6,15 @@ Runs under the Python that has rospy; one JSON request per line on stdin, one re
 import base64
 import io
 import json
+import random
 import sys
 
 import mocha_core.srv
 import rospy
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Path
-from std_msgs.msg import Int32, Time
+from sensor_msgs.msg import Image, NavSatFix
+from std_msgs.msg import Int32, String, Time
 
 done = []  # pulls that this robot has ended
 
@@ -29,14 +31,24 @@ def pose(number):
 def make(kind, size):
     if kind == "geometry_msgs/PoseStamped":
         return pose(size)
-    if kind == "nav_msgs/Path":
+    if kind == "std_msgs/String":
+        return String("a text, " * size)
+    if kind == "sensor_msgs/NavSatFix":
+        message = NavSatFix()
+        message.latitude, message.longitude, message.altitude = 39.94, -75.2, size
+    elif kind == "sensor_msgs/Image":
+        message = Image()
+        message.width = message.height = size
+        message.step, message.encoding = size, "mono8"
+        message.data = bytes((7919 * cell) % 251 for cell in range(size * size))
+    elif kind == "nav_msgs/Path":
         message = Path()
         message.poses = [pose(number) for number in range(size)]
     else:
         message = OccupancyGrid()
         message.info.width = message.info.height = size
         message.info.resolution = 0.5
-        message.data = [(7919 * cell) % 101 for cell in range(size * size)]
+        message.data = random.Random(size).choices(range(101), k=size * size)  # hard to pack
     message.header = pose(0).header
     return message
 
@@ -79,10 +91,14 @@ class Robot:
     def make(self, kind, size):
         return serialized(make(kind, size))
 
-    def pull(self):
-        """Trigger the node; true when it has ended a pull."""
-        before = len(done)
+    def trigger(self):
+        """Have the node begin a pull."""
         self.rssi.publish(Int32(60))
+
+    def pull(self):
+        """Have the node pull; true when it has ended a pull."""
+        before = len(done)
+        self.trigger()
         return self._wait(lambda: len(done) > before)
 
     def database(self, robot_id, count):

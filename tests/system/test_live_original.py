@@ -1,4 +1,4 @@
-"""Our node beside a live, unmodified original MOCHA node under ROS 1.
+"""Our node between two live, unmodified original MOCHA nodes under ROS 1.
 
 Runs where MOCHA_WORKSPACE names a catkin workspace in which the original package `mocha_core` is
 built (its folder with `devel/setup.bash`), ROS 1 is installed and this machine answers to pings.
@@ -8,9 +8,11 @@ import base64
 import contextlib
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
+import threading
 from pathlib import Path
 
 import lz4.frame
@@ -18,7 +20,7 @@ import pytest
 
 from air_router.sim.ports import free_port
 from mocha_link import Node
-from mocha_link.links.metrics import Direction, SyncEnded
+from mocha_link.links.metrics import Direction, MessageStored, SyncTimedOut
 from mocha_link.radios import ManualRadio
 from mocha_link.team import upstream
 from tests.mocha_link.conftest import Witness, free_ports, own_host
@@ -31,12 +33,16 @@ NODES = {
     "integrate_database": "scripts/core/integrate_database.py",
     "topic_translator": "scripts/translators/translator.py",
 }
-TOPICS = {  # name -> type, size
-    "/pose": ("geometry_msgs/PoseStamped", 1),
-    "/path": ("nav_msgs/Path", 40),
-    "/map": ("nav_msgs/OccupancyGrid", 550),
+TOPICS = {  # name -> type, size, priority; in the order in which they are exchanged
+    "/pose": ("geometry_msgs/PoseStamped", 1, "HIGH_PRIORITY"),
+    "/fix": ("sensor_msgs/NavSatFix", 90, "HIGH_PRIORITY"),
+    "/path": ("nav_msgs/Path", 40, "MEDIUM_PRIORITY"),
+    "/status": ("std_msgs/String", 20, "MEDIUM_PRIORITY"),
+    "/map": ("nav_msgs/OccupancyGrid", 550, "LOW_PRIORITY"),
+    "/image": ("sensor_msgs/Image", 300, "NO_PRIORITY"),
 }
-PRIORITIES = ("HIGH_PRIORITY", "MEDIUM_PRIORITY", "LOW_PRIORITY")
+ARES, BOREAS, CERES = 0, 1, 2  # robot ids
+HELD_BYTES = 60_000  # of the map; all before it together are less than a tenth
 HERE = Path(__file__).parent
 
 if not WORKSPACE:
@@ -63,12 +69,14 @@ class Original:
         self._name = name
         port = free_port(socket.SOCK_STREAM)
         self._master = f"http://127.0.0.1:{port}"
+        self._processes = []
         master = f"\"import rosmaster; rosmaster.rosmaster_main(['', '--core', '-p', '{port}'])\""
         self._run("master", "exec", PYTHON, "-c", master)
+        self.nodes = {}
         for node, script in NODES.items():
             found = f'"$(rospack find mocha_core)/{script}"'
             files = [f"_{each}_configs:={folder}/{each}_configs.yaml" for each in FILES]
-            self._run(
+            self.nodes[node] = self._run(
                 node, "exec", PYTHON, found, f"__name:={node}", f"_robot_name:={name}", *files
             )
         self._robot = self._run("robot", "exec", PYTHON, f'"{HERE}/ros1_robot.py"', piped=True)
@@ -78,7 +86,7 @@ class Original:
         if what != "master":
             script += "until rostopic list >/dev/null 2>&1; do sleep 0.2; done; "
         pipe = subprocess.PIPE if piped else subprocess.DEVNULL
-        log = self._stack.enter_context((self._folder / f"{what}.log").open("w"))
+        log = self._stack.enter_context((self._folder / f"{self._name}-{what}.log").open("a"))
         process = subprocess.Popen(
             ["bash", "-c", script + " ".join(command)],
             stdin=pipe,
@@ -94,6 +102,7 @@ class Original:
             },
         )
         self._stack.callback(self._end, process)
+        self._processes.insert(0, process)
         return process
 
     def _end(self, process):
@@ -103,6 +112,24 @@ class Original:
         for pipe in (process.stdin, process.stdout):
             if pipe:
                 pipe.close()
+
+    def kill(self):
+        """End it without notice, with its translator, its program and its master."""
+        for process in self._processes:  # the node first
+            self._end(process)
+
+    def publish_all(self):
+        """A message of each topic; their data."""
+        return {
+            topic: base64.b64decode(self.ask("publish", topic, kind, size))
+            for topic, (kind, size, _) in TOPICS.items()
+        }
+
+    def holds(self, robot_id, data):
+        """Wait until it has that much of a robot; whether it is just that."""
+        got = self.ask("database", robot_id, len(data))
+        found = [lz4.frame.decompress(base64.b64decode(each)) for each in got.values()]
+        return sorted(found) == sorted(data.values())
 
     def ask(self, name, *arguments):
         self._robot.stdin.write(json.dumps([name, arguments]) + "\n")
@@ -114,64 +141,219 @@ FILES = ("robot", "topic", "radio")
 
 
 def configure(folder, host):
-    """The three files of an original team: ares runs the original, boreas runs ours."""
+    """The three files of an original team: boreas runs ours, between two originals."""
     base = free_ports("0.0.0.0", 4)
-    address = {"ares": "127.0.0.1", "boreas": host}
+    address = {"ares": "127.0.0.1", "boreas": host, "ceres": "127.0.0.1"}
+    clients = {"ares": ["boreas"], "boreas": ["ares", "ceres"], "ceres": ["boreas"]}
+    first = {"ares": base, "boreas": base + 1, "ceres": base + 3}
     robots = {
         name: {
             "node-type": "rover",
             "IP-address": address[name],
             "using-radio": "one",
-            "base-port": str(base + 2 * number),
-            "clients": [peer],
+            "base-port": first[name],
+            "clients": clients[name],
         }
-        for number, (name, peer) in enumerate((("ares", "boreas"), ("boreas", "ares")))
+        for name in clients
     }
     topics = [
         {"msg_topic": name, "msg_type": kind, "msg_priority": priority, "msg_history": "any"}
-        for (name, (kind, _)), priority in zip(TOPICS.items(), PRIORITIES, strict=True)
+        for name, (kind, _, priority) in TOPICS.items()
     ]
     radios = {"one": {"MAC-address": ["02:00:00:00:00:01"]}}
     for each, content in zip(FILES, (robots, {"rover": topics}, radios), strict=True):
         (folder / f"{each}_configs.yaml").write_text(json.dumps(content))  # JSON is YAML
 
 
-@pytest.mark.timeout(180)
-def test_pose_path_and_map_both_ways(tmp_path):
-    host = own_host()
-    configure(tmp_path, host)
-    files = [tmp_path / f"{each}_configs.yaml" for each in FILES]
-    team = upstream.load(*files, ours=["boreas"]).team.with_robots({"boreas": {"listen": host}})
+class Relay:
+    """Carries connections, and holds what comes back on them after so many bytes of each."""
+
+    def __init__(self, stack, listen, target):
+        self.held = threading.Event()
+        self.limit = None
+        self._target = target
+        self._ends = []
+        self._listener = socket.create_server(listen)
+        stack.callback(self.cut)
+        stack.callback(self._listener.close)
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def cut(self):
+        """End every connection."""
+        self.limit = None
+        self.held.clear()
+        ends, self._ends = self._ends, []
+        for end in ends:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+    def _accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = self._listener.accept()
+                try:
+                    far = socket.create_connection(self._target)
+                except OSError:
+                    near.close()
+                    continue
+                self._ends += [near, far]
+                for pair, limited in (((near, far), False), ((far, near), True)):
+                    threading.Thread(target=self._pump, args=(*pair, limited), daemon=True).start()
+
+    def _pump(self, source, sink, limited):
+        carried = 0
+        with contextlib.suppress(OSError):
+            while data := source.recv(4096):
+                carried += len(data)
+                if limited and self.limit is not None and carried > self.limit:
+                    self.held.set()
+                    return
+                sink.sendall(data)
+            sink.shutdown(socket.SHUT_WR)
+
+
+class Field:
+    """The originals ares and ceres, and the team of boreas between them, with relays to ares."""
+
+    def __init__(self, stack, folder):
+        self._stack, self.folder = stack, folder
+        outside, inside, near_ares = own_host(), own_host(), own_host()
+        configure(folder, outside)
+        files = [folder / f"{each}_configs.yaml" for each in FILES]
+        team = upstream.load(*files, ours=["boreas"]).team
+        boreas, ares = team.robot("boreas"), team.robot("ares")
+        number = free_ports(near_ares, 1)
+        self.to_ares = Relay(stack, (near_ares, number), ("127.0.0.1", ares.port_for("boreas")))
+        self.from_ares, _ = (
+            Relay(stack, (outside, port), (inside, port))
+            for port in map(boreas.port_for, ("ares", "ceres"))
+        )
+        self.team = team.with_robots(
+            {
+                "boreas": {"listen": inside},
+                "ares": {"address": near_ares, "base_port": number},
+            }
+        )
+        self.port = (inside, boreas.port_for("ares"))
+        self.ares, self.ceres = self.original("ares"), self.original("ceres")
+
+    def original(self, name):
+        started = Original(self._stack, self.folder, name)
+        assert started.ask("ready", "boreas")
+        return started
+
+    def node(self):
+        node = Node(self.team, "boreas", radio=ManualRadio(), storage=self.folder / "boreas.db")
+        return node, Witness(node)
+
+
+@pytest.fixture
+def live(tmp_path):
     with contextlib.ExitStack() as stack:
-        ares = Original(stack, tmp_path, "ares")
-        assert ares.ask("ready", "boreas")
-        node = Node(team, "boreas", radio=ManualRadio())
-        saw = Witness(node)
-        stack.enter_context(node)
+        yield Field(stack, tmp_path)
 
-        sent = {
-            topic: base64.b64decode(ares.ask("publish", topic, kind, size))
-            for topic, (kind, size) in TOPICS.items()
-        }
-        held = ares.ask("database", 0, len(TOPICS))
-        node.sync("ares")
-        ended = saw.wait(SyncEnded, peer="ares", direction=Direction.IN)
-        assert ended.messages == len(TOPICS)
-        for topic, data in sent.items():
-            message = node.latest("ares", topic)
-            assert message.data == data
-            assert message.header.pack().hex() in held
+
+def pulled(node, saw, peer, data, last=()):
+    """Pull from a peer; what came is just that, in the order of priorities.
+
+    `last`: topics at which a pull broke off before, which do not hold up the others again.
+    """
+    seen = len(saw.seen)
+    assert saw.pull(peer).messages == len(data)
+    stored = [each for each in saw.seen[seen:] if isinstance(each, MessageStored)]
+    came = [each.topic for each in stored if each.robot == peer]
+    order = [*(topic for topic in TOPICS if topic not in last), *last]
+    assert [TOPICS[topic][2] for topic in came] == [TOPICS[topic][2] for topic in order]
+    assert {topic: node.latest(peer, topic).data for topic in data} == data
+
+
+def wrong_bytes(place, count):
+    """So many connections to a port, with bytes that no node sends."""
+    noise = random.Random(1)
+    for _ in range(count):
+        with socket.create_connection(place) as client:
+            client.sendall(noise.randbytes(noise.randrange(1, 2000)))
+
+
+@pytest.mark.timeout(240)
+def test_types_priorities_and_a_mule_that_is_restarted_among_wrong_bytes(live):
+    """Ours takes the messages of each original to the other one, bit by bit as they were."""
+    node, saw = live.node()
+    with node:
+        sent = live.ares.publish_all()
+        assert live.ares.holds(ARES, sent)
         assert len(sent["/map"]) > 300_000
-
+        pulled(node, saw, "ares", sent)
+        assert live.ceres.ask("pull")
+        assert live.ceres.holds(ARES, sent)
+    node, saw = live.node()  # of its file
+    with node:
+        assert {topic: node.latest("ares", topic).data for topic in sent} == sent
+        wrong_bytes(live.port, 200)
+        back = live.ceres.publish_all()
+        assert live.ceres.holds(CERES, back)
+        pulled(node, saw, "ceres", back)
         ours = {
-            topic: base64.b64decode(ares.ask("make", kind, size))
-            for topic, (kind, size) in TOPICS.items()
+            topic: base64.b64decode(live.ares.ask("make", kind, size))
+            for topic, (kind, size, _) in TOPICS.items()
         }
-        headers = {topic: node.publish(topic, data).pack().hex() for topic, data in ours.items()}
-        assert ares.ask("pull")
-        got = ares.ask("database", 1, len(TOPICS))
-        assert set(got) == set(headers.values())
         for topic, data in ours.items():
-            assert lz4.frame.decompress(base64.b64decode(got[headers[topic]])) == data
-        saw.wait(SyncEnded, peer="ares", direction=Direction.OUT, messages=len(TOPICS))
-        assert node.links()["ares"].refused == 0
+            node.publish(topic, data)
+        assert live.ares.ask("pull")
+        assert live.ares.holds(CERES, back)
+        assert live.ares.holds(BOREAS, ours)
+        links = node.links()
+        assert links["ares"].refused >= 200
+        assert links["ceres"].refused == links["ceres"].timeouts == 0
+
+
+@pytest.mark.timeout(240)
+def test_an_original_is_killed_while_we_pull_from_it(live):
+    """What had come is kept, the rest comes from the next process, and ceres notices nothing."""
+    node, saw = live.node()
+    with node:
+        sent = live.ares.publish_all()
+        assert live.ares.holds(ARES, sent)
+        live.to_ares.limit = HELD_BYTES
+        node.sync("ares")
+        assert live.to_ares.held.wait(60)
+        live.ares.kill()
+        live.to_ares.cut()
+        saw.wait(SyncTimedOut, peer="ares", direction=Direction.IN)
+        for topic in ("/pose", "/fix", "/path", "/status"):
+            assert node.latest("ares", topic).data == sent[topic]
+        assert node.latest("ares", "/map") is None
+        back = live.ceres.publish_all()
+        assert live.ceres.holds(CERES, back)
+        pulled(node, saw, "ceres", back)
+        ares = live.original("ares")
+        again = ares.publish_all()
+        assert ares.holds(ARES, again)
+        pulled(node, saw, "ares", again, last=["/map"])
+        assert ares.ask("pull")
+        assert ares.holds(CERES, back)
+
+
+@pytest.mark.timeout(240)
+def test_an_original_is_killed_while_it_pulls_from_us(live):
+    """Its next process pulls all of it, and ceres does meanwhile."""
+    node, _ = live.node()
+    with node:
+        ours = {
+            topic: base64.b64decode(live.ares.ask("make", kind, size))
+            for topic, (kind, size, _) in TOPICS.items()
+        }
+        for topic, data in ours.items():
+            node.publish(topic, data)
+        live.from_ares.limit = HELD_BYTES
+        live.ares.ask("trigger")
+        assert live.from_ares.held.wait(60)
+        live.ares.kill()
+        live.from_ares.cut()
+        assert live.ceres.ask("pull")
+        assert live.ceres.holds(BOREAS, ours)
+        ares = live.original("ares")
+        assert ares.ask("pull")
+        assert ares.holds(BOREAS, ours)
+        assert node.links()["ceres"].timeouts == 0

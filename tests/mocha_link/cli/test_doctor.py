@@ -49,7 +49,7 @@ def test_no_node_there(pair):
     refused, silent = texts(findings, good=False)
     assert "Connection refused" in refused
     assert "no node of titan listens at that port" in refused
-    assert f"another address than {pair.host}:{pair.team.robot('io').base_port}" in silent
+    assert f"another address than {pair.host}, port {pair.team.robot('io').base_port}" in silent
 
 
 def test_who_takes_connections_and_says_nothing(pair):

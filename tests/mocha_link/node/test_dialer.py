@@ -1,133 +1,170 @@
-"""Names become addresses in a thread of their own: a name server that hangs holds up no peer."""
+"""Peers at IPv4 and IPv6, datagrams among them, and peers of which several addresses are known."""
 
+import contextlib
 import socket
 import threading
-from collections import Counter
 from collections.abc import Iterator
 
 import pytest
 
-from mocha_link.links.metrics import Direction, SyncTimedOut
-from mocha_link.node import dialer as module
-from mocha_link.node.dialer import FRESH_S, RETRY_S, Resolver
-
-WAIT_S = 60
-
-
-class Names:
-    """A name server: what it knows, what it hangs on, and how often it was asked."""
-
-    def __init__(self) -> None:
-        self.known: dict[str, str] = {}
-        self.asked: Counter[str] = Counter()
-        self.released = threading.Event()
-        self.hangs: set[str] = set()
-        self.threads: set[threading.Thread] = set()
-
-    def getaddrinfo(self, host: str, *_: object) -> list[tuple]:
-        self.threads.add(threading.current_thread())
-        self.asked[host] += 1
-        if host in self.hangs:
-            assert self.released.wait(WAIT_S)
-        if host not in self.known:
-            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
-        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (self.known[host], 0))]
+from mocha_link.links import SyncEnded, SyncTimedOut
+from mocha_link.node import Node
+from mocha_link.node.dialer import Dialer
+from mocha_link.node.kernel import Poller
+from mocha_link.node.port import Port
+from mocha_link.node.router import ClientConnections
+from mocha_link.radios import ManualRadio
+from mocha_link.team import SecretKey, Team, keys
+from tests.mocha_link.conftest import WAIT_S, Field, Witness, free_ports
 
 
 @pytest.fixture
-def names(monkeypatch) -> Iterator[Names]:
-    names = Names()
-    monkeypatch.setattr(socket, "getaddrinfo", names.getaddrinfo)
-    yield names
-    names.released.set()
-    for thread in names.threads:
+def poller() -> Iterator[Poller]:
+    with contextlib.closing(Poller()) as found:
+        yield found
+
+
+def moved(team: Team, address: str | None, listen: str) -> Team:
+    """Titan is at an address, the others are anywhere."""
+    base = free_ports("127.0.0.1", 2)
+    changes: dict[str, dict[str, object]] = {name: {"listen": "*"} for name in team.robots}
+    changes["titan"] = {"address": address, "listen": listen, "base_port": base}
+    return team.with_robots(changes)
+
+
+def dialer_of(team: Team, poller: Poller) -> Dialer:
+    return Dialer(
+        team,
+        team.robot("io"),
+        poller,
+        secret=None,
+        keys={},
+        seals={},
+        wake=lambda: None,
+        lost=lambda _peer, _why: None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("address", "listen"),
+    [
+        ("::1", "::1"),
+        ("::1", "*"),
+        ("127.0.0.1", "*"),
+        ("127.0.0.1", "127.0.0.1"),
+        ("127.0.0.1", "0.0.0.0"),
+        ("::1", "::"),
+    ],
+)
+def test_datagrams_go_to_the_port_and_back(field, poller, address, listen):
+    team = moved(field.team, address, listen)
+    titan = team.robot("titan")
+    dialer = dialer_of(team, poller)
+    with (
+        contextlib.closing(Port(poller, ClientConnections(), titan, "io")) as port,
+        contextlib.closing(dialer),
+    ):
+        dialer.start()
+        dialer.send_datagram("titan", b"there")
+        port.watch(poller)
+        assert port in poller.poll(WAIT_S * 1000).values()
+        ((packet, port.datagram_address),) = port.packets(8)
+        assert packet == b"there"
+        port.send_datagram(b"and back")
+        assert list(dialer.packets(poller.poll(WAIT_S * 1000))) == [("titan", b"and back")]
+
+
+@pytest.mark.parametrize("listen", ["::1", "*"])
+def test_nodes_meet_by_ipv6(field, listen):
+    field.team = moved(field.team, "::1", listen)
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"grid")
+    _, _, saw = field.node("io")
+    assert saw.pull("titan").messages == 1
+
+
+@pytest.mark.parametrize(("listen", "other"), [("0.0.0.0", "::1"), ("::", "127.0.0.1")])
+def test_a_node_of_one_family_does_not_take_the_port_of_the_other(field, poller, listen, other):
+    titan = moved(field.team, "titan", listen).robot("titan")
+    number = titan.port_for("io")
+    with (
+        contextlib.closing(Port(poller, ClientConnections(), titan, "io")),
+        socket.create_server(
+            (other, number), family=socket.AF_INET6 if ":" in other else socket.AF_INET
+        ),
+    ):
+        pass
+
+
+class Named:
+    """The host name of titan stands for several addresses."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.hosts: tuple[str, ...] = ()
+        self.threads: set[threading.Thread] = set()
+        monkeypatch.setattr(socket, "getaddrinfo", self.addresses)
+
+    def addresses(self, name: str, *_: object) -> list[tuple[object, ...]]:
+        assert name == "titan.local"
+        self.threads.add(threading.current_thread())
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, 0)) for each in self.hosts]
+
+
+@pytest.fixture
+def named(field, monkeypatch) -> Iterator[Named]:
+    del field  # it ends later, and looks for threads then
+    found = Named(monkeypatch)
+    yield found
+    for thread in found.threads:
         thread.join(WAIT_S)
 
 
-@pytest.fixture
-def time_s(monkeypatch) -> list[float]:
-    """The steady time, in its only place."""
-    now = [1000.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
-    return now
-
-
-class Woken(Resolver):
-    """A resolver of which a test waits for the answers."""
-
-    def __init__(self) -> None:
-        self.answers = threading.Semaphore(0)
-        super().__init__(self.answers.release)
-
-    def wait(self) -> None:
-        assert self.answers.acquire(timeout=WAIT_S)
-
-
-def test_a_name_is_looked_up_once_and_wakes_when_it_is_known(names, time_s):
-    names.known["titan.local"] = "10.0.0.4"
-    resolver = Woken()
-    assert resolver.address("titan.local") is None
-    resolver.wait()
-    for _ in range(3):
-        assert resolver.address("titan.local") == "10.0.0.4"
-    assert resolver.failure("titan.local") is None
-    assert names.asked == {"titan.local": 1}
-
-
-def test_what_is_not_known_says_why_and_is_asked_for_again(names, time_s):
-    resolver = Woken()
-    assert resolver.address("titan.local") is None
-    resolver.wait()
-    assert resolver.address("titan.local") is None
-    assert "no address for 'titan.local': " in resolver.failure("titan.local")
-    assert "Name or service not known" in resolver.failure("titan.local")
-    time_s[0] += RETRY_S + 0.1
-    names.known["titan.local"] = "10.0.0.4"
-    assert resolver.address("titan.local") is None
-    resolver.wait()
-    assert resolver.address("titan.local") == "10.0.0.4"
-    assert names.asked["titan.local"] == 2
-
-
-def test_an_address_that_was_good_stays_while_the_name_server_is_out_of_reach(names, time_s):
-    names.known["titan.local"] = "10.0.0.4"
-    resolver = Woken()
-    resolver.address("titan.local")
-    resolver.wait()
-    del names.known["titan.local"]
-    for _ in range(3):
-        time_s[0] += FRESH_S + 1
-        assert resolver.address("titan.local") == "10.0.0.4"
-        resolver.wait()
-        assert resolver.address("titan.local") == "10.0.0.4"
-        assert resolver.failure("titan.local") is None
-    names.known["titan.local"] = "10.0.0.5"
-    time_s[0] += RETRY_S + 1  # asked for again sooner than if all were well
-    resolver.address("titan.local")
-    resolver.wait()
-    assert resolver.address("titan.local") == "10.0.0.5"
-
-
-def test_a_node_whose_name_server_hangs_talks_to_the_others(field, names):
-    """callisto's name hangs; io is reached meanwhile, and the pull from callisto times out."""
-    names.hangs = {"callisto.local"}
-    io, _, _ = field.node("io")
-    io.publish("/pose", b"here")
-    field.team = field.team.with_robots({"callisto": {"address": "callisto.local"}})
-    titan, _, saw = field.node("titan", timeout_s=2)
-    titan.sync("callisto")
-    assert saw.pull("io").messages == 1
-    broken = saw.wait(SyncTimedOut, peer="callisto", direction=Direction.IN)
-    assert "no connection within 2 s" in broken.reason
-    titan.close()  # quick, also while the look-up hangs
-    names.released.set()
-
-
-def test_a_node_reaches_a_peer_by_its_name(field, names):
-    names.known["titan.local"] = field.host
+def test_a_peer_is_found_at_the_second_address_of_its_name(field, named):
+    named.hosts = ("127.0.0.77", field.host)  # nothing listens at the first
     titan, _, _ = field.node("titan")
     titan.publish("/map", b"grid")
     field.team = field.team.with_robots({"titan": {"address": "titan.local"}})
-    io, _, saw = field.node("io")
+    _, _, saw = field.node("io")
     assert saw.pull("titan").messages == 1
-    assert io.latest("titan", "/map").data == b"grid"
+
+
+def test_a_peer_is_found_again_where_its_name_points_now(field, named):
+    named.hosts = (field.host,)
+    here = field.team
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"grid")
+    field.team = here.with_robots({"titan": {"address": "titan.local"}})
+    _, _, saw = field.node("io")
+    assert saw.pull("titan").messages == 1
+    titan.close()
+    field.clock.time_s += 5
+    named.hosts = ("127.0.0.78",)
+    field.team = here.with_robots({"titan": {"listen": "127.0.0.78"}})
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"another")
+    while saw.node.latest("titan", "/map").data == b"grid":
+        saw.node.sync("titan")  # the name is resolved anew at most once in a second
+        saw.wait((SyncEnded, SyncTimedOut), peer="titan")
+    assert saw.node.latest("titan", "/map").data == b"another"
+
+
+def test_with_keys_what_only_takes_connections_holds_up_nothing(field: Field, named, tmp_path):
+    """Whoever may be at an address of the peer's name: it has to show the peer's key."""
+    for name in ("titan", "io"):
+        secret = SecretKey.generate()
+        field.team = field.team.with_robots({name: {"key": secret.public.text}})
+        keys.write(tmp_path / f"{name}.key", name, secret)
+    port = field.team.robot("titan").port_for("io")
+    named.hosts = ("127.0.0.79", field.host)
+    with (
+        socket.create_server(("127.0.0.79", port)) as silent,
+        Node(field.team, "titan", radio=ManualRadio(), keys=tmp_path) as titan,
+    ):
+        titan.publish("/map", b"grid")
+        team = field.team.with_robots({"titan": {"address": "titan.local"}})
+        io = Node(team, "io", radio=ManualRadio(), keys=tmp_path)
+        saw = Witness(io)
+        with io:
+            assert saw.pull("titan").messages == 1
+        silent.settimeout(WAIT_S)
+        silent.accept()[0].close()  # it was tried

@@ -271,6 +271,19 @@ def test_datagrams(heard):
             UdpRadio(f"udp://127.0.0.1:{radio.port}").start(heard)
 
 
+def test_reports_by_ipv6(heard):
+    for radio, kind in (
+        (UdpRadio("udp://[::1]:0"), socket.SOCK_DGRAM),
+        (TcpRadio("tcp://[::1]:0"), socket.SOCK_STREAM),
+    ):
+        radio.start(heard)
+        with contextlib.closing(radio), socket.socket(socket.AF_INET6, kind) as sender:
+            sender.connect(("::1", radio.port))
+            sender.sendall(b"io -50\n")
+            peer, reading = heard.next()
+            assert (peer, reading.value) == ("io", -50.0)
+
+
 def test_lines_over_tcp(heard, caplog):
     radio = TcpRadio("tcp://127.0.0.1:0")
     radio.start(heard)

@@ -45,9 +45,10 @@ class Echo:
         self.listener.close()
 
 
-@pytest.fixture(params=["ipc", "tcp"])
+@pytest.fixture(params=["ipc", "tcp", "tcp over IPv6"])
 def echo(request, tmp_path) -> Iterator[Echo]:
-    endpoint = f"ipc://{tmp_path}/s" if request.param == "ipc" else "tcp://127.0.0.1:*"
+    endpoint = {"ipc": f"ipc://{tmp_path}/s", "tcp": "tcp://127.0.0.1:*"}.get(request.param)
+    endpoint = endpoint or "tcp://[::1]:*"
     with contextlib.closing(Echo(endpoint)) as echo:
         yield echo
 
@@ -139,7 +140,7 @@ def raw(endpoint: str) -> socket.socket:
         found = socket.socket(socket.AF_UNIX)
         found.connect(place)
     else:
-        host, _, number = place.rpartition(":")
+        host, _, number = place.replace("[", "").replace("]", "").rpartition(":")
         found = socket.create_connection((host, int(number)))
     found.settimeout(WAIT_MS / 1000)
     return found

@@ -127,6 +127,14 @@ def test_over_http(node, server):
         assert ask(server, method, path)[0].status == code
 
 
+def test_over_ipv6(node):
+    with PrometheusServer(node, "[::1]:0") as server:
+        port = int(server.url.removeprefix("http://[::1]:").removesuffix("/metrics"))
+        with contextlib.closing(http.client.HTTPConnection("::1", port)) as connection:
+            connection.request("GET", "/metrics")
+            assert connection.getresponse().read().decode() == exposition(node)
+
+
 def test_a_node_of_the_command_line(field, tmp_path):
     """Its radio speaks on standard input, and Prometheus reads what it hears."""
     team = tmp_path / "team.yaml"

@@ -1,0 +1,8 @@
+"""Where the peers of a node are: addresses, host names, mDNS, and where peers come from."""
+
+from mocha_link.addresses.address_book import AddressBook
+from mocha_link.addresses.mdns import Mdns
+from mocha_link.addresses.own_addresses import OwnAddresses
+from mocha_link.addresses.resolver import Resolver
+
+__all__ = ["AddressBook", "Mdns", "OwnAddresses", "Resolver"]
