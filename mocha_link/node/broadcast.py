@@ -25,14 +25,16 @@ class EventStream:
 
     Args:
         limit: the most events that wait; a slow reader loses the oldest.
+        kind: only events of this class.
 
     Attributes:
         dropped: the number of events that the reader lost.
     """
 
-    def __init__(self, limit: int) -> None:
+    def __init__(self, limit: int, kind: type = object) -> None:
         self.dropped = 0
         self._limit = limit
+        self._kind = kind
         self._events: deque[LinkEvent] = deque()  # not taken yet
         self._closed = False  # the node has closed
         self._lock = threading.Lock()
@@ -60,6 +62,8 @@ class EventStream:
         Args:
             event: the event to deliver.
         """
+        if not isinstance(event, self._kind):
+            return
         with self._lock:
             if self._closed:
                 return
@@ -129,16 +133,17 @@ class Broadcast:
 
         return unsubscribe
 
-    def stream(self, limit: int = QUEUE_EVENTS) -> EventStream:
+    def stream(self, limit: int = QUEUE_EVENTS, kind: type = object) -> EventStream:
         """A stream of every event from now on.
 
         Args:
             limit: the most events that wait for the reader.
+            kind: only events of this class.
 
         Returns:
             The stream; it has ended already if the node is closed.
         """
-        stream = EventStream(limit)
+        stream = EventStream(limit, kind)
         with self._lock:
             self._streams.add(stream)
             closed = self._closed

@@ -462,7 +462,7 @@ class Node(Startable):
             TimeoutError: no such event in time.
             NodeClosedError: the node was closed before.
         """
-        return self._next(self._broadcast.stream(), kind, condition, timeout_s)
+        return self._next(self._broadcast.stream(kind=kind), kind, condition, timeout_s)
 
     async def _next(
         self,

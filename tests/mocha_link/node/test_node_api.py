@@ -16,7 +16,7 @@ import pytest
 
 from mocha_link.links.link_table import LinkTable
 from mocha_link.links.metrics import MessageStored, RssiChanged, SyncEnded
-from mocha_link.node.broadcast import Broadcast
+from mocha_link.node.broadcast import QUEUE_EVENTS, Broadcast
 from mocha_link.node.node import Node, NodeClosedError
 from mocha_link.radios import ManualRadio, open_radio
 from mocha_link.store.wire import MAX_BYTES, PayloadError
@@ -92,6 +92,21 @@ class TestInAsyncio:
             assert (await strong).rssi_dbm == -40
             stored = titan.wait_for(MessageStored)
             titan.publish("/map", b"grid")
+            assert (await stored).topic == "/map"
+
+        asyncio.run(live())
+
+    def test_a_flood_of_other_events_hides_none(self, field):
+        titan, radio, _ = field.node("titan")
+
+        async def live():
+            stored = titan.wait_for(MessageStored)
+            titan.publish("/map", b"grid")
+            for number in range(2 * QUEUE_EVENTS):
+                radio.report("io", -90 - number % 2)
+            changed = titan.wait_for(RssiChanged, lambda event: event.rssi_dbm == -40)
+            radio.report("io", -40)
+            await changed  # all of them have been delivered
             assert (await stored).topic == "/map"
 
         asyncio.run(live())
