@@ -1,6 +1,7 @@
 """Parts of all file formats: documents whose values know their place, text edited in place."""
 
 from air_router.files.digits import Digits, degrees, degrees_text, metres
+from air_router.files.findings import DocumentSource, Findings, Keys, RefusedRing
 from air_router.files.json_document import (
     MAX_BYTES,
     NUMBER,
@@ -14,25 +15,7 @@ from air_router.files.json_document import (
     shown,
     value_at,
 )
-from air_router.files.mission_document import (
-    Area,
-    DocumentSource,
-    Keys,
-    MissionDocument,
-    MissionPoint,
-    RefusedRing,
-    Uav,
-    local_ring,
-)
-from air_router.files.seek_policies import (
-    DEFAULT_SEEK_POLICY,
-    SEEK_POLICIES,
-    SeekPolicy,
-    entry_point_of,
-    known_policy,
-    policy_names,
-)
-from air_router.files.settings import (
+from air_router.files.mission_form import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SPEED_M_S,
     DEFAULT_WHEN_EXPLORED,
@@ -45,6 +28,7 @@ from air_router.files.settings import (
     HomeForm,
     MissionForm,
     PlannerSettings,
+    SeekForm,
     SpotForm,
     Timers,
     UavForm,
@@ -52,13 +36,22 @@ from air_router.files.settings import (
     WhenExplored,
     ZoneForm,
 )
+from air_router.files.placed_form import Area, MissionPoint, PlacedForm, Placer, Uav, local_ring
+from air_router.files.seek_policies import (
+    DEFAULT_SEEK_POLICY,
+    SEEK_POLICIES,
+    SeekPolicy,
+    entry_point_of,
+    known_policy,
+    policy_names,
+)
 from air_router.files.text_edit import rewritten, with_section
 from air_router.files.usual_values import (
     MISSION,
     UNUSUAL,
     WORLD,
     explained,
-    note_draft,
+    note_form,
     notes,
     option_notes,
     parse_world,
@@ -106,18 +99,21 @@ __all__ = [
     "Digits",
     "DocumentSource",
     "Element",
+    "Findings",
     "HomeAltitudeError",
     "HomeForm",
     "JsonDocument",
     "JsonValues",
     "Keys",
-    "MissionDocument",
     "MissionForm",
     "MissionPoint",
+    "PlacedForm",
     "PlacedSource",
+    "Placer",
     "PlannerSettings",
     "Reference",
     "RefusedRing",
+    "SeekForm",
     "SeekPolicy",
     "SpotForm",
     "TermsForm",
@@ -144,7 +140,7 @@ __all__ = [
     "local_ring",
     "metres",
     "named",
-    "note_draft",
+    "note_form",
     "notes",
     "option_notes",
     "parse_world",

@@ -11,7 +11,8 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel
 
-from air_router.files.mission_document import Keys, MissionDocument
+from air_router.files.findings import Findings, Keys
+from air_router.files.mission_form import MissionForm
 from mocha_link.team import Document, DocumentError, Problem
 
 UNUSUAL: Final = "unusual-value"
@@ -235,19 +236,23 @@ def parse_world(document: Document, model: type[M]) -> M:
         raise explained(error, document.data, WORLD) from None
 
 
-def note_draft(draft: MissionDocument) -> None:
+def note_form(form: MissionForm, findings: Findings) -> None:
     """Note unusual values of the altitudes and the speed of another program's file."""
     by_field = {band.field: band for band in MISSION}
     band = by_field["waypoints[].altitude_m"]
-    high = [(spot, spot.altitude_m) for spot in draft.waypoints if spot.altitude_m is not None]
-    found = [(spot, value) for spot, value in high if not band.holds(value)]
+    found = [
+        (index, waypoint.altitude_m)
+        for index, waypoint in enumerate(form.waypoints)
+        if waypoint.altitude_m is not None and not band.holds(waypoint.altitude_m)
+    ]
     if found:
-        spot, value = found[0]
+        index, value = found[0]
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        draft.note(spot.keys, band.note_text(f"the altitude of {spot.label}{more}", value), UNUSUAL)
+        text = band.note_text(f"the altitude of waypoint {index + 1}{more}", value)
+        findings.note(form.keys_of("waypoints", index, "position"), text, UNUSUAL)
     speed = by_field["speed_m_s"]
-    if not speed.holds(draft.speed_m_s):
-        draft.note((), speed.note_text("the speed", draft.speed_m_s), UNUSUAL)
+    if not speed.holds(form.speed_m_s):
+        findings.note((), speed.note_text("the speed", form.speed_m_s), UNUSUAL)
 
 
 def option_notes(given: Iterable[tuple[str, float | None, str]]) -> Iterator[str]:

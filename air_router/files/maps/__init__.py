@@ -19,7 +19,7 @@ from air_router.files.maps.geojson import geojson_text
 from air_router.files.maps.gpx import GpxDocument, GpxPoint, read_gpx
 from air_router.files.maps.kml import kml_text
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, MapRing
-from air_router.files.maps.zone_files import add_zones, read_zones
+from air_router.files.maps.zone_files import read_zones, zones_near
 from air_router.files.maps.zone_format import ZoneFeature, ZoneFeatures, ZoneFormat
 
 __all__ = [
@@ -36,7 +36,6 @@ __all__ = [
     "ZoneFeature",
     "ZoneFeatures",
     "ZoneFormat",
-    "add_zones",
     "feature_set_of",
     "feature_set_of_zones",
     "fence_areas",
@@ -48,4 +47,5 @@ __all__ = [
     "old_fence_items",
     "read_gpx",
     "read_zones",
+    "zones_near",
 ]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from air_router.files import Area, MissionDocument
+from air_router.files import Area, PlacedForm
 from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
@@ -55,24 +55,25 @@ class FeatureSet:
         yield from (("zone", area) for area in self.zones)
 
 
-def feature_set_of(draft: MissionDocument) -> FeatureSet:
-    """The feature set of a mission. The draft has a frame."""
-    frame = draft.frame
+def feature_set_of(placed: PlacedForm) -> FeatureSet:
+    """The feature set of a mission. It has a frame."""
+    frame = placed.frame
     if frame is None:
         raise ValueError("a mission without a frame has no feature set")
     features = FeatureSet(
-        sanitize(draft.name),
-        draft.home_altitude_amsl_m,
-        [map_area_of(area, frame) for area in draft.fences],
-        [map_area_of(area, frame) for area in draft.zones],
+        sanitize(placed.form.title),
+        placed.home_altitude_amsl_m,
+        [map_area_of(area, frame) for area in placed.fences],
+        [map_area_of(area, frame) for area in placed.zones],
     )
-    if draft.home is not None:
-        home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
+    if placed.home is not None:
+        home = MapPoint("home", frame.to_geodetic(placed.home.position), 0.0)
         features.spots.append(("home", home))
-    for n, spot in enumerate(draft.waypoints, start=1):
-        place, altitude_m = frame.to_geodetic(spot.position), spot.altitude_m or draft.altitude_m
+    for n, spot in enumerate(placed.waypoints, start=1):
+        place = frame.to_geodetic(spot.position)
+        altitude_m = spot.altitude_m or placed.form.altitude_m
         features.spots.append(("waypoint", MapPoint(str(n), place, altitude_m)))
-    for n, spot in enumerate(draft.rally_points, start=1):
+    for n, spot in enumerate(placed.rally_points, start=1):
         place = frame.to_geodetic(spot.position)
         features.spots.append(("rally_point", MapPoint(f"rally point {n}", place)))
     return features

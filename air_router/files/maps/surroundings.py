@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from air_router.files import MissionDocument
+from air_router.files import PlacedForm
 from air_router.files.maps.map_area import Places
 from geo.airspace import Shape
 from geo.frame import LocalFrame, Point
@@ -27,11 +27,11 @@ class Surroundings:
         reach_m: Zones that are farther away are left out.
     """
 
-    def __init__(self, draft: MissionDocument, frame: LocalFrame) -> None:
-        places = [corner for area in draft.fences for corner in area.shape.corners]
+    def __init__(self, placed: PlacedForm, frame: LocalFrame) -> None:
+        places = [corner for area in placed.fences for corner in area.shape.corners]
         self.frame, self.reach_m = frame, FENCED_REACH_M if places else OPEN_REACH_M
         if not places:
-            spots = (draft.home, *draft.waypoints, *draft.rally_points)
+            spots = (placed.home, *placed.waypoints, *placed.rally_points)
             places = [spot.position for spot in spots if spot is not None] or [Point(0.0, 0.0)]
         west, south, east, north = shapely.MultiPoint(places).bounds
         self._box = shapely.box(west, south, east, north)  # around the mission's places

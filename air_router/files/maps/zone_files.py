@@ -1,7 +1,7 @@
 """No-fly zones from files of map programs and authorities: one way in for all of them.
 
 Their formats are those of `zone_formats`: ours, and those of other packages. Zones near enough to
-matter for a mission become part of its draft; docs/files.md lists what is read of each format.
+matter for a mission become part of it; docs/files.md lists what is read of each format.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import numpy as np
 
 from air_router.files import (
     Area,
+    Findings,
     Keys,
-    MissionDocument,
+    PlacedForm,
     PlacedSource,
     bytes_within,
     is_file,
@@ -72,80 +73,85 @@ _ELSEWHERE: Final = {
 """Files that people try, by the ending of their names, and what leads to zones."""
 
 
-def add_zones(
-    draft: MissionDocument,
+def zones_near(  # noqa: PLR0913 - what a mission says of such a file, and where
+    placed: PlacedForm,
     path: Path,
     keys: Keys,
+    findings: Findings,
+    *,
     allow: Collection[str] = (),
     skip: Collection[str] = (),
-) -> None:
-    """Add the zones of a file that are near enough to matter, once all else has been read.
+) -> Sequence[Area]:
+    """The zones of a file that are near enough to matter for a mission; all else of it is read.
 
-    Problems and notices of the file go into the draft, but for those of zones that are far from the
-    mission: one that cannot be read is noted. `keys` say where the draft names the file.
+    Problems and notices of the file are findings, but for those of zones that are far from the
+    mission: one that cannot be read is noted. `keys` say where the mission names the file.
     """
-    if draft.frame is None:
-        return
+    if placed.frame is None:
+        return ()
     if keys and not is_file(path):
-        draft.report(keys, f"there is no file {path}; {path_advice(path)}", "no-such-file")
-        return
+        findings.report(keys, f"there is no file {path}; {path_advice(path)}", "no-such-file")
+        return ()
     try:
         reading = read_zones(path, allow=allow, skip=skip)
     except DocumentError as error:
-        draft.problems.extend(error.problems)
-        return
-    around = Surroundings(draft, draft.frame)
+        findings.problems += error.problems
+        return ()
+    around = Surroundings(placed, placed.frame)
     problems, notes = reading.findings(around.may_reach)
-    draft.problems.extend(problems)
-    draft.notes.extend(notes)
+    findings.problems += problems
+    findings.notes += notes
     if not (reading.zones or reading.problems or reading.notes):
-        draft.note(keys, f"{reading.path.name}: there are no zones in it", "no-zones")
+        findings.note(keys, f"{reading.path.name}: there are no zones in it", "no-zones")
     near = [zone for zone in reading.zones if around.may_reach(zone.extent())]
-    exchanged = list(_exchanged(reading, near, around))
     if len(near) > MOST_ZONES:
         message = (
             f"{len(near)} zones near the mission, at most {MOST_ZONES} are read; thin them out"
         )
-        draft.problems.append(reading.source.problem((), message, "too-large"))
-    elif exchanged:
-        draft.problems.extend(exchanged)
-    else:
-        kept = _add_near(draft, near, around)
-        draft.problems.extend(_too_wide(reading, kept, around))
-        if len(kept) < len(reading.zones) and not problems:
-            message = (
-                f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
-                f"{around.reach_m / 1000:g} km of the mission; the others are left out"
-            )
-            draft.note(keys, message, "zones-far")
+        findings.problems.append(reading.source.problem((), message, "too-large"))
+        return ()
+    if exchanged := list(_exchanged(reading, near, around)):
+        findings.problems += exchanged
+        return ()
+    areas, kept = _near(placed, near, around, findings)
+    findings.problems += _too_wide(reading, kept, around)
+    if len(kept) < len(reading.zones) and not problems:
+        message = (
+            f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
+            f"{around.reach_m / 1000:g} km of the mission; the others are left out"
+        )
+        findings.note(keys, message, "zones-far")
+    return areas
 
 
-def _add_near(
-    draft: MissionDocument, near: Sequence[MapArea], around: Surroundings
-) -> list[MapArea]:
-    """Add the zones that are near enough; which these are, as the file has them."""
+def _near(
+    placed: PlacedForm, near: Sequence[MapArea], around: Surroundings, findings: Findings
+) -> tuple[list[Area], list[MapArea]]:
+    """The zones that are near enough, and which these are, as the file has them."""
     kept: list[tuple[MapArea, Shape]] = []
     read: list[MapArea] = []
     for zone in near:
         sound, repair = zone.sound()
-        placed: list[tuple[MapArea, Shape]] = []
+        found: list[tuple[MapArea, Shape]] = []
         for area in sound:
             shapes = area.placed_areas(around.frame)
             if isinstance(shapes, Problem):
-                draft.problems.append(shapes)
+                findings.problems.append(shapes)
             else:
-                placed += [each for each in shapes if around.distance_m(each[1]) <= around.reach_m]
-        kept += placed
-        read += [zone] if placed else []
-        if repair is not None and placed:
-            draft.notes.append(repair)
-    taken = (FENCE, *(area.name for area in draft.zones))
+                found += [each for each in shapes if around.distance_m(each[1]) <= around.reach_m]
+        kept += found
+        read += [zone] if found else []
+        if repair is not None and found:
+            findings.notes.append(repair)
+    taken = (FENCE, *(area.name for area in placed.zones))
     names = unique_names((zone.name for zone, _ in kept), taken)
-    for name, (zone, shape) in zip(names, kept, strict=True):
-        here = zone.problem("", "")  # without the whole document that it was read from
-        keys, source = (here.line, here.column), PlacedSource(here.path)
-        draft.zones.append(Area(name, shape, keys, True, zone.terms, source))
-    return read
+    return [_area(name, *each) for name, each in zip(names, kept, strict=True)], read
+
+
+def _area(name: str, zone: MapArea, shape: Shape) -> Area:
+    here = zone.problem("", "")  # without the whole document that it was read from
+    keys, source = (here.line, here.column), PlacedSource(here.path)
+    return Area(name, shape, keys, True, zone.terms, source)
 
 
 def _exchanged(

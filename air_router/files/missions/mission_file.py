@@ -5,13 +5,13 @@ from typing import Any
 
 from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, field_validator
 
-from air_router.files import MISSION, MissionDocument, MissionForm, notes
+from air_router.files import MISSION, Findings, MissionForm, notes
+from air_router.files.missions.form_builder import FormBuilder
 from air_router.files.missions.mission_mistakes import (
     empty_notes,
     explained_mission,
     other_kind,
 )
-from air_router.files.missions.placing import place_form
 from mocha_link.team import Document, DocumentError
 
 _LISTS = ("waypoints", "fences", "no_fly_zones", "no_fly_files", "rally_points")
@@ -26,35 +26,33 @@ _STAND_INS: dict[str, Any] = {
 """For mandatory sections that are missing or unreadable, so that the others are still checked."""
 
 
-def read_mission(document: Document) -> MissionDocument:
-    """A draft of the mission that a YAML document describes.
+def read_mission(document: Document) -> tuple[MissionForm, Findings]:
+    """The mission that a YAML document describes, and what was found.
 
-    Problems of the form are collected in the draft beside whatever could be read all the same,
-    so that one reading of a file finds all its problems.
+    What is wrong with the form is found beside whatever can be read all the same, so that one
+    reading of a file finds all its problems.
     """
-    draft = MissionDocument(document)
-    if not isinstance(document.data, dict):
+    findings, path, data = Findings(document), document.path, document.data
+    if not isinstance(data, dict):
         message = "a mission is a mapping of keys and values; see docs/mission-file.md"
-        draft.report((), message, "no-mission")
-        return draft
-    if other := other_kind(document.data, "mission"):
+        findings.report((), message, "no-mission")
+        return FormBuilder().form(path), findings
+    if other := other_kind(data, "mission"):
         message = f"this is {other}: name the mission, which has the path of this file"
-        draft.report((), message, "no-mission")
-        return draft
+        findings.report((), message, "no-mission")
+        return FormBuilder().form(path), findings
+    unread: set[str] = set()
     try:
         form = document.parse(MissionForm)
     except DocumentError as error:
-        draft.problems.extend(explained_mission(error, document).problems)
-        draft.unread |= _STAND_INS.keys() - document.data.keys()
-        text = json.dumps({**_STAND_INS, **document.data})
-        form = _RightParts.model_validate_json(
-            text, strict=True, extra="ignore", context=draft.unread
-        )
-    refused = {problem.keys for problem in draft.problems}
+        findings.problems += explained_mission(error, document).problems
+        unread |= _STAND_INS.keys() - data.keys()
+        text = json.dumps({**_STAND_INS, **data})
+        form = _RightParts.model_validate_json(text, strict=True, extra="ignore", context=unread)
+    refused = {problem.keys for problem in findings.problems}
     noted = (*empty_notes(document), *notes(document, MISSION))
-    draft.notes += [note for note in noted if note.keys not in refused]
-    place_form(draft, form)
-    return draft
+    findings.notes += [note for note in noted if note.keys not in refused]
+    return form.of_file(path, unread=unread), findings
 
 
 class _RightParts(MissionForm):

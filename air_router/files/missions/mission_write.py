@@ -11,9 +11,10 @@ from air_router.files import (
     DEFAULT_SEEK_POLICY,
     DEFAULT_WHEN_EXPLORED,
     Area,
-    MissionDocument,
     MissionPoint,
+    PlacedForm,
     PlannerSettings,
+    SeekForm,
     Timers,
     Uav,
     degrees_text,
@@ -27,38 +28,38 @@ _DIGITS: Final = 9
 """Of degrees: a tenth of a millimetre."""
 
 
-def mission_text(draft: MissionDocument, folder: Path) -> str:
-    """The mission as YAML, for a file in `folder`. The draft has a frame and a home."""
-    frame = draft.frame
-    if frame is None or draft.home is None:
+def mission_text(placed: PlacedForm, folder: Path) -> str:
+    """The mission as YAML, for a file in `folder`. It has a frame and a home."""
+    form, frame = placed.form, placed.frame
+    if frame is None or placed.home is None:
         raise ValueError("a mission without a home is no mission file")
-    reserve = draft.battery_reserve
+    reserve = form.battery_reserve
     data = {
-        "name": draft.name,
-        "home": _home(draft.home, draft.home_altitude_amsl_m, frame),
-        "altitude_m": draft.altitude_m,
-        "altitudes_m": list(draft.altitudes_m),
-        "speed_m_s": draft.speed_m_s,
-        "team": _relative(draft.team, folder),
-        "world": _relative(draft.world, folder),
-        "uavs": {uav.name: _uav(uav, frame) for uav in draft.uavs},
-        "uav": None if draft.uavs else draft.uav,
-        "seek": _seek(draft),
-        "when_explored": _unless(DEFAULT_WHEN_EXPLORED, draft.when_explored),
-        "goals_from": list(draft.goals_from),
-        "timers": _changed(asdict(draft.timers), asdict(Timers())),
-        "planner": _changed(asdict(draft.planner), asdict(PlannerSettings())),
-        "duration_s": draft.duration_s,
-        "endurance_s": draft.endurance_s,
+        "name": form.title,
+        "home": _home(placed.home, placed.home_altitude_amsl_m, frame),
+        "altitude_m": form.altitude_m,
+        "altitudes_m": form.altitudes_m,
+        "speed_m_s": form.speed_m_s,
+        "team": _relative(form.team_file, folder),
+        "world": _relative(form.world_file, folder),
+        "uavs": {uav.name: _uav(uav, frame) for uav in placed.uavs},
+        "uav": None if placed.uavs else form.uav,
+        "seek": _seek(form.seek),
+        "when_explored": _unless(DEFAULT_WHEN_EXPLORED, form.when_explored),
+        "goals_from": form.goals_from,
+        "timers": _changed(asdict(form.timers), asdict(Timers())),
+        "planner": _changed(asdict(form.planner), asdict(PlannerSettings())),
+        "duration_s": form.duration_s,
+        "endurance_s": form.endurance_s,
         "battery_reserve": None if reserve == DEFAULT_BATTERY_RESERVE else reserve,
-        "accepts": list(draft.accepts),
+        "accepts": form.accepts,
     }
     data = _given(data) | {
-        "waypoints": [_waypoint(spot, draft, frame) for spot in draft.waypoints],
-        **_fences([_shape(area, frame) for area in draft.fences]),
-        "no_fly_zones": [_zone(area, frame) for area in draft.zones],
+        "waypoints": [_waypoint(spot, form.altitude_m, frame) for spot in placed.waypoints],
+        **_fences([_shape(area, frame) for area in placed.fences]),
+        "no_fly_zones": [_zone(area, frame) for area in placed.zones],
     }
-    rally_points = [_pair(spot.position, frame) for spot in draft.rally_points]
+    rally_points = [_pair(spot.position, frame) for spot in placed.rally_points]
     return as_yaml(data | _given({"rally_points": rally_points}), short_in_line=True)
 
 
@@ -79,12 +80,11 @@ def _relative(path: Path | None, folder: Path) -> str | None:
     return None if path is None else Path(os.path.relpath(path, folder)).as_posix()
 
 
-def _seek(draft: MissionDocument) -> Any:
+def _seek(seek: SeekForm) -> Any:
     """Names alone, the policy alone, or both."""
-    robots = list(draft.seek)
-    if draft.seek_policy == DEFAULT_SEEK_POLICY:
-        return robots
-    return {"robots": robots, "policy": draft.seek_policy} if robots else draft.seek_policy
+    if seek.policy == DEFAULT_SEEK_POLICY:
+        return seek.robots
+    return {"robots": seek.robots, "policy": seek.policy} if seek.robots else seek.policy
 
 
 def _home(home: MissionPoint, altitude_amsl_m: float | None, frame: LocalFrame) -> dict[str, Any]:
@@ -97,9 +97,9 @@ def _uav(uav: Uav, frame: LocalFrame) -> dict[str, Any]:
     return _given({"altitude_m": uav.altitude_m, "explore": explore, "home": home})
 
 
-def _waypoint(spot: MissionPoint, draft: MissionDocument, frame: LocalFrame) -> Any:
+def _waypoint(spot: MissionPoint, altitude_m: float, frame: LocalFrame) -> Any:
     pair = _pair(spot.position, frame)
-    if spot.altitude_m is None or spot.altitude_m == draft.altitude_m:
+    if spot.altitude_m is None or spot.altitude_m == altitude_m:
         return pair
     return {"position": pair, "altitude_m": spot.altitude_m}
 

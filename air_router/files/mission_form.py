@@ -1,11 +1,17 @@
-"""A mission's settings with their defaults, and the form of its file: keys, types, limits."""
+"""What a mission file says: keys, types, limits and defaults, in the file's own coordinates.
 
+Files of every format become this form; `PlacedForm` has where its parts are.
+"""
+
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
+from air_router.files.findings import Keys
 from air_router.files.seek_policies import DEFAULT_SEEK_POLICY, SeekPolicy
 from air_router.files.zone_terms import ActiveForm, AltitudeForm, Clearance, ZoneTerms
 
@@ -207,7 +213,7 @@ class SeekForm(_Form):
 
 
 class MissionForm(BaseModel):
-    """A whole file."""
+    """A whole file, and where in it the values stand."""
 
     name: str | None = None
     coordinates: Literal["degrees", "local"] = "degrees"
@@ -240,3 +246,65 @@ class MissionForm(BaseModel):
     endurance_s: Seconds | None = None
     battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
     accepts: list[Accepted] = []
+
+    _path: Path = PrivateAttr(default=Path())
+    _places: Mapping[Keys, Keys] = PrivateAttr(default_factory=dict)
+    _unread: frozenset[str] = PrivateAttr(default=frozenset())
+
+    def of_file(
+        self, path: Path, *, places: Mapping[Keys, Keys] | None = None, unread: Collection[str] = ()
+    ) -> Self:
+        """This form, from now on that of a file.
+
+        Args:
+            path: The file.
+            places: The keys of a value in the file, by those here, where they differ. A part of
+                such a value has the name of its own behind them.
+            unread: Sections whose values are placeholders, because theirs cannot be read. An entry
+                of a list that cannot be read is None.
+        """
+        self._path, self._unread = path, frozenset(unread)
+        self._places = {} if places is None else places
+        return self
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
+    def unread(self) -> frozenset[str]:
+        """Sections whose values are placeholders."""
+        return self._unread
+
+    @property
+    def in_own_keys(self) -> bool:
+        """Whether the file's keys are those here: it is one of ours."""
+        return not self._places
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether pairs are metres east and north of the frame's origin, not degrees."""
+        return self.coordinates == "local"
+
+    @property
+    def title(self) -> str:
+        """What people call the mission: its name, or its folder's."""
+        return self.name or self._path.resolve().parent.name
+
+    @property
+    def team_file(self) -> Path | None:
+        """The path of the team file."""
+        return None if self.team is None else self._path.parent / self.team
+
+    @property
+    def world_file(self) -> Path | None:
+        """The path of the world file."""
+        return None if self.world is None else self._path.parent / self.world
+
+    def keys_of(self, *keys: str | int) -> Keys:
+        """The keys of a value in the file."""
+        found = self._places.get(keys)
+        if found is None and keys[:-1] in self._places:
+            found = (*self._places[keys[:-1]], keys[-1])
+        return keys if found is None else found
