@@ -213,7 +213,7 @@ class SeekForm(_Form):
 
 
 class MissionForm(BaseModel):
-    """A whole file, and where in it the values stand."""
+    """A whole file, and where in it the values stand. Missions are written in this order."""
 
     name: str | None = None
     coordinates: Literal["degrees", "local"] = "degrees"
@@ -222,6 +222,19 @@ class MissionForm(BaseModel):
     altitude_m: _Altitude
     altitudes_m: Annotated[list[_Altitude], Field(min_length=2, max_length=2)] | None = None
     speed_m_s: Annotated[float, Field(ge=SLOWEST_M_S, le=50)] = DEFAULT_SPEED_M_S
+    team: str | None = None
+    world: str | None = None
+    uavs: dict[str, UavForm | None] = {}
+    uav: str | None = None
+    seek: SeekForm = SeekForm()
+    when_explored: WhenExplored = DEFAULT_WHEN_EXPLORED
+    goals_from: list[str] = []
+    timers: Timers = Timers()
+    planner: PlannerSettings = PlannerSettings()
+    duration_s: Seconds | None = None
+    endurance_s: Seconds | None = None
+    battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
+    accepts: list[Accepted] = []
     waypoints: Annotated[
         list[WaypointForm], Field(max_length=5_000, description="what to explore, in order")
     ]
@@ -233,19 +246,6 @@ class MissionForm(BaseModel):
     ]
     no_fly_files: list[ZoneFileForm] = []
     rally_points: list[SpotForm] = []
-    timers: Timers = Timers()
-    planner: PlannerSettings = PlannerSettings()
-    uav: str | None = None
-    uavs: dict[str, UavForm | None] = {}
-    seek: SeekForm = SeekForm()
-    when_explored: WhenExplored = DEFAULT_WHEN_EXPLORED
-    goals_from: list[str] = []
-    team: str | None = None
-    world: str | None = None
-    duration_s: Seconds | None = None
-    endurance_s: Seconds | None = None
-    battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
-    accepts: list[Accepted] = []
 
     _path: Path = PrivateAttr(default=Path())
     _places: Mapping[Keys, Keys] = PrivateAttr(default_factory=dict)

@@ -232,8 +232,9 @@ def check_own(path: Path) -> None:
         DocumentError: it is; the message has what to do.
     """
     suffix = path.suffix.lower()
-    advice = _ADVICE.get(suffix)
-    begin = b"" if suffix in _OWN else _begin(path)
+    if suffix in _OWN:
+        return
+    advice, begin = _ADVICE.get(suffix), _begin(path)
     if is_waypoint_file(begin):
         advice = _ADVICE[WAYPOINTS]
     elif re.search(rb"^(waypoints|altitude_m):", begin, re.MULTILINE):

@@ -1,8 +1,7 @@
 """Mission files: YAML, QGroundControl plans, waypoint files; read and written."""
 
 from air_router.files.missions.gpx_mission import read_gpx_mission
-from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.mission_mistakes import other_kind
+from air_router.files.missions.mission_file import other_kind, read_mission
 from air_router.files.missions.mission_write import first_mission_text, mission_text
 from air_router.files.missions.placing import place
 from air_router.files.missions.qgc_items import NOT_FLOWN, RELATIVE_FRAMES, MavCommand

@@ -2,20 +2,16 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from air_router.files import (
-    DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
-    DEFAULT_WHEN_EXPLORED,
     Area,
+    MissionForm,
     MissionPoint,
     PlacedForm,
-    PlannerSettings,
     SeekForm,
-    Timers,
     Uav,
     degrees_text,
     terms_data,
@@ -28,52 +24,45 @@ _DIGITS: Final = 9
 """Of degrees: a tenth of a millimetre."""
 
 
+_WRITTEN_ANEW: Final = frozenset(
+    {"coordinates", "frame", "home", "waypoints", "fence", "fences", "no_fly_zones"}
+    | {"no_fly_files", "rally_points", "uavs", "uav", "name", "speed_m_s", "team", "world", "seek"}
+)
+"""Where things are is written in degrees, and paths from the folder of the new file."""
+
+
 def mission_text(placed: PlacedForm, folder: Path) -> str:
     """The mission as YAML, for a file in `folder`. It has a frame and a home."""
     form, frame = placed.form, placed.frame
     if frame is None or placed.home is None:
         raise ValueError("a mission without a home is no mission file")
-    reserve = form.battery_reserve
-    data = {
-        "name": form.title,
-        "home": _home(placed.home, placed.home_altitude_amsl_m, frame),
-        "altitude_m": form.altitude_m,
-        "altitudes_m": form.altitudes_m,
-        "speed_m_s": form.speed_m_s,
-        "team": _relative(form.team_file, folder),
-        "world": _relative(form.world_file, folder),
-        "uavs": {uav.name: _uav(uav, frame) for uav in placed.uavs},
-        "uav": None if placed.uavs else form.uav,
-        "seek": _seek(form.seek),
-        "when_explored": _unless(DEFAULT_WHEN_EXPLORED, form.when_explored),
-        "goals_from": form.goals_from,
-        "timers": _changed(asdict(form.timers), asdict(Timers())),
-        "planner": _changed(asdict(form.planner), asdict(PlannerSettings())),
-        "duration_s": form.duration_s,
-        "endurance_s": form.endurance_s,
-        "battery_reserve": None if reserve == DEFAULT_BATTERY_RESERVE else reserve,
-        "accepts": form.accepts,
-    }
-    data = _given(data) | {
-        "waypoints": [_waypoint(spot, form.altitude_m, frame) for spot in placed.waypoints],
-        **_fences([_shape(area, frame) for area in placed.fences]),
-        "no_fly_zones": [_zone(area, frame) for area in placed.zones],
-    }
-    rally_points = [_pair(spot.position, frame) for spot in placed.rally_points]
-    return as_yaml(data | _given({"rally_points": rally_points}), short_in_line=True)
+    fences = [_shape(area, frame) for area in placed.fences]
+    data = form.model_dump(exclude=_WRITTEN_ANEW, exclude_defaults=True)
+    data |= _given(
+        {
+            "name": form.title,
+            "home": _home(placed.home, placed.home_altitude_amsl_m, frame),
+            "speed_m_s": form.speed_m_s,
+            "team": _relative(form.team_file, folder),
+            "world": _relative(form.world_file, folder),
+            "uavs": {uav.name: _uav(uav, frame) for uav in placed.uavs},
+            "uav": None if placed.uavs else form.uav,
+            "seek": _seek(form.seek),
+            "fences": fences if len(fences) > 1 else None,
+            "rally_points": [_pair(spot.position, frame) for spot in placed.rally_points],
+        }
+    )
+    data["waypoints"] = [_waypoint(spot, form.altitude_m, frame) for spot in placed.waypoints]
+    data["no_fly_zones"] = [_zone(area, frame) for area in placed.zones]
+    if len(fences) < 2:
+        data["fence"] = next(iter(fences), None)
+    ordered = {name: data[name] for name in MissionForm.model_fields if name in data}
+    return as_yaml(ordered, short_in_line=True)
 
 
 def _given(data: dict[str, Any]) -> dict[str, Any]:
     """The data without null, and without empty lists and mappings."""
     return {key: value for key, value in data.items() if value not in (None, [], {})}
-
-
-def _changed(data: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in data.items() if value != defaults[key]}
-
-
-def _unless(default: str, value: str) -> str | None:
-    return None if value == default else value
 
 
 def _relative(path: Path | None, folder: Path) -> str | None:
@@ -102,10 +91,6 @@ def _waypoint(spot: MissionPoint, altitude_m: float, frame: LocalFrame) -> Any:
     if spot.altitude_m is None or spot.altitude_m == altitude_m:
         return pair
     return {"position": pair, "altitude_m": spot.altitude_m}
-
-
-def _fences(shapes: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"fences": shapes} if len(shapes) > 1 else {"fence": next(iter(shapes), None)}
 
 
 def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:

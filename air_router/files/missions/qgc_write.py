@@ -10,14 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from air_router.files import (
-    DEFAULT_WHEN_EXPLORED,
     Area,
     JsonDocument,
     MissionForm,
     PlacedForm,
-    PlannerSettings,
-    SeekForm,
-    Timers,
     json_text,
 )
 from air_router.files.maps import MapCircle, MapRing, map_area_of
@@ -187,20 +183,14 @@ def _rounded(place: Geodetic) -> list[float]:
     return [round(degrees, _DEGREE_DIGITS) for degrees in place]
 
 
+_ONLY_OURS: Final = (
+    *("altitudes_m", "timers", "planner", "team", "world", "seek", "when_explored"),
+    *("goals_from", "uavs", "duration_s", "accepts"),
+)
+
+
 def tell_settings(form: MissionForm, warnings: ConversionWarnings, where: str) -> None:
     """Note the settings of a mission that only a mission file has."""
-    for what, given in (
-        ("altitudes_m", bool(form.altitudes_m)),
-        ("timers", form.timers != Timers()),
-        ("planner", form.planner != PlannerSettings()),
-        ("team", form.team is not None),
-        ("world", form.world is not None),
-        ("seek", form.seek != SeekForm()),
-        ("when_explored", form.when_explored != DEFAULT_WHEN_EXPLORED),
-        ("goals_from", bool(form.goals_from)),
-        ("uavs", bool(form.uavs)),
-        ("duration_s", form.duration_s is not None),
-        ("accepts", bool(form.accepts)),
-    ):
-        if given:
+    for what in _ONLY_OURS:
+        if getattr(form, what) != MissionForm.model_fields[what].get_default():
             warnings.add(what, f"{where} has none; keep the mission file", "settings-lost")
