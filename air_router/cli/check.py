@@ -10,7 +10,8 @@ import click
 
 from air_router.cli.arguments import print_json, start_option, uav_option
 from air_router.errors import ExitCode
-from air_router.files import SEEK_POLICIES, Findings, PlacedForm
+from air_router.files import SEEK_POLICIES, Findings
+from air_router.files.missions import PlacedForm
 from air_router.mission import Mission, chosen, read_placed, unusual, validate
 from air_router.preflight import (
     MissionSurvey,

@@ -13,24 +13,22 @@ from air_router.errors import ExitCode, UsageError
 from air_router.files import (
     Findings,
     JsonDocument,
-    PlacedForm,
     json_text,
     kmz_of,
     write_whole,
 )
 from air_router.files.maps import (
     FeatureSet,
-    feature_set_of,
     feature_set_of_zones,
     geojson_text,
     kml_text,
     read_zones,
-    zones_near,
 )
 from air_router.files.missions import (
     NOT_FLOWN,
     ConversionWarnings,
-    areas_of,
+    PlacedForm,
+    feature_set_of,
     mission_text,
     plan_of,
     tell_settings,
@@ -208,8 +206,7 @@ def _mission(arguments: Options, kind: str, report: _Report) -> str | bytes:
     placed, findings = read_foreign(source, altitude_m=arguments.altitude) or read_placed(source)
     own_zones = len(placed.zones)
     for path in arguments.zones:
-        more = zones_near(placed, path, (), findings, allow=allow, skip=skip)
-        placed = placed.with_zones(more)
+        placed = placed.with_zones_of(path, (), findings, allow=allow, skip=skip)
     if findings.problems or placed.frame is None or placed.home is None:
         raise DocumentError(findings.problems)
     document = findings.source
@@ -233,7 +230,7 @@ def _mission(arguments: Options, kind: str, report: _Report) -> str | bytes:
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
     elif isinstance(document, JsonDocument):
         added = placed.zones[own_zones:]
-        text = with_zones(document, areas_of(added, placed.frame, report.warnings, inclusion=False))
+        text = with_zones(document, added, placed.frame, report.warnings)
     else:
         text = json_text(plan_of(placed, report.warnings))
     validate(placed, findings)

@@ -18,12 +18,11 @@ from air_router.files import (
     Findings,
     HomeForm,
     MissionForm,
-    MissionPoint,
-    PlacedForm,
     PlacedSource,
     PlannerSettings,
 )
-from air_router.files.maps import MapArea, MapCircle, MapOutline, read_zones, zones_near
+from air_router.files.maps import MapArea, MapCircle, MapOutline, read_zones
+from air_router.files.missions import MissionPoint, PlacedForm
 from air_router.mission import FlightWindow, areas_of, read_placed, validate
 from geo.airspace import FENCE, Airspace, Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
@@ -162,7 +161,7 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     home = None if terms.home is None else MissionPoint("home", frame.to_local(*terms.home), ())
     placed = PlacedForm(form.of_file(source.path), frame, home)
     for file in terms.zones:
-        placed = placed.with_zones(zones_near(placed, file, (), findings))
+        placed = placed.with_zones_of(file, (), findings)
     if findings.problems:
         raise DocumentError(findings.problems)
     shape = _shape(zones, frame)

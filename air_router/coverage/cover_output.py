@@ -12,8 +12,8 @@ import numpy as np
 from air_router.coverage.camera import SurveyCamera
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, UsageError
-from air_router.files import Findings, MissionPoint, with_section
-from air_router.files.missions import mission_text, place, read_mission
+from air_router.files import Findings, with_section
+from air_router.files.missions import MissionPoint, mission_text, place, read_mission
 from air_router.mission import validate
 from air_router.routing import Pace, Way
 from geo.coverage import Coverage, Swath, UnseenCause

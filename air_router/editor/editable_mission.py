@@ -24,11 +24,10 @@ from air_router.files import (
     Findings,
     JsonDocument,
     MissionForm,
-    PlacedForm,
     json_from_text,
     rewritten,
 )
-from air_router.files.missions import place, read_mission, read_plan
+from air_router.files.missions import PlacedForm, place, read_mission, read_plan
 from air_router.mission import Mission, check_own, validate
 from air_router.routing import Route, Router, WaypointGraph
 from geo.airspace import Outline, ZoneError, polygons_of

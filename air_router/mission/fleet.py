@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.files import Area, Findings, PlacedForm, Uav
+from air_router.files import Area, Findings
+from air_router.files.missions import PlacedForm
 from air_router.mission.tracking import TrackingMargin
 from geo.airspace import Circle
 from geo.frame import Point
@@ -43,7 +44,7 @@ class Layer:
 
 def layers_of(placed: PlacedForm) -> tuple[Layer, ...]:
     """The layers of a mission's UAVs, in its order; empty if it is for one only."""
-    heights = [_height_m(placed, uav) for uav in placed.uavs]
+    heights = [_height_m(placed, uav.home_altitude_amsl_m) for uav in placed.uavs]
     common = None not in heights
     layers = []
     for uav, height_m in zip(placed.uavs, heights, strict=True):
@@ -63,7 +64,7 @@ def variants(placed: PlacedForm) -> list[PlacedForm]:
             uav,
             altitude_m=layer.altitude_m,
             home=uav.home or placed.home,
-            home_altitude_amsl_m=_height_m(placed, uav),
+            home_altitude_amsl_m=_height_m(placed, uav.home_altitude_amsl_m),
         )
         for uav, layer in zip(placed.uavs, layers, strict=True)
     )
@@ -160,7 +161,6 @@ def _climb_corridors(placed: PlacedForm, layers: Sequence[Layer], own: Layer) ->
     )
 
 
-def _height_m(placed: PlacedForm, uav: Uav) -> float | None:
+def _height_m(placed: PlacedForm, own_m: float | None) -> float | None:
     """Of the ground at a UAV's home, above the sea; that of the mission's home for want of it."""
-    own_m = uav.home_altitude_amsl_m
     return placed.home_altitude_amsl_m if own_m is None else own_m

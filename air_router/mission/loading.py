@@ -17,12 +17,12 @@ from air_router.files import (
     SLOWEST_M_S,
     UNUSUAL,
     Findings,
-    PlacedForm,
     bytes_within,
     load_json,
 )
 from air_router.files.maps import is_fence_file, is_waypoint_file, read_gpx
 from air_router.files.missions import (
+    PlacedForm,
     place,
     read_gpx_mission,
     read_mission,

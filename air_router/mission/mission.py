@@ -22,12 +22,12 @@ from air_router.files import (
     Area,
     HomeAltitudeError,
     MissionForm,
-    PlacedForm,
     PlannerSettings,
     SeekPolicy,
     Timers,
     WhenExplored,
 )
+from air_router.files.missions import PlacedForm
 from air_router.mission.fleet import Layer, layers_of
 from air_router.mission.tracking import TrackingMargin
 from geo.airspace import Airspace, Band, Shape, Zone, ZoneError

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import RefusedError
-from air_router.files import Findings, Keys, MissionForm, PlacedForm, is_file
-from air_router.files.missions import other_kind
+from air_router.files import Findings, Keys, MissionForm, is_file
+from air_router.files.missions import PlacedForm, other_kind
 from air_router.messages import GOALS_TOPIC, JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC
 from air_router.mission.mission import Mission
 from mocha_link.team import Document, DocumentError, Team, Topic, path_advice

@@ -15,10 +15,9 @@ from air_router.files import (
     Findings,
     HomeAltitudeError,
     MissionForm,
-    MissionPoint,
-    PlacedForm,
     RefusedRing,
 )
+from air_router.files.missions import MissionPoint, PlacedForm
 from air_router.mission.mission import Mission, MissionAreas
 from air_router.mission.tracking import TrackingMargin
 from geo.airspace import FENCE, Airspace, Circle, Shape, ZoneError, circle_ring

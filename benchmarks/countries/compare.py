@@ -23,8 +23,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from air_router.files import AltitudeLimit, PlacedForm, Reference
+from air_router.files import AltitudeLimit, Reference
 from air_router.files.maps import MapArea, MapCircle, read_zones
+from air_router.files.missions import PlacedForm
 from air_router.mission import read_placed, validate
 from benchmarks.countries.independent import Limit, Zone, area_m2, polygon_area_m2, read
 from geo.airspace import Circle

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from air_router.files import Area, PlacedForm
+from air_router.files import Area
 from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
@@ -15,7 +15,6 @@ from air_router.files.maps.map_area import (
 from air_router.files.maps.zone_reading import ZoneReading
 from geo.airspace import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point, step_at_m, stepped
-from mocha_link.sanitize import sanitize
 from mocha_link.team import Problem
 
 _ON_LINE_DEG = 2e-9
@@ -53,30 +52,6 @@ class FeatureSet:
         """Fences and zones, each with its kind."""
         yield from (("fence", area) for area in self.fences)
         yield from (("zone", area) for area in self.zones)
-
-
-def feature_set_of(placed: PlacedForm) -> FeatureSet:
-    """The feature set of a mission. It has a frame."""
-    frame = placed.frame
-    if frame is None:
-        raise ValueError("a mission without a frame has no feature set")
-    features = FeatureSet(
-        sanitize(placed.form.title),
-        placed.home_altitude_amsl_m,
-        [map_area_of(area, frame) for area in placed.fences],
-        [map_area_of(area, frame) for area in placed.zones],
-    )
-    if placed.home is not None:
-        home = MapPoint("home", frame.to_geodetic(placed.home.position), 0.0)
-        features.spots.append(("home", home))
-    for n, spot in enumerate(placed.waypoints, start=1):
-        place = frame.to_geodetic(spot.position)
-        altitude_m = spot.altitude_m or placed.form.altitude_m
-        features.spots.append(("waypoint", MapPoint(str(n), place, altitude_m)))
-    for n, spot in enumerate(placed.rally_points, start=1):
-        place = frame.to_geodetic(spot.position)
-        features.spots.append(("rally_point", MapPoint(f"rally point {n}", place)))
-    return features
 
 
 def feature_set_of_zones(

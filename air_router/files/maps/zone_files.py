@@ -16,10 +16,8 @@ from air_router.files import (
     Area,
     Findings,
     Keys,
-    PlacedForm,
     PlacedSource,
     bytes_within,
-    is_file,
 )
 from air_router.files.maps.json_zones import KNOWN
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, unique_names
@@ -27,7 +25,7 @@ from air_router.files.maps.surroundings import Surroundings
 from air_router.files.maps.zone_formats import read_features
 from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
 from geo.airspace import FENCE, Shape
-from mocha_link.team import DocumentError, Problem, path_advice
+from mocha_link.team import Problem
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
@@ -73,31 +71,23 @@ _ELSEWHERE: Final = {
 """Files that people try, by the ending of their names, and what leads to zones."""
 
 
-def zones_near(  # noqa: PLR0913 - what a mission says of such a file, and where
-    placed: PlacedForm,
-    path: Path,
+def zones_near(
+    reading: ZoneReading,
+    around: Surroundings,
+    taken: Collection[str],
     keys: Keys,
     findings: Findings,
-    *,
-    allow: Collection[str] = (),
-    skip: Collection[str] = (),
 ) -> Sequence[Area]:
-    """The zones of a file that are near enough to matter for a mission; all else of it is read.
+    """The zones of a file that are near enough to matter for a mission, under names of their own.
 
-    Problems and notices of the file are findings, but for those of zones that are far from the
-    mission: one that cannot be read is noted. `keys` say where the mission names the file.
+    Args:
+        reading: The file.
+        around: The mission's surroundings.
+        taken: Names of other zones.
+        keys: Where the mission names the file.
+        findings: Get problems and notices of the file, but for those of zones that are far from
+            the mission: one that cannot be read is noted.
     """
-    if placed.frame is None:
-        return ()
-    if keys and not is_file(path):
-        findings.report(keys, f"there is no file {path}; {path_advice(path)}", "no-such-file")
-        return ()
-    try:
-        reading = read_zones(path, allow=allow, skip=skip)
-    except DocumentError as error:
-        findings.problems += error.problems
-        return ()
-    around = Surroundings(placed, placed.frame)
     problems, notes = reading.findings(around.may_reach)
     findings.problems += problems
     findings.notes += notes
@@ -113,7 +103,7 @@ def zones_near(  # noqa: PLR0913 - what a mission says of such a file, and where
     if exchanged := list(_exchanged(reading, near, around)):
         findings.problems += exchanged
         return ()
-    areas, kept = _near(placed, near, around, findings)
+    areas, kept = _near(near, around, taken, findings)
     findings.problems += _too_wide(reading, kept, around)
     if len(kept) < len(reading.zones) and not problems:
         message = (
@@ -125,7 +115,7 @@ def zones_near(  # noqa: PLR0913 - what a mission says of such a file, and where
 
 
 def _near(
-    placed: PlacedForm, near: Sequence[MapArea], around: Surroundings, findings: Findings
+    near: Sequence[MapArea], around: Surroundings, taken: Collection[str], findings: Findings
 ) -> tuple[list[Area], list[MapArea]]:
     """The zones that are near enough, and which these are, as the file has them."""
     kept: list[tuple[MapArea, Shape]] = []
@@ -143,8 +133,7 @@ def _near(
         read += [zone] if found else []
         if repair is not None and found:
             findings.notes.append(repair)
-    taken = (FENCE, *(area.name for area in placed.zones))
-    names = unique_names((zone.name for zone, _ in kept), taken)
+    names = unique_names((zone.name for zone, _ in kept), (FENCE, *taken))
     return [_area(name, *each) for name, each in zip(names, kept, strict=True)], read
 
 

@@ -2,13 +2,12 @@
 
 from air_router.files.missions.gpx_mission import read_gpx_mission
 from air_router.files.missions.mission_file import other_kind, read_mission
-from air_router.files.missions.mission_write import first_mission_text, mission_text
-from air_router.files.missions.placing import place
+from air_router.files.missions.mission_write import feature_set_of, first_mission_text, mission_text
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm, place
 from air_router.files.missions.qgc_items import NOT_FLOWN, RELATIVE_FRAMES, MavCommand
 from air_router.files.missions.qgc_read import read_plan
 from air_router.files.missions.qgc_write import (
     ConversionWarnings,
-    areas_of,
     plan_of,
     simple_item,
     tell_settings,
@@ -21,7 +20,9 @@ __all__ = [
     "RELATIVE_FRAMES",
     "ConversionWarnings",
     "MavCommand",
-    "areas_of",
+    "MissionPoint",
+    "PlacedForm",
+    "feature_set_of",
     "first_mission_text",
     "mission_text",
     "other_kind",

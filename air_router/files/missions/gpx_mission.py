@@ -9,12 +9,12 @@ from air_router.files import (
     DEFAULT_SPEED_M_S,
     Findings,
     MissionForm,
-    Placer,
     SpotForm,
     WaypointForm,
 )
 from air_router.files.maps import GpxDocument, GpxPoint, ZoneFeature
 from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.placed_form import Placer
 from air_router.words import counted
 from geo.frame import FrameError, Geodetic, LocalFrame
 from mocha_link.team import Problem, ProblemList

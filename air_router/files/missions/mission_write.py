@@ -1,4 +1,4 @@
-"""Writes missions as YAML mission files: those of plans, and a first one to begin with."""
+"""Writes missions: as YAML mission files, for map programs, and a first one to begin with."""
 
 import os
 from collections.abc import Sequence
@@ -9,25 +9,24 @@ from air_router.files import (
     DEFAULT_SEEK_POLICY,
     Area,
     MissionForm,
-    MissionPoint,
-    PlacedForm,
     SeekForm,
-    Uav,
     degrees_text,
     terms_data,
 )
-from air_router.files.maps import MapCircle, map_area_of
+from air_router.files.maps import FeatureSet, MapCircle, MapPoint, map_area_of
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm, Uav
 from geo.frame import Geodetic, LocalFrame, Point
+from mocha_link.sanitize import sanitize
 from mocha_link.team import as_yaml
 
 _DIGITS: Final = 9
 """Of degrees: a tenth of a millimetre."""
 
 
-_WRITTEN_ANEW: Final = frozenset(
-    {"coordinates", "frame", "home", "waypoints", "fence", "fences", "no_fly_zones"}
-    | {"no_fly_files", "rally_points", "uavs", "uav", "name", "speed_m_s", "team", "world", "seek"}
-)
+_WRITTEN_ANEW: Final = {
+    *("coordinates", "frame", "home", "waypoints", "fence", "fences", "no_fly_zones"),
+    *("no_fly_files", "rally_points", "uavs", "uav", "name", "speed_m_s", "team", "world", "seek"),
+}
 """Where things are is written in degrees, and paths from the folder of the new file."""
 
 
@@ -113,6 +112,30 @@ def _pair(point: Point, frame: LocalFrame) -> list[float]:
 
 def _rounded(place: Geodetic) -> list[float]:
     return [round(degrees, _DIGITS) for degrees in place]
+
+
+def feature_set_of(placed: PlacedForm) -> FeatureSet:
+    """The feature set of a mission. It has a frame."""
+    frame = placed.frame
+    if frame is None:
+        raise ValueError("a mission without a frame has no feature set")
+    features = FeatureSet(
+        sanitize(placed.form.title),
+        placed.home_altitude_amsl_m,
+        [map_area_of(area, frame) for area in placed.fences],
+        [map_area_of(area, frame) for area in placed.zones],
+    )
+    if placed.home is not None:
+        home = MapPoint("home", frame.to_geodetic(placed.home.position), 0.0)
+        features.spots.append(("home", home))
+    for n, spot in enumerate(placed.waypoints, start=1):
+        place = frame.to_geodetic(spot.position)
+        altitude_m = spot.altitude_m or placed.form.altitude_m
+        features.spots.append(("waypoint", MapPoint(str(n), place, altitude_m)))
+    for n, spot in enumerate(placed.rally_points, start=1):
+        place = frame.to_geodetic(spot.position)
+        features.spots.append(("rally_point", MapPoint(f"rally point {n}", place)))
+    return features
 
 
 _FIRST_MISSION: Final = """\

@@ -13,13 +13,12 @@ from air_router.files import (
     Findings,
     JsonValues,
     Keys,
-    MissionPoint,
-    Placer,
     WaypointForm,
     named,
     shown,
 )
 from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.placed_form import MissionPoint, Placer
 
 SAME_PLACE_M: Final = 0.1
 _AT_HOME_M: Final = 20.0

@@ -14,12 +14,12 @@ from air_router.files import (
     JsonDocument,
     Keys,
     MissionForm,
-    Placer,
     SpotForm,
     ZoneForm,
     note_form,
 )
 from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.placed_form import Placer
 from air_router.files.missions.qgc_items import (
     EXPORT_AGAIN,
     NOT_FLOWN,

@@ -5,7 +5,7 @@ all times. Other zones of a mission become larger, never smaller, and are report
 """
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -13,10 +13,10 @@ from air_router.files import (
     Area,
     JsonDocument,
     MissionForm,
-    PlacedForm,
     json_text,
 )
 from air_router.files.maps import MapCircle, MapRing, map_area_of
+from air_router.files.missions.placed_form import PlacedForm
 from air_router.files.missions.qgc_items import MavCommand
 from geo.airspace import Circle
 from geo.frame import Geodetic, LocalFrame
@@ -71,8 +71,8 @@ def plan_of(placed: PlacedForm, warnings: ConversionWarnings) -> dict[str, Any]:
     if altitude_m is None:
         message = "home's height above the sea is not known: written as 0"
         warnings.add("home", message, "home-altitude-unknown")
-    fence = areas_of(placed.fences, frame, warnings, inclusion=True)
-    zones = areas_of(placed.zones, frame, warnings, inclusion=False)
+    fence = _areas(placed.fences, frame, warnings, inclusion=True)
+    zones = _areas(placed.zones, frame, warnings, inclusion=False)
     rally_points = [
         [*_rounded(frame.to_geodetic(spot.position)), 0.0] for spot in placed.rally_points
     ]
@@ -96,7 +96,7 @@ def plan_of(placed: PlacedForm, warnings: ConversionWarnings) -> dict[str, Any]:
     }
 
 
-def areas_of(
+def _areas(
     areas: Iterable[Area], frame: LocalFrame, warnings: ConversionWarnings, *, inclusion: bool
 ) -> dict[str, list[Any]]:
     """Fences, or zones, as entries of the lists `polygons` and `circles` of a plan's fence."""
@@ -114,13 +114,15 @@ def areas_of(
     return found
 
 
-def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
+def with_zones(
+    plan: JsonDocument, zones: Sequence[Area], frame: LocalFrame, warnings: ConversionWarnings
+) -> str:
     """The text of a plan, which stays what it is and gets more zones."""
-    if not any(more.values()):
+    if not zones:
         return plan.text
     data = copy.deepcopy(plan.data)
     fence = data["geoFence"] = data.get("geoFence") or {"version": 2}
-    for kind, entries in more.items():
+    for kind, entries in _areas(zones, frame, warnings, inclusion=False).items():
         if entries:
             fence[kind] = [*(fence.get(kind) or []), *entries]
     return json_text(data, like=plan.text)

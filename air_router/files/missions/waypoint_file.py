@@ -19,7 +19,6 @@ from air_router.files import (
     Keys,
     MissionForm,
     PlacedSource,
-    Placer,
     SpotForm,
     ZoneForm,
     note_form,
@@ -33,6 +32,7 @@ from air_router.files.maps import (
     old_fence_items,
 )
 from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.placed_form import Placer
 from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
 from mocha_link.team import DocumentError, Problem, ProblemList
 

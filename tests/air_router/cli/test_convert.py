@@ -16,7 +16,7 @@ from air_router.errors import ExitCode
 from air_router.files.json_document import json_from_text, json_text
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_form import MissionForm
-from air_router.files.missions.placing import place
+from air_router.files.missions.placed_form import place
 from air_router.files.missions.qgc_read import read_plan
 from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
 from air_router.files.missions.waypoint_file import read_waypoints

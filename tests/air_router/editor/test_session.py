@@ -31,7 +31,7 @@ from air_router.editor.session import (
     write_starter,
 )
 from air_router.errors import ExitCode, UsageError
-from air_router.files.missions.placing import place
+from air_router.files.missions.placed_form import place
 from mocha_link.team.document import DocumentError
 from tests.mocha_link.foreign import foreign_link
 

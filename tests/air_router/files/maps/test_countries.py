@@ -17,10 +17,10 @@ from shapely import LineString
 from air_router.files.findings import Findings
 from air_router.files.json_document import json_from_text
 from air_router.files.maps.map_area import MapCircle
-from air_router.files.maps.zone_files import read_zones, zones_near
+from air_router.files.maps.zone_files import read_zones
 from air_router.files.missions.mission_file import read_mission
-from air_router.files.placed_form import Area, MissionPoint, PlacedForm
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Area, Reference
 from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.problem import Problem
@@ -50,7 +50,7 @@ def zones_at(home, path, reach_m=300.0, **options):
     findings, frame = Findings(document), LocalFrame(home)
     spots = [MissionPoint(name, Point(at, at), ()) for name, at in (("home", 0), ("1", reach_m))]
     placed = PlacedForm(read_mission(document)[0], frame, spots[0], (spots[1],))
-    zones = zones_near(placed, path, ("no_fly_files", 0), findings, **options)
+    zones = placed.with_zones_of(path, ("no_fly_files", 0), findings, **options).zones
     return Read(frame, zones, findings.problems, findings.notes)
 
 
@@ -292,7 +292,7 @@ BROKEN = openair("DP 47:00:00 N 8:00:00 E", "DP 47:00:00 N eight", "DP 47:00:30 
 def test_what_cannot_be_read_is_an_error_only_where_it_may_matter(tmp_path, name, text):
     path = written(tmp_path, name, text)
     near, far = zones_at(Geodetic(47.1, 8.1), path), zones_at(Geodetic(49, 8), path)
-    assert (len(near.problems), near.zones) == (1, [])
+    assert (len(near.problems), near.zones) == (1, ())
     assert far.problems == []
     (note,) = (note for note in far.notes if note.code == "zone-unread")
     (problem,) = near.problems

@@ -16,7 +16,6 @@ from air_router.files.maps.feature_set import (
     FeatureSet,
     MapPoint,
     corners_of,
-    feature_set_of,
 )
 from air_router.files.maps.geojson import geojson_of, geojson_text
 from air_router.files.maps.json_zones import JSON
@@ -25,7 +24,8 @@ from air_router.files.maps.kml import kml_text
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.maps.zone_reading import ZoneReading
-from air_router.files.placed_form import local_ring
+from air_router.files.missions.mission_write import feature_set_of
+from air_router.files.missions.placed_form import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_placed
 from geo.airspace.zone import Outline

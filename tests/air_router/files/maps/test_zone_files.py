@@ -16,9 +16,9 @@ from uas_standards.eurocae_ed269 import ED269Schema
 from air_router.files.findings import Findings
 from air_router.files.maps.geozone_hours import validity_of
 from air_router.files.maps.map_area import MapCircle, MapOutline, unique_names
-from air_router.files.maps.zone_files import read_zones, zones_near
+from air_router.files.maps.zone_files import read_zones
 from air_router.files.missions.mission_file import read_mission
-from air_router.files.placed_form import MissionPoint, PlacedForm, Placer
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm, Placer
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
@@ -368,7 +368,7 @@ class Near:
 
     def add(self, path, allow=()):
         keys = ("no_fly_files", 0)
-        self.zones = zones_near(self.placed, path, keys, self.findings, allow=allow)
+        self.zones = self.placed.with_zones_of(path, keys, self.findings, allow=allow).zones
 
     @property
     def problems(self):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from air_router.errors import exit_code
 from air_router.files.json_document import json_from_text, load_json, value_at
-from air_router.files.missions.placing import place
+from air_router.files.missions.placed_form import place
 from air_router.files.missions.qgc_read import read_plan
 from air_router.mission.loading import load_mission, validate
 from mocha_link.team.document import DocumentError
