@@ -11,8 +11,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel
 
-from air_router.files.findings import Findings, Keys
-from air_router.files.mission_form import MissionForm
+from air_router.files.findings import Keys
 from mocha_link.team import Document, DocumentError, Problem
 
 UNUSUAL: Final = "unusual-value"
@@ -234,25 +233,6 @@ def parse_world(document: Document, model: type[M]) -> M:
         return document.parse(model)
     except DocumentError as error:
         raise explained(error, document.data, WORLD) from None
-
-
-def note_form(form: MissionForm, findings: Findings) -> None:
-    """Note unusual values of the altitudes and the speed of another program's file."""
-    by_field = {band.field: band for band in MISSION}
-    band = by_field["waypoints[].altitude_m"]
-    found = [
-        (index, waypoint.altitude_m)
-        for index, waypoint in enumerate(form.waypoints)
-        if waypoint.altitude_m is not None and not band.holds(waypoint.altitude_m)
-    ]
-    if found:
-        index, value = found[0]
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        text = band.note_text(f"the altitude of waypoint {index + 1}{more}", value)
-        findings.note(form.keys_of("waypoints", index, "position"), text, UNUSUAL)
-    speed = by_field["speed_m_s"]
-    if not speed.holds(form.speed_m_s):
-        findings.note((), speed.note_text("the speed", form.speed_m_s), UNUSUAL)
 
 
 def option_notes(given: Iterable[tuple[str, float | None, str]]) -> Iterator[str]:

@@ -44,7 +44,7 @@ class Layer:
 
 def layers_of(placed: PlacedForm) -> tuple[Layer, ...]:
     """The layers of a mission's UAVs, in its order; empty if it is for one only."""
-    heights = [_height_m(placed, uav.home_altitude_amsl_m) for uav in placed.uavs]
+    heights = _heights_m(placed)
     common = None not in heights
     layers = []
     for uav, height_m in zip(placed.uavs, heights, strict=True):
@@ -56,43 +56,33 @@ def layers_of(placed: PlacedForm) -> tuple[Layer, ...]:
     return tuple(layers)
 
 
-def variants(placed: PlacedForm) -> list[PlacedForm]:
+def variants(placed: PlacedForm, layers: Sequence[Layer]) -> list[PlacedForm]:
     """The mission (with a home) as each of its UAVs flies it; that of `form.uav` first."""
-    layers, form = layers_of(placed), placed.form
-    uavs = tuple(
-        replace(
-            uav,
-            altitude_m=layer.altitude_m,
-            home=uav.home or placed.home,
-            home_altitude_amsl_m=_height_m(placed, uav.home_altitude_amsl_m),
-        )
-        for uav, layer in zip(placed.uavs, layers, strict=True)
-    )
+    form, heights = placed.form, _heights_m(placed)
     made = [
         replace(
             placed.with_settings(
                 uav=uav.name,
                 altitude_m=layer.altitude_m,
-                home=form.home.model_copy(update={"altitude_amsl_m": uav.home_altitude_amsl_m}),
+                home=form.home.model_copy(update={"altitude_amsl_m": height_m}),
             ),
-            uavs=uavs,
-            home=uav.home,
+            home=uav.home or placed.home,
             climb_corridors=_climb_corridors(placed, layers, layer),
             # Two that return by themselves must not meet on one of them.
             rally_points=placed.rally_points if len(layers) == 1 else (),
         )
-        for uav, layer in zip(uavs, layers, strict=True)
+        for uav, layer, height_m in zip(placed.uavs, layers, heights, strict=True)
     ]
     return sorted(made, key=lambda variant: variant.form.uav != form.uav)
 
 
-def check_fleet(placed: PlacedForm, findings: Findings) -> None:
+def check_fleet(placed: PlacedForm, layers: Sequence[Layer], findings: Findings) -> None:
     """Note UAVs whose layers or homes are too close, and what they cannot have of their own."""
     if len(placed.uavs) < 2:
         return
     planner = placed.form.planner
     distance_m = planner.clearance_m + TrackingMargin.of(planner, placed.form.speed_m_s).planned_m
-    levels = list(zip(placed.uavs, layers_of(placed), strict=True))
+    levels = list(zip(placed.uavs, layers, strict=True))
     homes_m = max(planner.home_separation_m, column_radius_m(placed) + distance_m)
     for (_, lower), (uav, layer) in itertools.combinations(levels, 2):
         apart_m = abs(layer.level_m - lower.level_m)
@@ -161,6 +151,7 @@ def _climb_corridors(placed: PlacedForm, layers: Sequence[Layer], own: Layer) ->
     )
 
 
-def _height_m(placed: PlacedForm, own_m: float | None) -> float | None:
-    """Of the ground at a UAV's home, above the sea; that of the mission's home for want of it."""
-    return placed.home_altitude_amsl_m if own_m is None else own_m
+def _heights_m(placed: PlacedForm) -> list[float | None]:
+    """Of the ground at the UAVs' homes, above the sea; that of the mission's for want of it."""
+    own = [uav.home_altitude_amsl_m for uav in placed.uavs]
+    return [placed.home_altitude_amsl_m if own_m is None else own_m for own_m in own]

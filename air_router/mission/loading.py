@@ -31,11 +31,11 @@ from air_router.files.missions import (
     read_waypoints,
 )
 from air_router.messages import FARTHEST_M
-from air_router.mission.fleet import check_fleet, merge, variants
+from air_router.mission.fleet import Layer, check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
-from air_router.mission.mission import FlightWindow, Mission, areas_of
+from air_router.mission.mission import FlightWindow, Mission
 from air_router.mission.team import check_team
-from air_router.mission.validation import check_geometry
+from air_router.mission.validation import checked_areas
 from mocha_link.team import Document, DocumentError, Problem, text_in
 
 DRAWN_OVER: Final = frozenset(
@@ -161,25 +161,30 @@ def validate(
         start: When the vehicle takes off, in UTC; None: soon.
     """
     if not placed.uavs or placed.frame is None or placed.home is None:
-        return _validate(placed, findings, start)
-    check_fleet(placed, findings)
-    each = [(variant, findings.copied()) for variant in variants(placed)]
-    missions = [_validate(variant, found, start) for variant, found in each]
-    merge(findings, [(variant.form.uav, found) for variant, found in each])
-    return missions[0] and replace(missions[0], notes=tuple(findings.notes))
+        mission = _validate(placed, findings, start)
+    else:
+        layers = layers_of(placed)
+        check_fleet(placed, layers, findings)
+        each = [(variant, findings.copied()) for variant in variants(placed, layers)]
+        mission, *_ = [_validate(variant, found, start, layers) for variant, found in each]
+        merge(findings, [(variant.form.uav, found) for variant, found in each])
+    return mission and replace(mission, notes=tuple(findings.notes))
 
 
-def _validate(placed: PlacedForm, findings: Findings, start: datetime | None) -> Mission | None:
+def _validate(
+    placed: PlacedForm,
+    findings: Findings,
+    start: datetime | None,
+    layers: tuple[Layer, ...] = (),
+) -> Mission | None:
     duration_s = placed.form.duration_s
     window = FlightWindow.of(datetime.now(UTC), start, duration_s, _way_home_s(placed))
-    areas = areas_of(placed, window)
-    check_geometry(placed, areas, findings)
+    areas = checked_areas(placed, window, findings)
     placed = placed.with_settings(uav=check_team(placed, findings))
-    mission = Mission.of(placed, areas, window, findings.notes)
-    if findings.problems or mission is None:
-        return mission
-    _note_fence(placed, mission, findings)
-    return replace(mission, notes=tuple(findings.notes))
+    mission = Mission.of(placed, areas, window, layers)
+    if mission is not None and not findings.problems:
+        _note_fence(placed, mission, findings)
+    return mission
 
 
 def _way_home_s(placed: PlacedForm) -> float:

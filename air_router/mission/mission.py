@@ -8,7 +8,6 @@ returns, and keeps from every zone from the ground up.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime, timedelta
 from functools import lru_cache, partial
@@ -28,7 +27,7 @@ from air_router.files import (
     WhenExplored,
 )
 from air_router.files.missions import PlacedForm
-from air_router.mission.fleet import Layer, layers_of
+from air_router.mission.fleet import Layer
 from air_router.mission.tracking import TrackingMargin
 from geo.airspace import Airspace, Band, Shape, Zone, ZoneError
 from geo.frame import LocalFrame, Point
@@ -295,7 +294,7 @@ class Mission(MissionAreas):
         placed: PlacedForm,
         areas: MissionAreas,
         window: FlightWindow,
-        notes: Sequence[Problem] = (),
+        layers: tuple[Layer, ...] = (),
     ) -> Mission | None:
         """The mission of a form, however wrong it is; None without a frame or a home."""
         form = placed.form
@@ -316,11 +315,11 @@ class Mission(MissionAreas):
             seek=tuple(form.seek.robots),
             seek_policy=form.seek.policy,
             explore=placed.explores,
-            layers=layers_of(placed),
+            layers=layers,
             team=form.team_file,
             world=form.world_file,
             window=window,
-            notes=tuple(notes),
+            notes=(),
             **areas.parts(),
             **{name: _frozen(getattr(form, name)) for name in _UNCHANGED},
         )

@@ -18,7 +18,7 @@ from air_router.files import (
     RefusedRing,
 )
 from air_router.files.missions import MissionPoint, PlacedForm
-from air_router.mission.mission import Mission, MissionAreas
+from air_router.mission.mission import FlightWindow, Mission, MissionAreas, areas_of
 from air_router.mission.tracking import TrackingMargin
 from geo.airspace import FENCE, Airspace, Circle, Shape, ZoneError, circle_ring
 from geo.frame import FrameError, Point
@@ -42,15 +42,16 @@ _CODES = {
 """Of places outside of the fence, in a zone, and nearer to either than they may be."""
 
 
-def check_geometry(placed: PlacedForm, areas: MissionAreas, findings: Findings) -> None:
-    """Report everything that is wrong with the places and areas of a mission."""
+def checked_areas(placed: PlacedForm, window: FlightWindow, findings: Findings) -> MissionAreas:
+    """The areas of a mission; everything that is wrong with its places and areas is found."""
+    areas, unread = areas_of(placed, window), placed.form.unread
     if placed.frame is None:
-        return
-    if not placed.waypoints and "waypoints" not in placed.form.unread and not findings.problems:
+        return areas
+    if not placed.waypoints and "waypoints" not in unread and not findings.problems:
         message = "a mission needs at least one waypoint; add one"
         findings.report(("waypoints",), message, "no-waypoints")
     if _check_units_of_places(placed, findings):
-        return
+        return areas
     _check_names(placed, findings)
     _check_altitudes(placed, findings)
     _note_settings(placed.form, findings)
@@ -58,13 +59,10 @@ def check_geometry(placed: PlacedForm, areas: MissionAreas, findings: Findings) 
     _check_same_places(placed, findings)
     far = _check_distances(placed, findings)
     inside_known = "the fence" not in far  # a fence elsewhere has every place outside of it
-    if (
-        inside_known
-        and _check_spots(placed, areas, far, findings)
-        and not far
-        and "planner" not in placed.form.unread
-    ):
+    kept = inside_known and _check_spots(placed, areas, far, findings)
+    if kept and not far and "planner" not in unread:
         _check_ways(placed, areas, findings)
+    return areas
 
 
 def _check_names(placed: PlacedForm, findings: Findings) -> None:

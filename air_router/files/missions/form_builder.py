@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from air_router.files import HomeForm, Keys, MissionForm
+from air_router.files import MISSION, UNUSUAL, Findings, HomeForm, Keys, MissionForm
 
 
 @dataclass(slots=True)
@@ -49,3 +49,22 @@ class FormBuilder:
         empty |= {"home": HomeForm.model_construct(position=[0.0, 0.0])}
         form = MissionForm.model_construct(**(empty | self.values))
         return form.of_file(path, places=self.places, unread=unread)
+
+
+def note_form(form: MissionForm, findings: Findings) -> None:
+    """Note unusual values of the altitudes and the speed of another program's file."""
+    by_field = {band.field: band for band in MISSION}
+    band = by_field["waypoints[].altitude_m"]
+    found = [
+        (index, waypoint.altitude_m)
+        for index, waypoint in enumerate(form.waypoints)
+        if waypoint.altitude_m is not None and not band.holds(waypoint.altitude_m)
+    ]
+    if found:
+        index, value = found[0]
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        text = band.note_text(f"the altitude of waypoint {index + 1}{more}", value)
+        findings.note(form.keys_of("waypoints", index, "position"), text, UNUSUAL)
+    speed = by_field["speed_m_s"]
+    if not speed.holds(form.speed_m_s):
+        findings.note((), speed.note_text("the speed", form.speed_m_s), UNUSUAL)

@@ -16,9 +16,8 @@ from air_router.files import (
     MissionForm,
     SpotForm,
     ZoneForm,
-    note_form,
 )
-from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.form_builder import FormBuilder, note_form
 from air_router.files.missions.placed_form import Placer
 from air_router.files.missions.qgc_items import (
     EXPORT_AGAIN,

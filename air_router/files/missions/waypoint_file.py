@@ -21,7 +21,6 @@ from air_router.files import (
     PlacedSource,
     SpotForm,
     ZoneForm,
-    note_form,
 )
 from air_router.files.maps import (
     FENCE_COMMANDS,
@@ -31,7 +30,7 @@ from air_router.files.maps import (
     fence_areas,
     old_fence_items,
 )
-from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.form_builder import FormBuilder, note_form
 from air_router.files.missions.placed_form import Placer
 from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
 from mocha_link.team import DocumentError, Problem, ProblemList
