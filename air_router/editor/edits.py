@@ -13,7 +13,15 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 
 from air_router.editor.layouts import YamlParts
 from air_router.editor.parts import EditError, Handle, Parts
-from air_router.files import MissionForm, PlannerSettings, Timers, metres, value_at
+from air_router.files import (
+    FlownAltitude,
+    MissionForm,
+    PlannerSettings,
+    Radius,
+    Timers,
+    metres,
+    value_at,
+)
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3
@@ -50,7 +58,6 @@ _Longitude = Annotated[float, Field(ge=-540, le=540), AfterValidator(_on_earth)]
 """On a map around the antimeridian longitudes go on beyond 180 degrees."""
 
 _Place = tuple[_Latitude, _Longitude]
-_Radius = Annotated[float, Field(gt=0, le=10_000)]
 _Index = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
@@ -167,7 +174,7 @@ class SetAltitude(_PartEdit):
 
     label: ClassVar[str] = "altitude"
     do: Literal["set_altitude"]
-    altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
+    altitude_m: FlownAltitude | None
 
     def _change(self, parts: Parts) -> None:
         waypoint = parts.handle(self.keys)
@@ -220,7 +227,7 @@ class Resize(_PartEdit):
 
     label: ClassVar[str] = "resize circle"
     do: Literal["resize"]
-    radius_m: _Radius
+    radius_m: Radius
 
     def _change(self, parts: Parts) -> None:
         region = parts.region(self.keys)
@@ -254,7 +261,7 @@ class AddArea(Edit):
     do: Literal["add_area"]
     fence: bool = False
     corners: Annotated[tuple[_Place, ...], Field(min_length=1, max_length=500)]
-    radius_m: _Radius | None = None
+    radius_m: Radius | None = None
 
     def _change(self, parts: Parts) -> None:
         parts.add_area(self.corners, self.radius_m, fence=self.fence)

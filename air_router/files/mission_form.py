@@ -102,7 +102,8 @@ LARGEST_RADIUS_M = 1_000_000.0  # of a circle
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")]
 Polygon = Annotated[list[Pair], Field(max_length=20_000)]
-_Altitude = Annotated[float, Field(ge=1, le=10_000, description="metres above home")]
+FlownAltitude = Annotated[float, Field(ge=1, le=10_000, description="metres above home")]
+Radius = Annotated[float, Field(gt=0, le=LARGEST_RADIUS_M)]
 
 
 class _Form(BaseModel):
@@ -121,7 +122,7 @@ class CircleForm(BaseModel):
     """A circle."""
 
     centre: Position
-    radius_m: Annotated[float, Field(gt=0, le=LARGEST_RADIUS_M)]
+    radius_m: Radius
 
 
 class AreaForm(_Form):
@@ -180,7 +181,7 @@ class SpotForm(_Form):
 class WaypointForm(SpotForm):
     """A place to explore."""
 
-    altitude_m: _Altitude | None = None
+    altitude_m: FlownAltitude | None = None
 
 
 class HomeForm(SpotForm):
@@ -192,7 +193,7 @@ class HomeForm(SpotForm):
 class UavForm(BaseModel):
     """One of several UAVs that fly the mission."""
 
-    altitude_m: _Altitude | None = None
+    altitude_m: FlownAltitude | None = None
     explore: bool = True
     home: HomeForm | None = None
 
@@ -219,8 +220,8 @@ class MissionForm(BaseModel):
     coordinates: Literal["degrees", "local"] = "degrees"
     frame: FrameForm | None = None
     home: Annotated[HomeForm, Field(description="where the vehicle takes off and lands")]
-    altitude_m: _Altitude
-    altitudes_m: Annotated[list[_Altitude], Field(min_length=2, max_length=2)] | None = None
+    altitude_m: FlownAltitude
+    altitudes_m: Annotated[list[FlownAltitude], Field(min_length=2, max_length=2)] | None = None
     speed_m_s: Annotated[float, Field(ge=SLOWEST_M_S, le=50)] = DEFAULT_SPEED_M_S
     team: str | None = None
     world: str | None = None
