@@ -49,10 +49,10 @@ def layers_of(placed: PlacedForm) -> tuple[Layer, ...]:
     layers = []
     for uav, height_m in zip(placed.uavs, heights, strict=True):
         home = uav.home or placed.home
-        altitude_m = placed.form.altitude_m if uav.altitude_m is None else uav.altitude_m
+        altitude_m = uav.form.altitude_m or placed.form.altitude_m
         if home is not None:
             level_m = altitude_m + ((height_m or 0.0) if common else 0.0)
-            layers.append(Layer(uav.name, home.position, altitude_m, level_m, uav.explore))
+            layers.append(Layer(uav.name, home.position, altitude_m, level_m, uav.form.explore))
     return tuple(layers)
 
 

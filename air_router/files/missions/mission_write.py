@@ -81,8 +81,8 @@ def _home(home: MissionPoint, altitude_amsl_m: float | None, frame: LocalFrame) 
 
 def _uav(uav: Uav, frame: LocalFrame) -> dict[str, Any]:
     home = None if uav.home is None else _home(uav.home, uav.home_altitude_amsl_m, frame)
-    explore = None if uav.explore else False
-    return _given({"altitude_m": uav.altitude_m, "explore": explore, "home": home})
+    explore = None if uav.form.explore else False
+    return _given({"altitude_m": uav.form.altitude_m, "explore": explore, "home": home})
 
 
 def _waypoint(spot: MissionPoint, altitude_m: float, frame: LocalFrame) -> Any:

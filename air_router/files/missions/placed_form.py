@@ -66,18 +66,19 @@ class Uav:
     Attributes:
         name: In the team.
         keys: Where it stands in the file.
-        altitude_m: Where it flies, above its home; None: at the mission's altitude.
-        explore: It explores, and does not only search.
+        form: What the file says of it.
         home: Where it takes off and lands; None: at the mission's home.
-        home_altitude_amsl_m: Height of the ground there above sea level, if the file has it.
     """
 
     name: str
     keys: Keys
-    altitude_m: float | None = None
-    explore: bool = True
-    home: MissionPoint | None = None
-    home_altitude_amsl_m: float | None = None
+    form: UavForm
+    home: MissionPoint | None
+
+    @property
+    def home_altitude_amsl_m(self) -> float | None:
+        """Height of the ground at a home of its own above the sea, if the file has it."""
+        return None if self.form.home is None else self.form.home.altitude_amsl_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +157,7 @@ class PlacedForm:
     @property
     def explores(self) -> bool:
         """Whether the UAV whose mission it is explores, and does not only search."""
-        return all(uav.explore for uav in self.uavs if uav.name == self.form.uav)
+        return all(uav.form.explore for uav in self.uavs if uav.name == self.form.uav)
 
     @property
     def home_altitude_amsl_m(self) -> float | None:
@@ -359,12 +360,10 @@ def _uavs(form: MissionForm, placer: Placer) -> Iterator[Uav]:
         placer.findings.report(("uavs",), message, "one-uav-key")
         return
     for name, given in form.uavs.items():
-        uav, keys = given or UavForm(), ("uavs", name)
-        home = None
+        uav, keys, home = given or UavForm(), ("uavs", name), None
         if uav.home is not None:
             home = placer.spot("home", uav.home.position, (*keys, "home", "position"))
-        above_sea_m = None if uav.home is None else uav.home.altitude_amsl_m
-        yield Uav(name, keys, uav.altitude_m, uav.explore, home, above_sea_m)
+        yield Uav(name, keys, uav, home)
 
 
 def _fences(form: MissionForm, placer: Placer) -> Iterator[Area]:
