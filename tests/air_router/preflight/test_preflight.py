@@ -466,7 +466,7 @@ def test_a_plan_that_cannot_be_read_is_not_said_to_be_another(error, found):
 
 
 def test_a_summary_counts_what_passed_what_warns_and_what_stops():
-    assert CARD.summary == "1 of 3 checks passed; 1 warning, 1 to be mended before the flight"
+    assert CARD.summary == "1 of 3 checks passed; 1 warning, 1 to be fixed before the flight"
     assert Card(CARD.checks[:2]).summary == "1 of 2 checks passed; 1 warning"
     assert Card(CARD.checks[:1]).summary == "1 of 1 checks passed"
 
