@@ -36,8 +36,8 @@ from air_router.mission import (
     FlightPlan,
     Mission,
     checked,
-    choose,
-    read_draft,
+    chosen,
+    read_placed,
 )
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import Vehicle
@@ -74,14 +74,15 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
         DocumentError: The file has errors; contains all of them.
         NotReloadedError: Other fields have changed, nothing has, or it does not fit on board.
     """
-    draft = read_draft(mission.path)
+    placed, findings = read_placed(mission.path)
     if mission.layers and mission.uav is not None:
-        choose(draft, mission.uav)
+        placed = chosen(placed, mission.uav)
     latest, today = mission.window.latest_start, datetime.now(UTC)
     late = latest is not None and today > latest  # its window may end before the flight does
     # The zones of this flight, not of one that starts now.
-    draft.begin_at(today if late else mission.window.start, mission.duration_s)
-    now = checked(draft, besides=DRAWN_OVER)
+    placed = placed.with_settings(duration_s=mission.duration_s)
+    start = today if late else mission.window.start
+    now = checked(placed, findings, start=start, besides=DRAWN_OVER)
     if late:
         now = now.with_areas(now.fences, _whatever_the_hour(now))
     follows = ("cruise", "climb_corridors")

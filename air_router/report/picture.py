@@ -125,7 +125,7 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, caption: str) -> Non
         sheet.home(place)
     sheet.marks([plan.rows[0].start], "o", 36, Ink.ROUTE, "first row")
     caption = caption.replace(" m2", " m²").replace(" deg", "°")
-    sheet.save(path, sanitize(field.draft.name), caption)
+    sheet.save(path, sanitize(field.placed.form.title), caption)
 
 
 def _subtitle(mission: Mission) -> str:

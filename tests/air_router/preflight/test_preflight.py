@@ -8,7 +8,7 @@ import pytest
 
 from air_router.cli.preflight import _plan
 from air_router.errors import NotConfirmedError, PlanRefusedError
-from air_router.files.settings import Accepted
+from air_router.files.mission_form import Accepted
 from air_router.preflight import preflight
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check, PreflightRefusedError
 from air_router.preflight.preflight import CLIMB_M_S

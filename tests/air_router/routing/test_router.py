@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Polygon, union_all
 
-from air_router.files.settings import PlannerSettings
+from air_router.files.mission_form import PlannerSettings
 from air_router.mission.loading import load_mission
 from air_router.routing.departure import Departure, Momentum, PendingSetpoint
 from air_router.routing.graph import WaypointGraph
