@@ -71,6 +71,7 @@ class Connection:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        kernel.bear_losses(self._socket)
         try:
             self._socket.connect(self._address)
         except BlockingIOError:

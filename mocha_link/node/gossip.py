@@ -36,6 +36,7 @@ from mocha_link.sync import (
     Reply,
     ReplyDatagram,
     Route,
+    Standing,
     random_id,
 )
 from mocha_link.team import Team, Topic, UnknownRobotError
@@ -162,10 +163,10 @@ class Gossip:
         self._serve(link, now)
 
     def route(
-        self, peer: str, stands: Callable[[Route], bool] = lambda _route: True
+        self, peer: str, standing: Callable[[Route], Standing | None] = lambda _route: Standing()
     ) -> Route | None:
-        """The connection on which the peer pulls, if it does, and if that still `stands`."""
-        return self._links.by_peer[peer].server.route(stands)
+        """The connection on which the peer pulls, if it does, and if that is still `standing`."""
+        return self._links.by_peer[peer].server.route(standing)
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""

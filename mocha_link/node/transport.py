@@ -235,7 +235,7 @@ class Transport:
         with self._guard:
             for _ in range(BURST):
                 with self._lock:
-                    route = self._gossip.route(port.peer, port.stands)
+                    route = self._gossip.route(port.peer, port.standing)
                 if not port.flush(route):
                     return port.wait_ms
                 frames = self._next_frames(port)

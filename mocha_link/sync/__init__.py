@@ -21,6 +21,7 @@ from mocha_link.sync.protocol import (
     Route,
     Send,
     SendDatagram,
+    Standing,
     random_id,
 )
 from mocha_link.sync.puller import Puller
@@ -52,6 +53,7 @@ __all__ = [
     "Send",
     "SendDatagram",
     "Server",
+    "Standing",
     "random_id",
     "read_chunks",
 ]

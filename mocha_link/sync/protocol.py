@@ -32,6 +32,17 @@ Route = tuple[bytes, ...]
 """The frames before a request that identify its connection."""
 
 
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a connection that stands does, by the kernel (TCP_INFO).
+
+    Attributes:
+        loses_much: so much is lost on it that TCP hardly sends.
+    """
+
+    loses_much: bool = False
+
+
 def random_id() -> bytes:
     """The id of a request, unless a test supplies another source."""
     return os.urandom(ID_BYTES)

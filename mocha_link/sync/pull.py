@@ -69,6 +69,7 @@ class Pull:
         self._datagrams = may and peer.may_use_datagrams()
         self._credit = Credit(peer.rate_bytes_s, peer.rtt_s)
         self._outbox: deque[bytes] = deque()  # frames for datagrams
+        self._datagram_bytes = 0  # of frames that came by them
         self._datagrams_at_s: float | None = None  # when the first leaves
         self._hushed = False  # a later pull has begun on the same connection
         self._refused = False  # by SERRM: an original node
@@ -142,6 +143,7 @@ class Pull:
             return
         for frame in self.flow.receive(packet, now.steady_s):
             self.path = self.path or "udp"  # moved to the connection it stays there
+            self._datagram_bytes += len(frame)
             self._outbox.extend(self._take(frame, now))
         if self.flow.alive_s == now.steady_s:
             self.progress(now)
@@ -245,6 +247,13 @@ class Pull:
             if self.standing:
                 times.append(self._vain_s)
         return min(times, default=None)
+
+    @property
+    def carrier(self) -> Path | None:
+        """What has carried most of the bytes."""
+        if self.path in ("original", None):
+            return self.path
+        return "udp" if 2 * self._datagram_bytes > self._receiver.bytes else "zmq"
 
     @property
     def rtt_s(self) -> float | None:

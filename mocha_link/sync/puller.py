@@ -186,7 +186,7 @@ class Puller:
             self._peer.name,
             rtt_s=None if pull.broken else pull.rtt_s,  # as it was remembered, perhaps
             bandwidth_bytes_s=pull.throughput_bytes_s,
-            path=pull.path,
+            path=pull.carrier,
         )
         by_datagrams = pull.path == "udp"
         self.pull = None

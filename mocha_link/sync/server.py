@@ -12,7 +12,7 @@ from collections.abc import Set as AbstractSet
 from mocha_link.clock import Instant
 from mocha_link.links import Direction
 from mocha_link.store import STAMP_MASK, difference
-from mocha_link.sync.flows import Flows, suits_connection
+from mocha_link.sync.flows import Flows
 from mocha_link.sync.frames import HELLO, header_of, message_frame
 from mocha_link.sync.original import ServerSession
 from mocha_link.sync.peer import GRANT, Peer
@@ -29,6 +29,7 @@ from mocha_link.sync.protocol import (
     SYNCF,
     Frame,
     Route,
+    Standing,
 )
 from mocha_link.sync.sync_messages import MAX_NEWS, Hello, Reception
 from mocha_link.sync.sync_sender import SyncSender
@@ -59,6 +60,7 @@ class Server:
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._standing = False  # the sync began on the connection of the one before, which followed
+        self._loses_much = False  # its connection does, by the kernel
 
     def handle(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -126,18 +128,24 @@ class Server:
         """Whether new messages of these robots concern the peer."""
         return self._sync is not None and self._sync.wants_push(robot_ids)
 
-    def route(self, stands: Callable[[Route], bool]) -> Route | None:
-        """The connection of the sync, if it has one that `stands`.
+    def route(self, standing: Callable[[Route], Standing | None]) -> Route | None:
+        """The connection of the sync, if it has one that is `standing`.
 
         A closed connection does not reach the peer. One that followed there does not any more; one
         in the middle of a pull may go on by datagrams, or over another connection.
         """
         sync = self._sync
-        if sync and sync.route and not stands(sync.route):
+        if sync is None or sync.route is None:
+            return None
+        found = standing(sync.route)
+        self._loses_much = found is not None and found.loses_much
+        if found is None:
             sync.route = None
             if sync.follows and not sync.by_datagram:
                 self._release(sync)
-        return sync.route if sync else None
+        elif self._loses_much:
+            self._use_datagrams(sync)
+        return sync.route
 
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for a connection, in parts, if the peer has credit left for one."""
@@ -148,28 +156,29 @@ class Server:
         return (sync.route, parts) if parts else None
 
     def _datagrams_carry(self, sync: SyncSender) -> bool:
-        """Whether they carry what there is; to a near or fast peer its connection does from now on.
+        """Whether they carry what there is: a first window, and more where TCP loses much.
 
-        One that got all by datagrams follows by them, and closes its connection.
+        A peer that got all by datagrams follows by them, and closes its connection.
         """
-        flow = self._flows.current
-        if not sync.by_datagram or flow is None:
+        if not sync.by_datagram or self._flows.current is None:
             return False
-        if sync.done or not suits_connection(flow):
+        if (
+            sync.done
+            or self._loses_much
+            or not self._flows.window_used(admitted=sync.admitted, sent=sync.sent)
+        ):
             return True
-        sync.by_datagram = sync.all_cast = False
+        sync.all_cast = False
+        flow = self._flows.current
+        sync.by_datagram = not (sync.admitted or flow.judged) and flow.rtt_s is not None
         return False
 
     def _use_datagrams(self, sync: SyncSender) -> None:
-        """Have them carry what the connection began as soon as they are known to reach a far peer.
-
-        Where packets are lost a connection moves little, and it was first only because the peer's
-        opening, or our whole reply, was among them.
-        """
+        """Have them carry what the connection began, where TCP loses much and they get there."""
         flow = self._flows.current
         if flow is None or flow.token != sync.id or sync.done:
             return
-        if flow.rtt_s is not None and not suits_connection(flow):
+        if flow.rtt_s is not None and self._loses_much:
             sync.by_datagram = True
 
     def on_contact(self, now: Instant) -> None:
@@ -198,7 +207,9 @@ class Server:
         takes no longer.
         """
         flow = self._flows.current
-        if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
+        if sync.reclaimed or sync.route is None or flow is None or flow.rtt_s is not None:
+            return None
+        if not sync.by_datagram and flow.settled:
             return None
         return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + LATE_ACK_S
 

@@ -42,6 +42,7 @@ class SyncSender:
         sent: bytes on that connection.
         by_datagram: frames come, and go, by datagrams.
         all_cast: everything that was given out went by datagrams.
+        reclaimed: what datagrams may have lost goes over the connection.
         over: the peer has sent END.
         follows: all was given out, and the peer waits for more.
         ended: the end of the pull was reported; if the peer follows, new messages are sent at once.
@@ -62,6 +63,7 @@ class SyncSender:
         self.sent = 0
         self.by_datagram = False
         self.all_cast = False
+        self.reclaimed = False
         self.over = False
         self.follows = False
         self.ended = False
@@ -144,6 +146,7 @@ class SyncSender:
     def leave_datagrams(self, lost: Iterable[bytes]) -> None:
         """Go on over the connection alone, and send there again what datagrams may have lost."""
         self.by_datagram = False
+        self.reclaimed = True
         self.all_cast = self.done
         self._again.extend(lost)
 

@@ -48,18 +48,6 @@ def test_a_message_is_there_half_a_round_trip_after_it_was_published(net):
     assert len(net.told("io", MessageStored)) == 21
 
 
-def test_a_fast_pull_over_datagrams_is_followed_over_datagrams(team):
-    """Its connection would carry more, but it is over, and the peer has closed that."""
-    net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
-    net.pull("io", "titan")
-    net.publish("titan", "/map", random.Random(1).randbytes(500_000))
-    net.pull("io", "titan")
-    assert net.nodes["io"].links(net.now)["titan"].path == "udp"
-    publish(net, "titan", "/map", b"pushed")
-    net.wait(FAR_S + PROMPT_S)
-    assert net.held("io")["titan", "/map"] == b"pushed"
-
-
 def test_the_next_pull_brings_what_a_push_did_not(net):
     net.silent = {"titan"}
     publish(net, "titan", "/map", b"lost")
