@@ -26,17 +26,28 @@ from mocha_link.links import (
 )
 from mocha_link.node.peer_link import PeerLink, PeerLinks
 from mocha_link.node.publisher import Publisher, Sign
-from mocha_link.store import Database, Header, Record, config_hash_of
+from mocha_link.store import (
+    Database,
+    Header,
+    Record,
+    config_hash_of,
+    definitions_of,
+    difference,
+)
 from mocha_link.sync import (
+    DIALLED,
     Action,
     Connect,
     Disconnect,
     Frame,
     NodeContext,
+    Peer,
     Reply,
     ReplyDatagram,
     Route,
     Standing,
+    is_reply,
+    is_request,
     random_id,
 )
 from mocha_link.team import Team, Topic, UnknownRobotError
@@ -57,6 +68,7 @@ class Gossip:
         datagrams: whether there are sockets for them.
         follow: take in at once what a peer stores between two pulls.
         protected: peers to which the links are encrypted.
+        both_ways: peers pull over our connections, and we over theirs.
 
     Attributes:
         me: this node's robot.
@@ -76,14 +88,16 @@ class Gossip:
         datagrams: bool = True,
         follow: bool = True,
         protected: Collection[str] = (),
+        both_ways: bool = True,
     ) -> None:
         self.me = team.robot(name)
         self.database = database or Database(team.histories)
         self._team = team
         self._by_timer = by_timer
+        self._both_ways = both_ways
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s, protected=protected)
-        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer, name=name)
+        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
         self._publisher = Publisher(self.me, team.topics_of(name), self.database, sign)
         self._context = NodeContext(
             name=name,
@@ -91,6 +105,7 @@ class Gossip:
             database=self.database,
             new_id=new_id,
             config_hash=config_hash_of(team),
+            definitions=definitions_of(team),
             timeout_s=timeout_s,
             follow=follow,
         )
@@ -147,26 +162,41 @@ class Gossip:
             link.server.request_pull()
         if self._by_timer and not link.puller.pull:
             link.puller.renew_budget()
-        begun = link.puller.sync(now)
+        begun = link.puller.sync(now, self._over(link))
         self._announce(link, now)
         return begun
 
     # --- what comes from the sockets
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
-        """Take in what came in on the port for a peer."""
+        """Take in what came in on a connection for a peer."""
         link = self._link(peer)
+        if link.puller.expects(route, parts):
+            link.puller.reply(parts, now)
+            self._announce(link, now)
+            return
+        if is_reply(parts):
+            return  # to a pull that has gone over to another connection
         reply = link.server.handle(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
             self._context.actions.append(Reply(peer, route, reply))
         self._serve(link, now)
 
+    def _over(self, link: PeerLink) -> Route | None:
+        """The connection of a peer over which we may pull as well."""
+        return link.server.over if self._both_ways and not link.peer.original else None
+
     def route(
         self, peer: str, standing: Callable[[Route], Standing | None] = lambda _route: Standing()
     ) -> Route | None:
         """The connection on which the peer pulls, if it does, and if that is still `standing`."""
-        return self._links.by_peer[peer].server.route(standing)
+        link = self._links.by_peer[peer]
+        way = link.peer.route
+        if way != DIALLED and standing(way) is None:
+            link.closed = way
+            self._links.touched.add(peer)
+        return link.server.route(standing)
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
@@ -183,8 +213,13 @@ class Gossip:
         return is_there
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
-        """Take in what came back on the connection to a peer."""
+        """Take in what came back on the connection to a peer, or a request of the peer there."""
         link = self._link(peer)
+        if self._both_ways and len(parts) == 1 and is_request(parts[0]):
+            self.request(peer, DIALLED, [bytes(parts[0])], now)
+            return
+        if link.peer.route != DIALLED:
+            return  # of a pull that has gone over to a connection of the peer
         link.puller.reply(parts, now)
         self._announce(link, now)
 
@@ -209,6 +244,7 @@ class Gossip:
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer was lost."""
         link = self._link(peer)
+        link.server.lost(DIALLED)
         link.puller.lost(reason, now)
         self._announce(link, now)
 
@@ -236,7 +272,10 @@ class Gossip:
         busy = self._links.busy(now.steady_s)
         for link in busy:
             with guard:
-                link.puller.tick(now)
+                if link.closed is not None:
+                    link.puller.lost("the peer closed the connection", now, link.closed)
+                    link.closed = None
+                link.puller.tick(now, self._over(link), link.server.received_s)
                 self._announce(link, now)
         if self.database.sequence != self._sequence:
             robots = {each.header.robot_id for each in self.database.since(self._sequence)}
@@ -315,17 +354,24 @@ class Gossip:
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
         peer.refusals.clear()
-        if peer.config_mismatch or link.differs:
+        if (peer.config_mismatch and peer.known_hash) or link.differs:
             link.differs = peer.config_mismatch
-            self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
+            self._compare_teams(peer, now)
+        if peer.duplicate or peer.duplicated:
+            self._link_table.duplicate(self.me.name, peer.name, now, ours=peer.duplicated)
         for event in peer.events:
             self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.peer_pulled(peer.name, now.timer_s, well=link.server.is_well(now))
+                self._trigger.peer_pulled(peer.name, now.timer_s)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._announce_own(self._publisher.recovered(topic, now.unix_s), now)
         peer.events.clear()
+
+    def _compare_teams(self, peer: Peer, now: Instant) -> None:
+        definitions = peer.definitions if peer.config_mismatch else None
+        why = difference(self._team, peer.name, definitions) if definitions is not None else None
+        self._link_table.compare_teams(self.me.name, peer.name, now, why)
 
     def _announce_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
@@ -339,6 +385,7 @@ class Gossip:
             self.announce(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
+                link.peer.shared = False
                 link.puller.unfollow()
                 self._announce(link, now)
 

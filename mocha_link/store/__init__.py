@@ -11,7 +11,14 @@ __getattr__, __dir__, __all__ = door(
         "record": ("Kept", "Knowledge", "Record"),
         "storage": ("Storage",),
         "storage_file": ("StorageError",),
-        "trust": ("TeamConfig", "Verifier", "config_hash_of", "difference", "sign"),
+        "trust": (
+            "TeamConfig",
+            "Verifier",
+            "config_hash_of",
+            "definitions_of",
+            "difference",
+            "sign",
+        ),
         "wire": (
             "Header",
             "HeaderError",

@@ -1,11 +1,12 @@
 """The protocols between two nodes, pure: the original one, and the sync of our nodes."""
 
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, is_reply
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
     CODE_BYTES,
     DENDT,
+    DIALLED,
     GDATA,
     GHEAD,
     ID_BYTES,
@@ -22,6 +23,7 @@ from mocha_link.sync.protocol import (
     Send,
     SendDatagram,
     Standing,
+    is_request,
     random_id,
 )
 from mocha_link.sync.puller import Puller
@@ -34,6 +36,7 @@ __all__ = [
     "CHUNKS",
     "CODE_BYTES",
     "DENDT",
+    "DIALLED",
     "GDATA",
     "GHEAD",
     "ID_BYTES",
@@ -54,6 +57,8 @@ __all__ = [
     "SendDatagram",
     "Server",
     "Standing",
+    "is_reply",
+    "is_request",
     "random_id",
     "read_chunks",
 ]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from mocha_link.store import Database, ReassemblyBuffer
@@ -30,6 +30,14 @@ LINGER_S = 2.0  # so long the end of a sync is repeated on request
 Frame = bytes | memoryview
 Route = tuple[bytes, ...]
 """The frames before a request that identify its connection."""
+
+DIALLED: Route = ()
+"""The connection that we opened ourselves, when the peer pulls over it."""
+
+
+def is_request(frame: Frame) -> bool:
+    """Whether a frame is a request of a sync: what comes over a connection may also be a reply."""
+    return frame[ID_BYTES : ID_BYTES + CODE_BYTES] in (SYNC1, SYNCF, SYNCC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +122,7 @@ class NodeContext:
         new_id: makes the 6 random bytes that name a request.
         boot_id: a random u64 of our process. Peers forget what they know of us when it changes.
         config_hash: what ids mean to us, as one number (`config_hash_of`).
+        definitions: the same by topic key (`definitions_of`).
         timeout_s: seconds without a byte after which a pull breaks off.
         follow: take in at once what a peer stores between two pulls.
         followed: ids of the robots that push to us what they store.
@@ -127,6 +136,7 @@ class NodeContext:
     new_id: Callable[[], bytes] = random_id
     boot_id: int = field(default_factory=lambda: int.from_bytes(os.urandom(8), "big"))
     config_hash: int = 0
+    definitions: Mapping[int, int] = field(default_factory=dict)
     timeout_s: float = 5.0
     follow: bool = True
     followed: set[int] = field(default_factory=set)

@@ -51,8 +51,6 @@ class SyncSender:
         rejection: why the peer gets nothing, once it has opened.
         admitted: the peer has shown an address token of ours.
         bytes: of all frames.
-        acknowledged: ids of the messages that the peer reported as stored since its last report;
-            None: it reported none, or its last report is no longer known.
     """
 
     def __init__(self, peer: Peer, request_id: bytes = b"", began_s: float = 0.0) -> None:
@@ -72,11 +70,10 @@ class SyncSender:
         self.rejection: Reception | None = None
         self.admitted = False
         self.bytes = 0
-        self.acknowledged: Sequence[int] | None = None
         self._peer = peer
         self._database = peer.node.database
         self._assembler = sync.MessageAssembler(
-            sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW
+            sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW, sync.TOPICS
         )
         self._round = -1  # -1: the peer has not opened
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
@@ -124,6 +121,9 @@ class SyncSender:
             return
         if message.kind == sync.OPEN:
             self._receive_opening(message)
+        elif message.kind == sync.TOPICS:
+            topics = sync_messages.decode_topics(message.content)
+            self._peer.known_hash, self._peer.definitions = topics
         elif message.kind == sync.END:
             self.over = True
             self._peer.end()
@@ -223,10 +223,19 @@ class SyncSender:
             self._reject(message.round, Reception.UNREADABLE)
             return
         self.admitted = self._peer.verify_token(opening.address_token)
-        if self._peer.agrees(opening.config_hash):
+        node = self._peer.node
+        agrees = self._peer.agrees(opening.config_hash)
+        if agrees and (not self._peer.config_mismatch or opening.known_hash == node.config_hash):
             self._open(message.round, opening)
-        else:
-            self._reject(message.round, Reception.CONFIG_MISMATCH)
+            return
+        self._peer.met(opening.boot_id)
+        self._restart(message.round, opening.budget)
+        self._unknown = True
+        topics = sync_messages.encode_topics(node.config_hash, node.definitions)
+        self._outbox += [
+            (sync.HELLO, self._hello(Reception.TOPICS_WANTED), 0),
+            (sync.TOPICS, topics, 0),
+        ]
 
     def _reject(self, round_: int, why: Reception) -> None:
         """Send the rejection, and ignore all further frames."""
@@ -237,14 +246,18 @@ class SyncSender:
         self._unknown = True
         self._outbox = [(sync.HELLO, self._hello(why), 0)]
 
-    def _open(self, round_: int, opening: sync_messages.Open) -> None:
+    def _restart(self, round_: int, budget: int) -> None:
+        """A round begins, of which nothing is known yet."""
         self._round = round_
         self.rejection = None
-        self._budget = opening.budget
+        self._budget = budget
         self._queue.clear()
         self.done = self.cut_short = self._unknown = False
         self._requested_groups = frozenset()
         self._outbox.clear()
+
+    def _open(self, round_: int, opening: sync_messages.Open) -> None:
+        self._restart(round_, opening.budget)
         self._peer.met(opening.boot_id)
         self._sequence = self._opened_at = self._database.sequence  # before the database is read
         groups: list[tuple[int, tuple[int, ...]]] = []
@@ -253,7 +266,6 @@ class SyncSender:
             case Since(epoch, sequence, message_ids):
                 self._peer.holds(*message_ids)
                 if self._database.remembers(epoch, sequence):
-                    self.acknowledged = message_ids
                     new = self._database.since(sequence)
                 else:
                     self._unknown = True
@@ -276,7 +288,13 @@ class SyncSender:
 
     def _hello(self, reception: Reception) -> bytes:
         peer = self._peer
-        return Hello(reception, peer.node.config_hash, address_token=peer.next_token).encode()
+        return Hello(
+            reception,
+            peer.node.config_hash,
+            address_token=peer.next_token,
+            boot_id=peer.node.boot_id,
+            duplicate=peer.duplicate,
+        ).encode()
 
     def _compare(
         self, digests: dict[int, int]
@@ -345,7 +363,7 @@ class SyncSender:
         if offset < len(content):
             self._outbox.insert(0, (kind, content, offset))
         self.bytes += len(frame)
-        self._free += len(frame) if kind == sync.GROUPS else 0
+        self._free += len(frame) if kind in (sync.GROUPS, sync.TOPICS) else 0
         return frame
 
     def _end(self) -> None:

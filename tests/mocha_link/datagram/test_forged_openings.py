@@ -119,6 +119,8 @@ def test_copies_neither_end_what_goes_on_nor_say_where_the_peer_is(net, path):
     net.pull("io", "titan")
     if path == "zmq":
         net.blocked = {("udp", "titan", "io")}  # the connection serves, and stands from then on
+    else:
+        net.blocked = {("zmq", "io", "titan")}
     for _ in range(25):
         net.publish("titan", "/map", b"grid")
         net.pull("io", "titan")

@@ -199,7 +199,7 @@ def test_another_version_is_refused():
 
 def test_of_another_versions_hello_only_that_is_read():
     hello = Hello.decode(bytes((0, VERSION + 1)) + b"anything")
-    assert hello == (Reception.UNREADABLE, 0, VERSION + 1, 0)
+    assert hello == Hello(Reception.UNREADABLE, 0, VERSION + 1)
     with pytest.raises(SyncFrameError, match="a reception of sort 9"):
         Hello.decode(b"\x09" + Hello().encode()[1:])
 
