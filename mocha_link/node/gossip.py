@@ -41,7 +41,6 @@ from mocha_link.sync import (
     Disconnect,
     Frame,
     NodeContext,
-    Peer,
     Reply,
     ReplyDatagram,
     Route,
@@ -354,9 +353,15 @@ class Gossip:
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
         peer.refusals.clear()
-        if (peer.config_mismatch and peer.known_hash) or link.differs:
-            link.differs = peer.config_mismatch
-            self._compare_teams(peer, now)
+        known_hash = peer.known_hash if peer.config_mismatch else 0
+        if known_hash != link.known_hash:
+            link.known_hash = known_hash
+            link.differs = None
+            if known_hash:
+                link.differs = difference(self._team, peer.name, peer.definitions)
+            self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
+        elif link.differs:
+            self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
         if peer.duplicate or peer.duplicated:
             self._link_table.duplicate(self.me.name, peer.name, now, ours=peer.duplicated)
         for event in peer.events:
@@ -367,11 +372,6 @@ class Gossip:
                 topic = self._team.topic(event.robot, event.topic)
                 self._announce_own(self._publisher.recovered(topic, now.unix_s), now)
         peer.events.clear()
-
-    def _compare_teams(self, peer: Peer, now: Instant) -> None:
-        definitions = peer.definitions if peer.config_mismatch else None
-        why = difference(self._team, peer.name, definitions) if definitions is not None else None
-        self._link_table.compare_teams(self.me.name, peer.name, now, why)
 
     def _announce_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)

@@ -20,7 +20,8 @@ class PeerLink:
     peer: Peer
     puller: Puller
     server: Server
-    differs: bool = False  # its team file is another one; the log has it
+    known_hash: int = 0  # of its team file, if that is another one
+    differs: str | None = None  # what is not exchanged then, for the log
     pushes: bool = False  # all that it stores comes unasked, as was seen last
     closed: Route | None = None  # the connection of the peer over which we pulled, if it is closed
 

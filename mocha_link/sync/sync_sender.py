@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
+from operator import attrgetter
 
 from mocha_link.clock import Instant
 from mocha_link.store import GROUPS, Record
@@ -20,6 +21,7 @@ from mocha_link.sync.sync_messages import Digest, Have, Hello, Reception, Since,
 
 MIN_ROOM = 300
 _DONE_BYTES = sync.MESSAGE_HEADER_BYTES + sync_messages.DONE_BYTES
+SLICE = 2_000  # messages that are put in their order at once: some milliseconds
 PUSH_BYTES = 65_536  # a larger message waits for the next pull, which may take its time
 
 
@@ -83,6 +85,7 @@ class SyncSender:
         self._requested_groups: frozenset[int] = frozenset()  # robots whose groups were requested
         self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
         self._queue = SendQueue(peer)  # of this round
+        self._backlog: list[Record] = []  # that goes into it later, the most urgent last
         self._sequence = self._opened_at = 0  # what is stored later is new
         self._again: deque[bytes] = deque()  # frames that datagrams may not have brought
         self._allowed = 0  # bytes granted on the connection
@@ -197,6 +200,8 @@ class SyncSender:
         idle = self.done and not self.follows
         if not self._outbox and not idle:
             self._poll()
+            if self._backlog:
+                self._feed()
         if self._outbox:
             return [prefix + self._message_part(room)]
         if idle:
@@ -211,6 +216,8 @@ class SyncSender:
         if parts is not None:
             self.bytes += sum(map(len, parts)) - len(prefix)
             return parts
+        if self._backlog and not self._queue:  # the peer had all of the slice
+            return self._next_parts(room + len(prefix), prefix)
         if self.follows or (not self._queue and (self._unknown or self._requested_groups)):
             return None
         self._end()
@@ -242,6 +249,7 @@ class SyncSender:
         self._round = round_
         self.rejection = why
         self._queue.clear()
+        self._backlog.clear()
         self._requested_groups = frozenset()
         self._unknown = True
         self._outbox = [(sync.HELLO, self._hello(why), 0)]
@@ -252,6 +260,7 @@ class SyncSender:
         self.rejection = None
         self._budget = budget
         self._queue.clear()
+        self._backlog.clear()
         self.done = self.cut_short = self._unknown = False
         self._requested_groups = frozenset()
         self._outbox.clear()
@@ -283,7 +292,7 @@ class SyncSender:
             self._outbox.append((sync.GROUPS, sync_messages.encode_groups(groups), 0))
         if not self._unknown:
             self._queue.resume(opening.requests)
-            self._queue.add(new)
+            self._enqueue(new)
             self._queue.put_one_first()
 
     def _hello(self, reception: Reception) -> bytes:
@@ -318,7 +327,7 @@ class SyncSender:
         for robot_id, groups, _ in held:
             if robot_id in differing:
                 differing[robot_id] |= groups
-        self._queue.add(
+        self._enqueue(
             record
             for robot_id, groups in differing.items()
             for group in range(GROUPS)
@@ -328,6 +337,21 @@ class SyncSender:
         self._requested_groups = frozenset()
         if not self._queue.frames:
             self._queue.put_one_first()
+
+    def _enqueue(self, records: Iterable[Record]) -> None:
+        """Give out messages: the most urgent of many now, the others while frames leave.
+
+        All at once would hold up the node.
+        """
+        self._backlog += records
+        if len(self._backlog) > SLICE:
+            self._backlog.sort(key=attrgetter("priority"))
+        self._feed()
+
+    def _feed(self) -> None:
+        part = self._backlog[-SLICE:]
+        del self._backlog[-SLICE:]
+        self._queue.add(part)
 
     def _poll(self) -> None:
         sequence = self._database.sequence
@@ -367,7 +391,7 @@ class SyncSender:
         return frame
 
     def _end(self) -> None:
-        self.cut_short = bool(self._queue)
+        self.cut_short = bool(self._queue or self._backlog)
         done = sync_messages.Done(
             self._database.epoch, self._sequence, self._queue.frames, self.cut_short
         )

@@ -24,6 +24,8 @@ from mocha_link.sync.sync_messages import (
     Reception,
     Since,
     VersionError,
+    decode_topics,
+    encode_topics,
 )
 from mocha_link.sync.sync_receiver import Chunks, read_chunks
 
@@ -186,6 +188,15 @@ def test_impossible_requests(missing):
     opening = Open(1, 0, Have(()), [FragmentRequest(1, 100, missing)])
     with pytest.raises(SyncFrameError):
         Open.decode(opening.encode())
+
+
+@given(U64, st.dictionaries(st.integers(0, 65_535), st.integers(0, 2**32 - 1), max_size=50))
+def test_definitions_of_topics(config_hash, definitions):
+    content = encode_topics(config_hash, definitions)
+    assert decode_topics(content) == (config_hash, definitions)
+    for bad in (content[:7], content + b"12345"):
+        with pytest.raises(SyncFrameError, match="a TOPICS of"):
+            decode_topics(bad)
 
 
 def test_another_version_is_refused():
