@@ -199,9 +199,7 @@ class SyncSender:
             return None
         idle = self.done and not self.follows
         if not self._outbox and not idle:
-            self._poll()
-            if self._backlog:
-                self._feed()
+            self._refill()
         if self._outbox:
             return [prefix + self._message_part(room)]
         if idle:
@@ -216,8 +214,6 @@ class SyncSender:
         if parts is not None:
             self.bytes += sum(map(len, parts)) - len(prefix)
             return parts
-        if self._backlog and not self._queue:  # the peer had all of the slice
-            return self._next_parts(room + len(prefix), prefix)
         if self.follows or (not self._queue and (self._unknown or self._requested_groups)):
             return None
         self._end()
@@ -352,6 +348,14 @@ class SyncSender:
         part = self._backlog[-SLICE:]
         del self._backlog[-SLICE:]
         self._queue.add(part)
+
+    def _refill(self) -> None:
+        """Put what is new in its order, and the next of much."""
+        self._poll()
+        if self._backlog:
+            self._feed()
+        while self._backlog and not self._queue:  # the peer had all of those
+            self._feed()
 
     def _poll(self) -> None:
         sequence = self._database.sequence
