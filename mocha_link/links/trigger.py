@@ -122,10 +122,14 @@ class SyncTrigger:
         for peer in self._links:
             self._schedule(peer)
 
-    def peer_pulled(self, peer: str, now_s: float) -> None:
-        """A peer pulls from us: pull as well, but for a peer that was pulled from just now."""
+    def peer_pulled(self, peer: str, now_s: float, *, restarted: bool = False) -> None:
+        """A peer pulls from us: pull as well.
+
+        Not if it was pulled from just now, unless it has `restarted` since.
+        """
         link = self._links[peer]
-        if -inf < link.last_sync_s <= now_s - self._settings.interval_s:
+        latest_s = now_s if restarted else now_s - self._settings.interval_s
+        if -inf < link.last_sync_s <= latest_s:
             link.pull_requested = True
             self._schedule(peer)
 

@@ -367,7 +367,8 @@ class Gossip:
         for event in peer.events:
             self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.peer_pulled(peer.name, now.timer_s)
+                self._trigger.peer_pulled(peer.name, now.timer_s, restarted=peer.restarted)
+                peer.restarted = False
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._announce_own(self._publisher.recovered(topic, now.unix_s), now)

@@ -82,6 +82,7 @@ class Peer:
         known_hash: the configuration hash of those; 0: it has not said.
         duplicate: two processes run as this robot: a boot id has come back.
         duplicated: the peer has met two processes that run as our robot.
+        restarted: its process is a new one; the node resets it.
         rtt_s: the lowest round trip of the last pull; None: not known.
         rate_bytes_s: of the last pull that moved enough; None: not known.
         udp_misses: pulls in a row on which datagrams brought nothing.
@@ -118,6 +119,7 @@ class Peer:
         self.known_hash = 0
         self.duplicate = False
         self.duplicated = False
+        self.restarted = False
         self.rtt_s: float | None = None
         self.rate_bytes_s: float | None = None
         self.udp_misses = 0
@@ -242,6 +244,7 @@ class Peer:
         if boot_id == self._boot_id:
             return
         self._held.clear()
+        self.restarted = True
         self.duplicate = self.duplicate or boot_id in self._past_boot_ids
         if self._boot_id is not None:
             self._past_boot_ids.append(self._boot_id)

@@ -83,7 +83,9 @@ def test_a_peer_that_asks_after_a_while_is_asked_back():
     it.follow(["io", "europa"])
     pulls(it, 20)
     it.peer_pulled("io", 15.9)  # soon after it was asked
-    assert it.due(20) == []
+    assert it.due(15.9) == []
+    it.peer_pulled("io", 15.9, restarted=True)
+    assert it.due(15.9) == ["io"]
     it.peer_pulled("io", 20)
     assert it.due_s == -inf
     assert it.due(20) == ["io"]
