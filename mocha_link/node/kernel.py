@@ -18,7 +18,7 @@ DATAGRAM_BYTES = 1500
 # Of struct tcp_info, linux/tcp.h (since 4.6): packets sent again and round trip, min_rtt in us
 # (2**32 - 1 while there is none), packets with data.
 _TOTAL_RETRANS_AT, _MIN_RTT_AT, _DATA_SEGS_OUT_AT = 100, 148, 156
-_LEAST_PACKETS = 20  # a share of losses is taken from at least so many
+_LEAST_PACKETS = 50  # a share of losses is taken from at least so many
 # So much of what it sends is lost before a congestion control slows down too much. BBR bears more
 # loss than the datagrams' pacing; CUBIC and Reno take each loss for a full link.
 _HEAVY_LOSS = {b"bbr": 0.15}
