@@ -187,7 +187,7 @@ class Scene:
         for link in view["links"]:
             level, message = _OK, link["signal"]
             if link["team_differs"]:
-                level, message = _ERROR, "it has another team file: nothing is exchanged"
+                level, message = _WARN, "another team file: only topics that both define alike"
             elif link["signal"] is None:
                 level, message = _STALE, "the radio does not hear it"
             statuses.append(self._status(f"link {link['peer']}", level, message, link))

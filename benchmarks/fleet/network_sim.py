@@ -14,6 +14,7 @@ from mocha_link.clock import Instant
 from mocha_link.node import Gossip
 from mocha_link.store import Header, wire
 from mocha_link.sync import (
+    DIALLED,
     Action,
     Connect,
     Disconnect,
@@ -114,6 +115,7 @@ class NetworkSim:
         self.events: dict[str, list[object]] = {name: [] for name in names}
         self.refused: dict[str, list[str]] = {name: [] for name in names}
         self.blocked: set[tuple[Path, str, str]] = set()
+        self.unreached: set[tuple[str, str]] = set()  # client, server: nothing opens in between
         self.silent: set[str] = set()
         self.lets_by: Callable[[Carried], bool] | None = None
         self.alter: Callable[[Carried], bytes] = lambda piece: piece.data
@@ -288,7 +290,7 @@ class NetworkSim:
                     if supplied:
                         busy = True
                         route, parts = supplied
-                        self._answer(name, route, b"".join(parts))
+                        self._reply_on(name, peer, route, b"".join(parts))
 
     def _do(self, name: str, action: Action) -> None:
         peer = action.peer
@@ -296,23 +298,33 @@ class NetworkSim:
             case Connect():
                 self.dial(name, peer)
             case Send():
-                line = self.lines[name, peer]
-                line.waiting.append(action.frame)
-                if self.time_s >= line.stands_s:
-                    self._flush(line)
+                self._send(name, peer, action.frame)
             case Disconnect():
                 self.lines.pop((name, peer), None)
             case Reply():
-                self._answer(name, action.route, action.frame)
+                self._reply_on(name, peer, action.route, action.frame)
             case SendDatagram():
                 piece = Carried("udp", name, peer, action.packet)
-                if self._lets(piece):
+                if (name, peer) not in self.unreached and self._lets(piece):
                     self.later(lambda: self._cast(name, peer, self.alter(piece)))
             case ReplyDatagram():
                 piece = Carried("udp", name, peer, action.packet)
                 if (name, peer) in self._callers and self._lets(piece):
                     back = self.nodes[peer].packet_back
                     self.later(lambda: back(name, self.alter(piece), self.at(peer)))
+
+    def _send(self, client: str, server: str, frame: bytes) -> None:
+        line = self.lines.get((client, server))
+        if line:
+            line.waiting.append(frame)
+            if self.time_s >= line.stands_s:
+                self._flush(line)
+
+    def _reply_on(self, name: str, peer: str, route: tuple[bytes, ...], frame: bytes) -> None:
+        if route == DIALLED:
+            self._send(name, peer, frame)
+        else:
+            self._answer(name, route, frame)
 
     def dial(self, client: str, server: str) -> Line:
         """A connection of one robot to another, in place of any that there was."""
@@ -338,7 +350,13 @@ class NetworkSim:
         if self.lines.get((line.client, line.server)) is not line or line.dead:
             return
         way = ("zmq", line.client, line.server)
-        if way in self.blocked or self.silent & {line.client, line.server} or self.left == 0:
+        unreached = (line.client, line.server) in self.unreached
+        if (
+            unreached
+            or way in self.blocked
+            or self.silent & {line.client, line.server}
+            or self.left == 0
+        ):
             line.dead = True
             return
         self.nodes[line.client].progress(line.server, self.at(line.client))

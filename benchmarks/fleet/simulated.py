@@ -117,15 +117,17 @@ class FleetSim(NetworkSim):
         node, now = self.nodes[name], self.at(name)
         began_s = time.process_time()
         busy = node.tick(now)
-        supplied = [found for peer in busy for found in iter(partial(node.supply, peer), None)]
+        supplied = [
+            (peer, *found) for peer in busy for found in iter(partial(node.supply, peer), None)
+        ]
         actions, events = node.take()
         wake_s = min(node.wake_s or math.inf, now.steady_s + node.due_in_s(now)) - STEADY_S
         self.processor_s += time.process_time() - began_s
         self.events[name] += events
         for action in actions:
             self._do(name, action)
-        for route, parts in supplied:
-            self._answer(name, route, b"".join(parts))
+        for peer, route, parts in supplied:
+            self._reply_on(name, peer, route, b"".join(parts))
         if wake_s < math.inf:
             heapq.heappush(self._wakes, (max(wake_s, self.time_s + 1e-4), name))
 

@@ -104,7 +104,15 @@ class _Trial:
         self._robot = robot  # the one that this computer is
         self._secret = secret  # of that robot
         self._seconds = seconds  # how long at most
-        self._gossip = Gossip(team, robot.name, by_timer=True, timeout_s=seconds / 2, follow=False)
+        self._gossip = Gossip(
+            team,
+            robot.name,
+            by_timer=True,
+            timeout_s=seconds / 2,
+            follow=False,
+            both_ways=False,  # each direction is tried by itself
+            trial=True,  # the robot's own node may run beside it
+        )
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
         self._readings: dict[str, Reading | None] = {}  # of the radio, by peer
         self._ends: dict[tuple[str, Direction], SyncEnded | SyncTimedOut] = {}  # the newest
@@ -121,6 +129,7 @@ class _Trial:
             self.findings.append(self._outgoing(peer))
             if self._serves:
                 self.findings.append(self._incoming(peer))
+            self.findings.extend(self._identity(peer))
             self.findings.extend(self._clock(peer))
             if self._owns_radio:
                 self.findings.append(self._signal(peer))
@@ -255,6 +264,21 @@ class _Trial:
         if isinstance(end, SyncEnded):
             return Finding(peer, True, pulls)
         return Finding(peer, False, f"{pulls}: {end.reason}")
+
+    def _identity(self, peer: str) -> Iterator[Finding]:
+        link = self._gossip.links(_now())[peer]
+        if link.team_differs:
+            text = (
+                f"{peer} has another team file: only topics that both define alike are exchanged "
+                "(the log of either node names the others)"
+            )
+            yield Finding(peer, False, text)
+        if link.duplicate:
+            text = (
+                f"two processes run as {peer}, or as this robot: end one, or give each robot its "
+                "own name"
+            )
+            yield Finding(peer, False, text)
 
     def _clock(self, peer: str) -> Iterator[Finding]:
         robot_id = self._team.robot(peer).robot_id

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from mocha_link.store import config_hash_of
 from mocha_link.team import Robot, Team, Topic, Trust, UnknownRobotError, keys
 
 _TOPIC = ("name", "type", "dtype", "topic_id", "aggregate")
@@ -54,7 +53,6 @@ class Change:
 def changes(old: Team, new: Team) -> list[Change]:
     """The differences of two team files, those that cut the exchange first."""
     found = [
-        *_definitions_differ(old, new),
         *_robots(old, new),
         *_topics(old, new),
         *_links(old, new),
@@ -69,13 +67,6 @@ def _text(value: object) -> str:
     text = "" if value is None else str(getattr(value, "name", value)).strip()
     text = text.lower() if isinstance(value, bool | Trust) else text
     return text if len(text) <= _SHORT else text[: _SHORT - 3] + "..."
-
-
-def _definitions_differ(old: Team, new: Team) -> Iterator[Change]:
-    """Nodes compare robots and topics as a whole before they exchange anything."""
-    if config_hash_of(old) != config_hash_of(new):
-        effect = "nodes with different robots or topics exchange no messages at all"
-        yield Change("team", "", "robots or topics differ", "", cuts=True, effect=effect)
 
 
 def _robots(old: Team, new: Team) -> Iterator[Change]:

@@ -66,7 +66,6 @@ class Flow:
         self._packet = packet_bytes  # bytes of a full packet
         self._known_rate = rate_bytes_s  # remembered, bytes/s
         self._pacing = Pacing(packet_bytes, rate_bytes_s=rate_bytes_s, rtt_s=rtt_s)
-        self._link = self._pacing.link  # its measurements
         self._arrivals = wire.Arrivals()
         self._outbox = Outbox(first_number)
         self._dry = False  # the source had nothing
@@ -83,12 +82,22 @@ class Flow:
     @property
     def rtt_s(self) -> float | None:
         """The lowest round trip of late, in seconds: for the memory of this link."""
-        return self._link.min_rtt_s
+        return self._pacing.rtt.min_s
 
     @property
     def rate_bytes_s(self) -> float | None:
         """Bytes/s that the link takes, for the memory of it; None if too little was sent."""
-        return self._link.rate if self._pacing.proven else None
+        return self._pacing.rate_bytes_s
+
+    @property
+    def judged(self) -> bool:
+        """Whether the first packets of a contact have shown how fast the link is."""
+        return self._pacing.judged
+
+    @property
+    def bytes_out(self) -> int:
+        """How many bytes have left, in all packets."""
+        return self._bytes_out
 
     @property
     def arrived(self) -> int:
@@ -170,16 +179,15 @@ class Flow:
         self._outbox.give_up()
         self._pacing = Pacing(self._packet, rate_bytes_s=self._known_rate, rtt_s=rtt_s)
         self._pacing.resume(now_s)
-        self._link = self._pacing.link
 
     def _lose(self, now_s: float) -> None:
         for stamp in self._outbox.lose(now_s - self._patience_s()):
-            self._link.lost(stamp)
+            self._pacing.lost(stamp)
 
     def _patience_s(self) -> float:
         """So long after its sending a packet that was overtaken is lost."""
-        link = self._link
-        return 1.125 * (link.srtt_s or UNKNOWN_RTT_S) + max(4 * link.rttvar_s, GRANULARITY_S)
+        rtt = self._pacing.rtt
+        return 1.125 * (rtt.smoothed_s or UNKNOWN_RTT_S) + max(4 * rtt.deviation_s, GRANULARITY_S)
 
     def _resume(self, now_s: float) -> None:
         """The link is back after a gap: what was under way is lost."""
@@ -190,7 +198,7 @@ class Flow:
     def on_contact(self, now_s: float) -> None:
         """A contact begins: send at once."""
         self._hello = True
-        rtt_s = self._link.srtt_s or UNKNOWN_RTT_S
+        rtt_s = self._pacing.rtt.smoothed_s or UNKNOWN_RTT_S
         if self.alive_s is not None and now_s < self.alive_s + rtt_s + QUIET_S:
             return
         if self._contact_s is not None and now_s < self._contact_s + CONTACT_REPEAT_S:
@@ -251,12 +259,12 @@ class Flow:
 
     def _alarm_s(self) -> float:
         """When the silence means something: first a lost tail, then a link that is down."""
-        link = self._link
-        rtt_s = link.srtt_s or UNKNOWN_RTT_S
-        down_s = self._progress_s + 2 * rtt_s + 4 * link.rttvar_s + QUIET_S
+        rtt = self._pacing.rtt
+        rtt_s = rtt.smoothed_s or UNKNOWN_RTT_S
+        down_s = self._progress_s + 2 * rtt_s + 4 * rtt.deviation_s + QUIET_S
         if self._tail:
             return down_s
-        wait_s = rtt_s + max(4 * link.rttvar_s, GRANULARITY_S) + ACK_DELAY_S
+        wait_s = rtt_s + max(4 * rtt.deviation_s, GRANULARITY_S) + ACK_DELAY_S
         return min(down_s, max(self._progress_s, self._sent_s) + wait_s)
 
     def _watch(self, now_s: float, out: list[bytes]) -> None:
@@ -294,7 +302,7 @@ class Flow:
         if content is not None:
             return self._send(content, now_s)
         self._dry = True
-        self._link.limited(outbox.in_flight_bytes)
+        self._pacing.limited(outbox.in_flight_bytes)
         return None
 
     def _pull(self) -> bytes:

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mocha_link.datagram.delivery import Stamp
+from mocha_link.datagram.pacing import Stamp
 from mocha_link.datagram.packet import MAX_NUMBER, WINDOW, Ack
 
 REORDERED = 3  # packets that may overtake another before it counts as lost

@@ -27,7 +27,6 @@ from mocha_link.links.metrics import (
 )
 from mocha_link.links.reading import Unit, as_reading
 from mocha_link.logs import NodeLog
-from mocha_link.store import difference
 
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
 MAX_CONTACTS = 32
@@ -52,6 +51,13 @@ class _LinkRecord:
     began_s: float | None = None  # of the contact that lasts
     by_radio: bool = False  # the radio has begun it, and will end it
     active_s: float = 0.0  # Unix time of the last event
+
+    def is_to_be_reminded(self, now: Instant) -> bool:
+        """Whether the log has not had for a while that a peer does not fit; it has now."""
+        recently = self.warned_s is not None and now.steady_s - self.warned_s <= REMIND_S
+        if not recently:
+            self.warned_s = now.steady_s
+        return not recently
 
     def set_state(self, direction: Direction, state: LinkState, **more: Any) -> None:
         """A sync of one direction stands otherwise, and `more` of the metrics does."""
@@ -197,14 +203,29 @@ class LinkTable:
         link.refused += 1
         NodeLog(self._name, peer).log(level, "refused from %s: %s", peer, reason)
 
-    def compare_teams(self, me: str, peer: str, now: Instant, *, differs: bool) -> None:
-        """Take in whether a peer has another team file than `me`; logged, and at times again."""
+    def compare_teams(self, me: str, peer: str, now: Instant, why: str | None) -> None:
+        """Take in how the team file of a peer differs from that of `me`; None: it does not.
+
+        Logged, and at times again.
+        """
         link = self._links[peer]
-        link.metrics = replace(link.metrics, team_differs=differs)
-        recently = link.warned_s is not None and now.steady_s - link.warned_s <= REMIND_S
-        if differs and not recently:
-            link.warned_s = now.steady_s
-            NodeLog(me, peer).warning("%s: nothing is exchanged: %s", me, difference(peer))
+        link.metrics = replace(link.metrics, team_differs=why is not None)
+        if why is not None and link.is_to_be_reminded(now):
+            NodeLog(me, peer).warning("%s: %s", me, why)
+
+    def duplicate(self, me: str, peer: str, now: Instant, *, ours: bool) -> None:
+        """Two processes run as a peer, or (`ours`) as `me` by what the peer says."""
+        link = self._links[peer]
+        link.metrics = replace(link.metrics, duplicate=True)
+        if link.is_to_be_reminded(now):
+            robot = me if ours else peer
+            NodeLog(me, peer).warning(
+                "%s: two processes run as %s, by their boot ids%s; end one, or give each robot its "
+                "own name",
+                me,
+                robot,
+                f" (so {peer} says)" if ours else "",
+            )
 
     def measure(
         self,

@@ -193,7 +193,8 @@ class LinkMetrics:
         contacts_begun: how many there were.
         path: what the last exchange went over: "zmq", "udp", or "original" (an original node).
         team_differs: the peer's team file assigns ids differently, by its latest report; the
-            nodes exchange no messages then.
+            nodes exchange only topics that both define alike.
+        duplicate: two processes run as the peer, or as this robot, by their boot ids.
         protected: whether the link is encrypted and its ends are known by their keys.
     """
 
@@ -221,3 +222,4 @@ class LinkMetrics:
     path: str | None = None
     protected: bool = False
     team_differs: bool = False
+    duplicate: bool = False

@@ -11,8 +11,6 @@ from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team import Trigger
 
 QUIET_PULL_S = 15.0  # shortest interval of pulls from a peer that pushes its messages
-TURN_S = 5.0  # the peer gets so much longer to pull first, which saves our pull,
-FIRST_S = 2.0  # less so much for that one of the two whose name is the first
 FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
 SILENT_INTERVALS = 3  # after a longer silence of the radio there is no signal
 MAX_SOURCES = 4  # that are remembered of a peer
@@ -36,7 +34,6 @@ class _Link:
     last_sync_s: float = -inf  # -inf: none in this contact
     rest_s: float = 0.0  # until the next pull, while the peer pushes
     pull_requested: bool = False  # the peer pulled, so we pull back
-    well_s: float = -inf  # when a pull of the peer last showed that it has nothing for us
 
 
 def threshold(settings: Trigger, unit: Unit) -> float:
@@ -52,21 +49,16 @@ class SyncTrigger:
     """Decides when a sync is due: at once when a contact begins, then every interval.
 
     The trigger pulls ever less often from peers that push, and less where there are many of them:
-    nodes must not spend their time on pulls without result. If such a peer pulls after a while,
-    the trigger pulls from it too: it may have been away. Two at rest, of which none has been away
-    or has anything for the other, take turns instead.
+    nodes must not spend their time on pulls without result. If a peer pulls after a while the
+    trigger pulls from it too: it may have been away.
 
     A contact begins when the reading of any source reaches the threshold of its unit, and
     ends when every reading is below threshold minus hysteresis, or absent.
     Readings of different sources are never compared. With `by_timer` every peer is due every
-    interval (a robot without a radio that reports). `name` is whose trigger it is. All times are
-    seconds of one clock.
+    interval (a robot without a radio that reports). All times are seconds of one clock.
     """
 
-    def __init__(
-        self, peers: Iterable[str], settings: Trigger, *, by_timer: bool, name: str = ""
-    ) -> None:
-        self._name = name
+    def __init__(self, peers: Iterable[str], settings: Trigger, *, by_timer: bool) -> None:
         self._settings = settings
         self._by_timer = by_timer
         self._links = {peer: _Link() for peer in peers}  # by peer
@@ -130,16 +122,16 @@ class SyncTrigger:
         for peer in self._links:
             self._schedule(peer)
 
-    def peer_pulled(self, peer: str, now_s: float, *, well: bool = False) -> None:
-        """A peer pulls from us; `well`: it has not been away and has nothing for us."""
+    def peer_pulled(self, peer: str, now_s: float, *, restarted: bool = False) -> None:
+        """A peer pulls from us: pull as well.
+
+        Not if it was pulled from just now, unless it has `restarted` since.
+        """
         link = self._links[peer]
-        if not -inf < link.last_sync_s <= now_s - self._settings.interval_s:
-            return
-        if well and self._is_at_rest(peer):
-            link.well_s = now_s
-        else:
+        latest_s = now_s if restarted else now_s - self._settings.interval_s
+        if -inf < link.last_sync_s <= latest_s:
             link.pull_requested = True
-        self._schedule(peer)
+            self._schedule(peer)
 
     def due(self, now_s: float) -> list[str]:
         """The peers to pull from now; each counts as pulled from by this call."""
@@ -174,26 +166,14 @@ class SyncTrigger:
         link = self._links[peer]
         due_s = inf
         if link.contact_began_s is not None or self._by_timer:
-            due_s = -inf if link.pull_requested else self._next_s(peer, link)
+            due_s = link.last_sync_s + self._interval_s(peer)
+            due_s = -inf if link.pull_requested else due_s
         self._pulls_s[peer] = due_s
         if link.signals:
             oldest_s = min(signal.reported_s for signal in link.signals.values())
             self._silences_s[peer] = oldest_s + SILENT_INTERVALS * self._settings.interval_s
         else:
             self._silences_s.pop(peer, None)
-
-    def _next_s(self, peer: str, link: _Link) -> float:
-        """When the next pull is due if the peer does not pull first."""
-        next_s = link.last_sync_s + self._interval_s(peer)
-        if not self._is_at_rest(peer):
-            return next_s
-        if link.well_s > link.last_sync_s:  # the peer has had its turn
-            return min(link.well_s, next_s) + QUIET_PULL_S
-        return next_s + TURN_S - (FIRST_S if self._name < peer else 0.0)
-
-    def _is_at_rest(self, peer: str) -> bool:
-        """Whether the interval of a peer has reached its longest, without a crowd of peers."""
-        return self._links[peer].rest_s == self._interval_s(peer) == QUIET_PULL_S
 
     def _interval_s(self, peer: str) -> float:
         interval_s = self._settings.interval_s

@@ -7,8 +7,10 @@ Requests go out on it and replies come in. Drive it: `watch` after every turn, `
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import socket
+from collections import deque
 from collections.abc import Container, Iterable, Sequence
 
 import zmq
@@ -31,6 +33,7 @@ SEND_BEFORE_READY_S = (
 _READ_BYTES = 64 * 1024
 _TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
 _MAX_REPLY_BYTES = 1024 * 1024  # to heartbeats
+_MAX_PIECES = 64  # in a system call
 
 
 class Connection:
@@ -70,13 +73,14 @@ class Connection:
 
     def _connect(self) -> None:
         self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES, mechanism=self._mechanism())
-        self._out = bytearray(self._protocol.hello)
+        self._out: deque[memoryview] = deque([memoryview(self._protocol.hello)])
         self._reply_bytes = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
         self._opened = False
         self._socket = closed_in_children(socket.socket(family_of(self.host), socket.SOCK_STREAM))
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        kernel.bear_losses(self._socket)
         try:
             self._socket.connect(socket_address(self.host, self._port))
         except BlockingIOError:
@@ -226,16 +230,39 @@ class Connection:
             self._unconfirmed = list(self._waiting)
             self._opened = True
         for frame in self._waiting:
-            self._out += self._protocol.request(frame)
+            self.push([frame])
         self._waiting.clear()
+
+    def push(self, parts: Sequence[Part]) -> None:
+        """Queue a frame of a sync for the next `flush`; the connection has to stand."""
+        self._out.extend(map(memoryview, self._protocol.encoded([b"", *parts])))
+
+    def flush(self) -> bool:
+        """Send what the kernel takes; whether it takes more."""
+        with contextlib.suppress(OSError):  # the next turn says why
+            self._flush()
+        return not self._out
+
+    @property
+    def takes_frames(self) -> bool:
+        """Whether frames may be pushed."""
+        return self.failure is None and self._protocol.ready
+
+    def loses_much(self) -> bool:
+        """Whether so much of what it sends is lost that it hardly sends."""
+        return kernel.loses_much(self._socket)
 
     def _flush(self) -> None:
         while self._out:
             try:
-                sent = self._socket.send(self._out)
+                sent = self._socket.sendmsg(itertools.islice(self._out, _MAX_PIECES))
             except BlockingIOError:
                 return
-            del self._out[:sent]
+            while sent:
+                piece = self._out.popleft()
+                if len(piece) > sent:
+                    self._out.appendleft(piece[sent:])
+                sent -= min(len(piece), sent)
         self._reply_bytes = 0
 
     def _read(self) -> bool:
@@ -257,7 +284,8 @@ class Connection:
             self._reply_bytes += len(replies)
             if self._reply_bytes > _MAX_REPLY_BYTES:
                 raise zmtp.ZmtpError("the peer does not read the replies that it requests")
-            self._out += replies
+            if replies:
+                self._out.append(memoryview(replies))
         return taken > 0
 
     def _fail(self, error: Exception) -> None:

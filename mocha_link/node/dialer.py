@@ -20,6 +20,8 @@ from mocha_link.node.attempts import Attempts
 from mocha_link.node.connection import Connection
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.router import BURST
+from mocha_link.node.zmtp import Part
+from mocha_link.sync import Standing
 from mocha_link.team import PublicKey, Robot, Seal, SecretKey, Team
 
 WAIT_FOR_READY_S = 300.0
@@ -123,6 +125,28 @@ class Dialer:
         elif connection:
             connection.send(frame)
             self._watch(peer, connection)
+
+    def standing(self, peer: str) -> Standing | None:
+        """How the connection to a peer stands; None: it does not."""
+        connection = self._connections.get(peer)
+        if isinstance(connection, Connection) and connection.takes_frames:
+            return Standing(loses_much=connection.loses_much())
+        return None
+
+    def push(self, peer: str, parts: list[Part]) -> None:
+        """Have a frame of a sync sent with the next `flush`."""
+        connection = self._connections.get(peer)
+        if isinstance(connection, Connection) and connection.takes_frames:
+            connection.push(parts)
+
+    def flush(self, peer: str) -> bool:
+        """Try to send what waits for the connection to a peer; whether it takes more."""
+        connection = self._connections.get(peer)
+        if not isinstance(connection, Connection):
+            return True
+        takes_more = connection.flush()
+        self._watch(peer, connection)
+        return takes_more
 
     def hang_up(self, peer: str, *, void: bool) -> None:
         """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""

@@ -26,8 +26,17 @@ from mocha_link.links import (
 )
 from mocha_link.node.peer_link import PeerLink, PeerLinks
 from mocha_link.node.publisher import Publisher, Sign
-from mocha_link.store import Database, Header, Record, config_hash_of
+from mocha_link.store import (
+    Database,
+    Header,
+    Record,
+    config_hash_of,
+    definitions_of,
+    difference,
+)
 from mocha_link.sync import (
+    DIALLED,
+    TRIAL_BOOT_ID,
     Action,
     Connect,
     Disconnect,
@@ -36,6 +45,10 @@ from mocha_link.sync import (
     Reply,
     ReplyDatagram,
     Route,
+    Standing,
+    is_reply,
+    is_request,
+    random_boot_id,
     random_id,
 )
 from mocha_link.team import Team, Topic, UnknownRobotError
@@ -56,6 +69,8 @@ class Gossip:
         datagrams: whether there are sockets for them.
         follow: take in at once what a peer stores between two pulls.
         protected: peers to which the links are encrypted.
+        both_ways: peers pull over our connections, and we over theirs.
+        trial: it is tried beside the robot's own node, and does not count as a second robot.
 
     Attributes:
         me: this node's robot.
@@ -75,14 +90,17 @@ class Gossip:
         datagrams: bool = True,
         follow: bool = True,
         protected: Collection[str] = (),
+        both_ways: bool = True,
+        trial: bool = False,
     ) -> None:
         self.me = team.robot(name)
         self.database = database or Database(team.histories)
         self._team = team
         self._by_timer = by_timer
+        self._both_ways = both_ways
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, name, quiet_s=quiet_s, protected=protected)
-        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer, name=name)
+        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
         self._publisher = Publisher(self.me, team.topics_of(name), self.database, sign)
         self._context = NodeContext(
             name=name,
@@ -90,8 +108,10 @@ class Gossip:
             database=self.database,
             new_id=new_id,
             config_hash=config_hash_of(team),
+            definitions=definitions_of(team),
             timeout_s=timeout_s,
             follow=follow,
+            boot_id=TRIAL_BOOT_ID if trial else random_boot_id(),
         )
         self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
@@ -146,26 +166,41 @@ class Gossip:
             link.server.request_pull()
         if self._by_timer and not link.puller.pull:
             link.puller.renew_budget()
-        begun = link.puller.sync(now)
+        begun = link.puller.sync(now, self._over(link))
         self._announce(link, now)
         return begun
 
     # --- what comes from the sockets
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
-        """Take in what came in on the port for a peer."""
+        """Take in what came in on a connection for a peer."""
         link = self._link(peer)
+        if link.puller.expects(route, parts):
+            link.puller.reply(parts, now)
+            self._announce(link, now)
+            return
+        if is_reply(parts):
+            return  # to a pull that has gone over to another connection
         reply = link.server.handle(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
             self._context.actions.append(Reply(peer, route, reply))
         self._serve(link, now)
 
+    def _over(self, link: PeerLink) -> Route | None:
+        """The connection of a peer over which we may pull as well."""
+        return link.server.over if self._both_ways and not link.peer.original else None
+
     def route(
-        self, peer: str, stands: Callable[[Route], bool] = lambda _route: True
+        self, peer: str, standing: Callable[[Route], Standing | None] = lambda _route: Standing()
     ) -> Route | None:
-        """The connection on which the peer pulls, if it does, and if that still `stands`."""
-        return self._links.by_peer[peer].server.route(stands)
+        """The connection on which the peer pulls, if it does, and if that is still `standing`."""
+        link = self._links.by_peer[peer]
+        way = link.peer.route
+        if way != DIALLED and standing(way) is None:
+            link.closed = way
+            self._links.touched.add(peer)
+        return link.server.route(standing)
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
@@ -182,8 +217,13 @@ class Gossip:
         return is_there
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
-        """Take in what came back on the connection to a peer."""
+        """Take in what came back on the connection to a peer, or a request of the peer there."""
         link = self._link(peer)
+        if self._both_ways and len(parts) == 1 and is_request(parts[0]):
+            self.request(peer, DIALLED, [bytes(parts[0])], now)
+            return
+        if link.peer.route != DIALLED:
+            return  # of a pull that has gone over to a connection of the peer
         link.puller.reply(parts, now)
         self._announce(link, now)
 
@@ -208,6 +248,7 @@ class Gossip:
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer was lost."""
         link = self._link(peer)
+        link.server.lost(DIALLED)
         link.puller.lost(reason, now)
         self._announce(link, now)
 
@@ -235,7 +276,10 @@ class Gossip:
         busy = self._links.busy(now.steady_s)
         for link in busy:
             with guard:
-                link.puller.tick(now)
+                if link.closed is not None:
+                    link.puller.lost("the peer closed the connection", now, link.closed)
+                    link.closed = None
+                link.puller.tick(now, self._over(link), link.server.received_s)
                 self._announce(link, now)
         if self.database.sequence != self._sequence:
             robots = {each.header.robot_id for each in self.database.since(self._sequence)}
@@ -314,13 +358,22 @@ class Gossip:
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
         peer.refusals.clear()
-        if peer.config_mismatch or link.differs:
-            link.differs = peer.config_mismatch
-            self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
+        known_hash = peer.known_hash if peer.config_mismatch else 0
+        if known_hash != link.known_hash:
+            link.known_hash = known_hash
+            link.differs = None
+            if known_hash:
+                link.differs = difference(self._team, peer.name, peer.definitions)
+            self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
+        elif link.differs:
+            self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
+        if peer.duplicate or peer.duplicated:
+            self._link_table.duplicate(self.me.name, peer.name, now, ours=peer.duplicated)
         for event in peer.events:
             self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.peer_pulled(peer.name, now.timer_s, well=link.server.is_well(now))
+                self._trigger.peer_pulled(peer.name, now.timer_s, restarted=peer.restarted)
+                peer.restarted = False
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._announce_own(self._publisher.recovered(topic, now.unix_s), now)
@@ -338,6 +391,7 @@ class Gossip:
             self.announce(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
+                link.peer.shared = False
                 link.puller.unfollow()
                 self._announce(link, now)
 

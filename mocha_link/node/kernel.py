@@ -19,8 +19,15 @@ from mocha_link.hosts import ANY, SocketAddress, family_of, socket_address
 
 DATAGRAM_BYTES = 1500
 
-# Of struct tcp_info, linux/tcp.h (since 4.6): u32 us, 2**32 - 1 while there is none.
-_MIN_RTT_AT = 148
+# Of struct tcp_info, linux/tcp.h (since 4.6): packets sent again and round trip, min_rtt in us
+# (2**32 - 1 while there is none), packets with data.
+_TOTAL_RETRANS_AT, _MIN_RTT_AT, _DATA_SEGS_OUT_AT = 100, 148, 156
+_LEAST_PACKETS = 50  # a share of losses is taken from at least so many
+# So much of what it sends is lost before a congestion control slows down too much. BBR bears more
+# loss than the datagrams' pacing; CUBIC and Reno take each loss for a full link.
+_HEAVY_LOSS = {b"bbr": 0.15}
+_HEAVY_LOSS_OF_OTHERS = 0.03
+_CONGESTION_CONTROL = b"bbr"
 _BACKLOG = 100  # as libzmq has it
 _NO_RTT_US = 2**32 - 1
 _RETRANSMITS_AT = 2  # u8: how often in a row what it sends was sent again without an answer
@@ -63,6 +70,20 @@ def unanswered(connection: socket.socket | None) -> int:
     return _tcp_info(connection, "=B", _RETRANSMITS_AT) or 0
 
 
+def loses_much(connection: socket.socket | None) -> bool:
+    """Whether so much of what it sends is lost that its congestion control hardly sends."""
+    sent = _tcp_info(connection, "=I", _DATA_SEGS_OUT_AT) or 0
+    again = _tcp_info(connection, "=I", _TOTAL_RETRANS_AT) or 0
+    if connection is None or sent < _LEAST_PACKETS:
+        return False
+    try:
+        name = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, 16)
+    except (OSError, AttributeError):
+        return False
+    heavy = _HEAVY_LOSS.get(name.partition(b"\0")[0], _HEAVY_LOSS_OF_OTHERS)
+    return again > heavy * sent
+
+
 def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
     if connection is None:
         return None
@@ -72,6 +93,12 @@ def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int
     except (OSError, AttributeError, struct.error):  # closed, or not Linux
         return None
     return value
+
+
+def bear_losses(connection: socket.socket) -> None:
+    """Use BBR where the kernel has it; the kernel's own choice elsewhere."""
+    with contextlib.suppress(OSError, AttributeError):  # the module is not there; not Linux
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, _CONGESTION_CONTROL)
 
 
 def let_address_come_later(unbound: socket.socket) -> None:
@@ -114,6 +141,7 @@ def is_ours(host: str) -> bool:
 def tune(connection: socket.socket, dead_s: int) -> None:
     """Send small frames at once, and detect a dead peer within so many seconds."""
     closed_in_children(connection).setblocking(False)
+    bear_losses(connection)
     with contextlib.suppress(OSError):  # the connection is closed already
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

@@ -9,7 +9,7 @@ from functools import partial
 
 from mocha_link.links import LinkTable
 from mocha_link.store import Verifier
-from mocha_link.sync import NodeContext, Peer, Puller, Server
+from mocha_link.sync import NodeContext, Peer, Puller, Route, Server
 from mocha_link.team import Robot, Trust
 
 
@@ -20,8 +20,10 @@ class PeerLink:
     peer: Peer
     puller: Puller
     server: Server
-    differs: bool = False  # its team file is another one; the log has it
+    known_hash: int = 0  # of its team file, if that is another one
+    differs: str | None = None  # what is not exchanged then, for the log
     pushes: bool = False  # all that it stores comes unasked, as was seen last
+    closed: Route | None = None  # the connection of the peer over which we pulled, if it is closed
 
     @property
     def wake_s(self) -> float | None:

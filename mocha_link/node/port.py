@@ -18,7 +18,7 @@ from mocha_link.node.curve import CurveServer
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.router import ClientConnections, Router
 from mocha_link.node.zmtp import Part
-from mocha_link.sync import Route
+from mocha_link.sync import Route, Standing
 from mocha_link.team import PublicKey, Robot, SecretKey
 
 MAX_REQUEST_BYTES = 65_536 + 1024
@@ -106,9 +106,11 @@ class Port:
         """Have a frame of a sync sent with the next `flush`."""
         self._router.push(route[0], [*route[1:], *parts])
 
-    def stands(self, route: Route) -> bool:
-        """Whether a connection is still there."""
-        return self._router.stands(route[0])
+    def standing(self, route: Route) -> Standing | None:
+        """How a connection stands; None: it is closed."""
+        if not self._router.stands(route[0]):
+            return None
+        return Standing(loses_much=self._router.loses_much(route[0]))
 
     def source(self, route: Route) -> str | None:
         """The address from which a connection comes; None: it is closed."""

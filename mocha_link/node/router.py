@@ -436,6 +436,11 @@ class Router:
             if not client.is_to_here():
                 self._drop(client)
 
+    def loses_much(self, name: bytes) -> bool:
+        """Whether most of what is sent on a connection has to be sent again."""
+        client = self._inside.get(name)
+        return client is not None and kernel.loses_much(client.connection)
+
     def flush(self, name: bytes) -> bool:
         """Try to send what waits for a connection; whether it takes more."""
         client = self._inside.get(name)

@@ -23,6 +23,7 @@ from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.port import Port, provide_descriptors
 from mocha_link.node.router import BURST, IDLE_MS, ClientConnections
 from mocha_link.sync import (
+    DIALLED,
     Action,
     Connect,
     Disconnect,
@@ -32,12 +33,15 @@ from mocha_link.sync import (
     Route,
     Send,
     SendDatagram,
+    Standing,
 )
 from mocha_link.team import PublicKey, Seal, SecretKey, Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
 EXPIRE_S = 1.0  # between checks for clients to disconnect
-YIELD_S = 0.0  # a thread that waits for the lock would not get it from one that takes it at once
+# A thread that waits for the lock would not get it from one that takes it again at once. To yield
+# costs a turn of the scheduler, which takes milliseconds on a busy machine.
+YIELD_EVERY_S = 0.005
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
@@ -93,6 +97,7 @@ class Transport:
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
         self._expired_s = 0.0  # steady clock
+        self._waited_s = 0.0  # when another thread could last take the lock, steady clock
         # Input from one peer must not end the work for the others.
         self._guard = Guard(f"{self._me.name}: an error in the node", log=NodeLog(self._me.name))
         self._stopping = False  # set by `close`
@@ -176,6 +181,7 @@ class Transport:
 
     def _turn(self, ready: Mapping[Polled, Hashable]) -> int:
         """Run one turn; returns the milliseconds to wait for the next."""
+        self._waited_s = time.monotonic()
         if self._woken.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
@@ -195,6 +201,7 @@ class Transport:
             self._expired_s = now.steady_s
             self._expire_clients(now)
         for peer, connection in self._dialer.ready(ready, now.steady_s):
+            active.add(peer)
             with self._guard:
                 self._attend(connection, peer, now)
         with self._lock:
@@ -225,7 +232,7 @@ class Transport:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._came_from(port.peer, port.source(route))
             self._act()
-            time.sleep(YIELD_S)
+            self._give_way()
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
             opened = seal.open(packet) if seal else packet
@@ -257,6 +264,12 @@ class Transport:
         if self._mdns:
             self._mdns.addresses_changed()
 
+    def _give_way(self) -> None:
+        """Let another thread take the lock, now and then."""
+        if time.monotonic() - self._waited_s > YIELD_EVERY_S:
+            time.sleep(0.0)
+            self._waited_s = time.monotonic()
+
     def _expire_clients(self, now: Instant) -> None:
         self._dialer.expire(now.steady_s)
         for port in self._ports.values():
@@ -266,19 +279,29 @@ class Transport:
 
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
+
+        def standing(route: Route) -> Standing | None:
+            return self._dialer.standing(port.peer) if route == DIALLED else port.standing(route)
+
         with self._guard:
             for _ in range(BURST):
                 with self._lock:
-                    route = self._gossip.route(port.peer, port.stands)
-                if not port.flush(route):
+                    route = self._gossip.route(port.peer, standing)
+                if not self._flush(port, route):
                     return port.wait_ms
                 frames = self._next_frames(port)
                 for frame in filter(None, frames):
-                    port.push(*frame)
+                    if frame[0] == DIALLED:
+                        self._dialer.push(port.peer, frame[1])
+                    else:
+                        port.push(*frame)
                 if frames[-1] is None:
-                    port.flush(route)
+                    self._flush(port, route)
                     return port.wait_ms
         return 0
+
+    def _flush(self, port: Port, route: Route | None) -> bool:
+        return self._dialer.flush(port.peer) if route == DIALLED else port.flush(route)
 
     def _next_frames(self, port: Port) -> list[tuple[Route, list[Frame]] | None]:
         """As many as go out together, since each packet wakes the peer; None behind the last."""
@@ -303,7 +326,7 @@ class Transport:
             with self._guard, self._lock:
                 if not self._gossip.leaves(peer):
                     self._gossip.reply(peer, parts, self._now())
-            time.sleep(YIELD_S)
+            self._give_way()
         with self._lock:
             if connection.failure and not self._gossip.leaves(peer):
                 self._gossip.lost(peer, connection.failure, now)
@@ -334,6 +357,8 @@ class Transport:
                 self._dialer.send(peer, action.frame)
             case Disconnect():
                 self._dialer.hang_up(peer, void=action.void)
+            case Reply() if action.route == DIALLED:
+                self._dialer.send(peer, action.frame)
             case Reply():
                 self._ports[peer].reply(action.route, action.frame)
             case SendDatagram():

@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = door(
             "TeamConfig",
             "Verifier",
             "config_hash_of",
+            "definitions_of",
             "difference",
             "impossibility",
             "sign",

@@ -22,6 +22,7 @@ from mocha_link.store.storage_file import StorageError as StorageError
 from mocha_link.store.trust import TeamConfig as TeamConfig
 from mocha_link.store.trust import Verifier as Verifier
 from mocha_link.store.trust import config_hash_of as config_hash_of
+from mocha_link.store.trust import definitions_of as definitions_of
 from mocha_link.store.trust import difference as difference
 from mocha_link.store.trust import impossibility as impossibility
 from mocha_link.store.trust import sign as sign

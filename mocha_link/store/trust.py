@@ -136,9 +136,41 @@ def config_hash_of(team: Team) -> int:
     return int.from_bytes(blake2b(text, digest_size=8).digest(), "big")
 
 
-def difference(peer: str) -> str:
-    """The refusal of a peer with another configuration hash."""
-    return f"{peer} has another team file (robots or topics differ); give all robots the same"
+def definitions_of(team: Team) -> dict[int, int]:
+    """By topic key, a u32 for all that decides on what the bytes of its messages are taken for.
+
+    Two nodes exchange the messages of a topic if this number is the same to both.
+    """
+    definitions: dict[int, int] = {}
+    for name, robot in team.robots.items():
+        for topic in team.topics_of(name):
+            about = (
+                (robot.robot_id, name, robot.ros),
+                (topic.topic_id, topic.name, topic.type, topic.dtype, topic.aggregate),
+            )
+            raw = blake2b(json.dumps(about).encode(), digest_size=4).digest()
+            definitions[robot.robot_id << 8 | topic.topic_id] = int.from_bytes(raw, "big")
+    return definitions
+
+
+def difference(team: Team, peer: str, theirs: Mapping[int, int]) -> str:
+    """What is not exchanged with a peer whose team file has other definitions, for the operator."""
+    ours = definitions_of(team)
+    parts: list[str] = []
+    for name, robot in team.robots.items():
+        topics = team.topics_of(name)
+        keys = {robot.robot_id << 8 | topic.topic_id: topic.name for topic in topics}
+        apart = [topic for key, topic in keys.items() if theirs.get(key) != ours[key]]
+        if apart:
+            whole = len(apart) == len(topics)
+            parts.append(f"robot {name}" if whole else f"{', '.join(apart)} of {name}")
+    more = sum(ours.get(key) != definition for key, definition in theirs.items())
+    if more:
+        parts.append(f"{more} topics as {peer} has them")
+    return (
+        f"{peer} has another team file; not exchanged: {'; '.join(parts) or 'nothing'} "
+        "(mocha-link check shows names and types)"
+    )
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,18 @@
 """The protocols between two nodes, pure: the original one, and the sync of our nodes."""
 
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, is_reply
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
     CODE_BYTES,
     DENDT,
+    DIALLED,
     GDATA,
     GHEAD,
     ID_BYTES,
     SYNC1,
     SYNCF,
+    TRIAL_BOOT_ID,
     Action,
     Connect,
     Disconnect,
@@ -21,6 +23,9 @@ from mocha_link.sync.protocol import (
     Route,
     Send,
     SendDatagram,
+    Standing,
+    is_request,
+    random_boot_id,
     random_id,
 )
 from mocha_link.sync.puller import Puller
@@ -33,12 +38,14 @@ __all__ = [
     "CHUNKS",
     "CODE_BYTES",
     "DENDT",
+    "DIALLED",
     "GDATA",
     "GHEAD",
     "ID_BYTES",
     "OPEN",
     "SYNC1",
     "SYNCF",
+    "TRIAL_BOOT_ID",
     "Action",
     "Connect",
     "Disconnect",
@@ -52,6 +59,10 @@ __all__ = [
     "Send",
     "SendDatagram",
     "Server",
+    "Standing",
+    "is_reply",
+    "is_request",
+    "random_boot_id",
     "random_id",
     "read_chunks",
 ]

@@ -10,15 +10,10 @@ from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NEAR_S
 from mocha_link.sync.sync_sender import SyncSender
 
-FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
+FLIGHT_BYTES = 14 * 1024  # ten packets: what TCP sends before it has an acknowledgement
+WINDOW_BYTES = 256 * 1024  # that datagrams carry where the link is known; TCP carries the rest
 MAX_UNACKNOWLEDGED = 3  # after so many flows in a row without an acknowledgement
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
-
-
-def suits_connection(flow: Flow) -> bool:
-    """Whether what it shows of the peer, near or behind a fast link, is better left to TCP."""
-    near = flow.rtt_s is not None and flow.rtt_s < NEAR_S
-    return near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S
 
 
 class Flows:
@@ -46,6 +41,21 @@ class Flows:
             first_number=int.from_bytes(os.urandom(4), "big") >> 2,
             proven=False,
         )
+
+    def window_used(self, *, admitted: bool, sent: int) -> bool:
+        """Whether a connection that stands carries on.
+
+        A first window leaves by datagrams where the peer is `admitted`, as they reach it at once,
+        or what the link takes is known: TCP would begin with a tenth of that. Not to a near peer,
+        to which TCP is as fast. Before it is known both carry one flight (`sent`: bytes so far).
+        """
+        flow = self.current
+        if flow is None or (flow.rtt_s is not None and flow.rtt_s < NEAR_S):
+            return True
+        if not (admitted or flow.judged) and flow.rtt_s is not None:
+            return sent < FLIGHT_BYTES
+        known = admitted or flow.rate_bytes_s or self._rate_bytes_s
+        return not known or flow.bytes_out >= WINDOW_BYTES
 
     def begin(self, flow: Flow, now: Instant) -> None:
         """Put it in the place of the current one."""

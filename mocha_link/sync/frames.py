@@ -1,8 +1,8 @@
 """The frames of the sync between two new nodes (docs/sync-protocol.md).
 
-There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW, NEWS)
-may take several frames, which may arrive in any order. A *chunks* frame carries whole messages of
-robots, and pieces of them. A checksum covers everything but data in chunks, which bring their own.
+There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW, NEWS,
+TOPICS) may take several frames, in any order. A *chunks* frame carries whole messages of robots,
+and pieces of them. A checksum covers everything but data in chunks, which bring their own.
 
 A message of a robot is known by its id: robot u8, topic u8, stamp u48 (Unix ms), as one number.
 """
@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.store import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS, Fragment, Header, Record
-from mocha_link.sync.protocol import Frame
+from mocha_link.sync.protocol import ID_BYTES, Frame
 
-OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS = range(1, 11)  # kinds
+OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS, TOPICS = range(1, 12)  # kinds
 ROUNDS = 8  # OPENs of one pull
 MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
 MIN_PART_BYTES = 200  # of a message, but for the last part
@@ -31,6 +32,11 @@ COVERED = 5  # the checksum is over what follows it
 WHOLE = struct.Struct(">QI")  # message id, size
 PIECE = struct.Struct(">QIII")  # message id, size of the whole, offset, size of the piece
 MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _MESSAGE.size, CHUNKS_HEAD.size
+
+
+def is_reply(parts: Sequence[Frame]) -> bool:
+    """Whether what came over a connection replies to a pull: it has no code behind its id."""
+    return bool(parts) and len(parts[0]) > ID_BYTES and 0 < parts[0][ID_BYTES] <= TOPICS
 
 
 class SyncFrameError(MochaLinkError):

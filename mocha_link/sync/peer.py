@@ -9,7 +9,7 @@ from __future__ import annotations
 import secrets
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
@@ -23,7 +23,16 @@ from mocha_link.links import (
     SyncTimedOut,
 )
 from mocha_link.store import WRAP_MS, Header, PayloadError, Record, Trailer, is_void, wire
-from mocha_link.sync.protocol import NEAR_S, Frame, NodeContext, Send
+from mocha_link.sync.protocol import (
+    DIALLED,
+    NEAR_S,
+    TRIAL_BOOT_ID,
+    Frame,
+    NodeContext,
+    Reply,
+    Route,
+    Send,
+)
 from mocha_link.team import Robot, Topic
 
 Verify = Callable[[Header, Frame, Trailer | None], None]
@@ -32,6 +41,7 @@ Verify = Callable[[Header, Frame, Trailer | None], None]
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
 RETRY_EVERY = 8  # then they are tried again only so often
 _TOKENS = 3  # address tokens that are good at the same time
+_BOOT_IDS = 8  # that are remembered: a process that was replaced does not come back
 _BEGUN_BYTES = 64 * 1024 * 1024
 
 GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
@@ -41,6 +51,7 @@ FIRST_WINDOW = 64 * 1024
 KNOWN_WINDOW = 512 * 1024  # the most at first: the link may be a worse one than last time
 MAX_WINDOW = 32 * 1024 * 1024
 MIN_CHUNK, MAX_CHUNK = 2816, 1024 * 1024  # at least: two segments of TCP
+SHARED_CHUNK = 60 * 1024  # at most over a connection of the peer, which takes requests
 _QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
 _GROWTH = 1.5  # so much more than the rate so far, as it may rise
 _CHUNKS = 32  # in a window: what a cut leaves of one is lost
@@ -68,12 +79,19 @@ class Peer:
         bytes_in: received since the last count; reset by the node.
         address_token: what the peer has given us to show that it has reached us; 0: nothing yet.
         config_mismatch: the peer assigns ids differently, by its latest configuration hash.
+        definitions: what ids mean to the peer, as it has said of `known_hash`.
+        known_hash: the configuration hash of those; 0: it has not said.
+        duplicate: two processes run as this robot: a boot id has come back.
+        duplicated: the peer has met two processes that run as our robot.
+        restarted: its process is a new one; the node resets it.
         rtt_s: the lowest round trip of the last pull; None: not known.
         rate_bytes_s: of the last pull that moved enough; None: not known.
         udp_misses: pulls in a row on which datagrams brought nothing.
         cut: by topic key, how often a message of the topic was cut, one time after the other.
         announced: ids of messages that the peer announced and that we lack.
         left: ids of messages that another peer is to send instead, until they arrive.
+        route: the connection of the peer over which we pull; `DIALLED`: the one that we opened.
+        shared: the peer pulls over the connection that we opened.
     """
 
     def __init__(  # noqa: PLR0913 - all that makes peers differ, once
@@ -98,16 +116,25 @@ class Peer:
         self.bytes_in = 0
         self.address_token = 0
         self.config_mismatch = False
+        self.definitions: Mapping[int, int] = {}
+        self.known_hash = 0
+        self.duplicate = False
+        self.duplicated = False
+        self.restarted = False
         self.rtt_s: float | None = None
         self.rate_bytes_s: float | None = None
         self.udp_misses = 0
         self.cut: dict[int, int] = {}
         self.announced: set[int] = set()
         self.left: set[int] = set()
+        self.route: Route = DIALLED
+        self.shared = False
         self._verify = verify
         self._histories = node.team.histories  # versions that are kept, by topic key
         self._address_tokens: deque[int] = deque(maxlen=_TOKENS)  # given to it, the newest last
         self._boot_id: int | None = None  # of its process; another one: it has forgotten
+        self._past_boot_ids: deque[int] = deque(maxlen=_BOOT_IDS)
+        self._agreed: frozenset[int] | None = None  # topic keys that are exchanged; None: all
         self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
         self._begun: dict[int, Record] = {}  # given in part, by message id
         self._begun_bytes = 0  # of their bodies
@@ -115,8 +142,11 @@ class Peer:
     # --- what goes out
 
     def send(self, frame: bytes) -> None:
-        """Have a request sent on the connection to the peer."""
-        self.node.actions.append(Send(self.name, frame))
+        """Have a request sent on the connection over which we pull."""
+        if self.route == DIALLED:
+            self.node.actions.append(Send(self.name, frame))
+        else:
+            self.node.actions.append(Reply(self.name, self.route, frame))
 
     def take_in(self, known: tuple[Robot, Topic], record: Record, trailer: Trailer | None) -> bool:
         """Store an intact message that the peer handed us; whether it was new.
@@ -192,17 +222,35 @@ class Peer:
         return address_token in self._address_tokens
 
     def agrees(self, config_hash: int) -> bool:
-        """Compare the peer's configuration hash with ours; whether they agree."""
+        """Compare the peer's configuration hash with ours; whether it is clear what to exchange."""
         self.config_mismatch = config_hash != self.node.config_hash
-        return not self.config_mismatch
+        if not self.config_mismatch:
+            self._agreed = None
+        elif config_hash == self.known_hash:
+            ours = self.node.definitions.items()
+            self._agreed = frozenset(k for k, each in ours if self.definitions.get(k) == each)
+        else:
+            self._agreed = frozenset()
+            return False
+        return True
+
+    def exchanges(self, topic_key: int) -> bool:
+        """Whether the messages of a topic are exchanged: it is the same to both nodes."""
+        return self._agreed is None or topic_key in self._agreed
 
     # --- what it holds
 
     def met(self, boot_id: int) -> None:
         """The peer reported its boot id; a new one clears what it held."""
-        if boot_id != self._boot_id:
-            self._held.clear()
-            self._boot_id = boot_id
+        if boot_id == self._boot_id:
+            return
+        self._held.clear()
+        self.restarted = True
+        if boot_id != TRIAL_BOOT_ID:
+            self.duplicate = self.duplicate or boot_id in self._past_boot_ids
+            if self._boot_id not in (None, TRIAL_BOOT_ID):
+                self._past_boot_ids.append(self._boot_id)
+        self._boot_id = boot_id
 
     def forget(self) -> None:
         """Clear the holdings of the peer before it reports all of them."""
@@ -226,6 +274,8 @@ class Peer:
     def lacks(self, record: Record, message_id: int) -> bool:
         """Whether the peer may want a message, as far as is known."""
         key, stamp_ms = message_id >> 48, record.stamp_ms
+        if not self.exchanges(key):
+            return False
         held = self._held.get(key)
         if held is None:
             return True
@@ -282,10 +332,14 @@ class Credit:
 
     Args:
         rate_bytes_s, rtt_s: what the last contact showed, if there was one.
+        max_chunk: the largest frame that the connection takes.
     """
 
-    def __init__(self, rate_bytes_s: float | None, rtt_s: float | None) -> None:
+    def __init__(
+        self, rate_bytes_s: float | None, rtt_s: float | None, max_chunk: int = MAX_CHUNK
+    ) -> None:
         self.received = 0  # bytes so far
+        self._max_chunk = max_chunk
         self._rtt_s = rtt_s
         self._window = FIRST_WINDOW  # bytes that may be under way
         self._allowed = FIRST_WINDOW  # of all bytes ever, as granted last
@@ -299,7 +353,7 @@ class Credit:
     @property
     def grant(self) -> bytes:
         """What the peer may send, as it stands on the wire."""
-        chunk = min(max(self._window // _CHUNKS, MIN_CHUNK), MAX_CHUNK)
+        chunk = min(max(self._window // _CHUNKS, MIN_CHUNK), self._max_chunk)
         return GRANT.pack(self._allowed, chunk)
 
     def take(self, size: int, now_s: float, rtt_s: float | None) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from mocha_link.store import Database, ReassemblyBuffer
@@ -25,11 +25,36 @@ SERRM, ACK = b"SERRM", b"Ack"
 PATIENCE_S = 13.0
 FOLLOW_S = 60.0  # a peer that sends nothing for longer no longer follows
 NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
+TRIAL_BOOT_ID = 0  # of a trial beside the node of a robot, which is no second robot
 LINGER_S = 2.0  # so long the end of a sync is repeated on request
 
 Frame = bytes | memoryview
 Route = tuple[bytes, ...]
 """The frames before a request that identify its connection."""
+
+DIALLED: Route = ()
+"""The connection that we opened ourselves, when the peer pulls over it."""
+
+
+def is_request(frame: Frame) -> bool:
+    """Whether a frame is a request of a sync: what comes over a connection may also be a reply."""
+    return frame[ID_BYTES : ID_BYTES + CODE_BYTES] in (SYNC1, SYNCF, SYNCC)
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a connection that stands does, by the kernel (TCP_INFO).
+
+    Attributes:
+        loses_much: so much is lost on it that TCP hardly sends.
+    """
+
+    loses_much: bool = False
+
+
+def random_boot_id() -> int:
+    """A number of this process that no other has, and that is not `TRIAL_BOOT_ID`."""
+    return int.from_bytes(os.urandom(8), "big") | 1
 
 
 def random_id() -> bytes:
@@ -102,7 +127,9 @@ class NodeContext:
         reassembly: where parts of messages wait for the rest; one for all peers.
         new_id: makes the 6 random bytes that name a request.
         boot_id: a random u64 of our process. Peers forget what they know of us when it changes.
+            `TRIAL_BOOT_ID`: a trial beside the robot's node, which is no second robot.
         config_hash: what ids mean to us, as one number (`config_hash_of`).
+        definitions: the same by topic key (`definitions_of`).
         timeout_s: seconds without a byte after which a pull breaks off.
         follow: take in at once what a peer stores between two pulls.
         followed: ids of the robots that push to us what they store.
@@ -114,8 +141,9 @@ class NodeContext:
     database: Database
     reassembly: ReassemblyBuffer = field(default_factory=ReassemblyBuffer)
     new_id: Callable[[], bytes] = random_id
-    boot_id: int = field(default_factory=lambda: int.from_bytes(os.urandom(8), "big"))
+    boot_id: int = field(default_factory=random_boot_id)
     config_hash: int = 0
+    definitions: Mapping[int, int] = field(default_factory=dict)
     timeout_s: float = 5.0
     follow: bool = True
     followed: set[int] = field(default_factory=set)

@@ -16,8 +16,9 @@ from mocha_link.clock import Instant
 from mocha_link.datagram import Flow
 from mocha_link.links import Direction, throughput_bytes_s
 from mocha_link.sync.original import ClientSession
-from mocha_link.sync.peer import Credit, Peer
+from mocha_link.sync.peer import MAX_CHUNK, SHARED_CHUNK, Credit, Peer
 from mocha_link.sync.protocol import (
+    DIALLED,
     ID_BYTES,
     SERRM,
     SYNC1,
@@ -26,6 +27,7 @@ from mocha_link.sync.protocol import (
     Frame,
     SendDatagram,
 )
+from mocha_link.sync.pull_states import OVER, PullEvent, PullState, next_state
 from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
@@ -34,6 +36,7 @@ NEAR_CONNECT_S = 0.025  # an unknown peer whose connection opens within this tim
 PATIENCE_S = 0.1  # without a reply on the connection to a near peer, datagrams may get through
 MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
+UNANSWERED_S = 1.0  # without an answer, a connection of the peer is tried
 STANDS_S = 3.0  # an open connection without a byte for longer counts as lost
 
 
@@ -46,19 +49,18 @@ class Pull:
 
     Attributes:
         id: names it in every frame of a sync; empty if only the original protocol is tried.
-        over: it has ended, or broken off. One that `follows` goes on taking in what is stored.
-        broken: it has broken off.
-        standing: it relies on a connection of which is not known yet whether it still stands.
+        state: what it waits for; see `STATES`.
         path: what the exchange goes over; None until it is known.
+        began_s: when it began, steady seconds.
         alive_s: when the last bytes were received, steady seconds.
         flow: of datagrams, once one leaves.
     """
 
     def __init__(self, peer: Peer, *, standing: bool = False, budget: int = 0) -> None:
         self.id = b""
-        self.over = False
-        self.broken = False
-        self.standing = standing
+        self.state = PullState.STANDING if standing else PullState.OPENING
+        if peer.original:
+            self.state = PullState.ORIGINAL
         self.path: Path | None = "original" if peer.original else "zmq" if standing else None
         self.alive_s = 0.0
         self.flow: Flow | None = None
@@ -67,16 +69,17 @@ class Pull:
         self._receiver = SyncReceiver(peer, room=MESSAGE_ROOM, budget=budget)
         may = peer.datagrams and not peer.original and not standing
         self._datagrams = may and peer.may_use_datagrams()
-        self._credit = Credit(peer.rate_bytes_s, peer.rtt_s)
+        chunk = MAX_CHUNK if peer.route == DIALLED else SHARED_CHUNK
+        self._credit = Credit(peer.rate_bytes_s, peer.rtt_s, chunk)
         self._outbox: deque[bytes] = deque()  # frames for datagrams
+        self._datagram_bytes = 0  # of frames that came by them
         self._datagrams_at_s: float | None = None  # when the first leaves
         self._hushed = False  # a later pull has begun on the same connection
-        self._refused = False  # by SERRM: an original node
-        self._began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
+        self.began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
     def start(self, now: Instant, *, again: bool = False) -> None:
         """Begin on a fresh connection or the one that stands; `again`: without a start event."""
-        self._began_s = self.alive_s = now.steady_s
+        self.began_s = self.alive_s = now.steady_s
         if not again:
             self._peer.report_start(Direction.IN, now)
         headers_request = self._session.start(now)
@@ -88,7 +91,7 @@ class Pull:
         opening = self._receiver.open(now)
         self._peer.send(self.id + SYNC1 + self._credit.grant + opening[0])
         self._send_frames(opening[1:])
-        if not self.standing:
+        if self.state is PullState.OPENING:
             self._peer.send(headers_request)
         if self._datagrams:
             self._outbox.extend(opening)
@@ -114,8 +117,9 @@ class Pull:
             self.fail("the peer answered what was not asked", now)  # the connection is ours alone
         elif frame[ID_BYTES:] == SERRM and len(parts) == 1:
             self._reply_of_refusal(now)
-        elif self._refused:
+        elif self.state is PullState.REFUSED:
             self.path = "original"
+            self._happens(PullEvent.LIST)
             self._reply_of_original(parts, now)
         else:
             first, self.path = self.path is None, "zmq"
@@ -142,6 +146,7 @@ class Pull:
             return
         for frame in self.flow.receive(packet, now.steady_s):
             self.path = self.path or "udp"  # moved to the connection it stays there
+            self._datagram_bytes += len(frame)
             self._outbox.extend(self._take(frame, now))
         if self.flow.alive_s == now.steady_s:
             self.progress(now)
@@ -151,7 +156,7 @@ class Pull:
     def progress(self, now: Instant) -> None:
         """The connection stands, or bytes have arrived, though no whole reply yet."""
         self.alive_s = now.steady_s
-        self.standing = False
+        self._happens(PullEvent.BYTES)
         if self.path in ("original", None):
             self._session.progress(now)
 
@@ -161,12 +166,12 @@ class Pull:
             return
         self._peer.rtt_s = rtt_s
         if self._peer.is_near and self._datagrams_at_s is not None:
-            self._datagrams_at_s = max(self._datagrams_at_s, self._began_s + PATIENCE_S)
+            self._datagrams_at_s = max(self._datagrams_at_s, self.began_s + PATIENCE_S)
 
     def tick(self, now: Instant) -> None:
         """What the time alone brings: datagrams that are due, and the end of patience."""
         timeout_s = self._peer.node.timeout_s
-        received_s = max(self._last_s, self._began_s)
+        received_s = max(self._last_s, self.began_s)
         if self.over:
             self.transmit(now)
         elif now.steady_s - self.alive_s > timeout_s:
@@ -183,7 +188,7 @@ class Pull:
         """Send the datagrams that are due."""
         if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
             self._datagrams_at_s = None
-            if self.path is None and not self._refused:
+            if self.state is PullState.OPENING:
                 self.flow = Flow(self.id, self._next_frame, rtt_s=self._peer.rtt_s)
         if self.flow:
             for packet in self.flow.transmit(now.steady_s):
@@ -197,7 +202,7 @@ class Pull:
 
     def abandon(self) -> None:
         """Abort without an event."""
-        self.over = self.broken = True
+        self._happens(PullEvent.FAILURE)
         self._learn()
         if self.path in ("original", None):
             self._session.break_off()
@@ -208,10 +213,28 @@ class Pull:
         if self.path != "udp" and not (self.path is None and datagram_received):
             self.fail(reason, now)
 
+    def _happens(self, event: PullEvent) -> None:
+        self.state = next_state(self.state, event)
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended or broken off; if it `follows` what is stored later comes in."""
+        return self.state in OVER
+
+    @property
+    def broken(self) -> bool:
+        """Whether it has broken off."""
+        return self.state is PullState.BROKEN
+
+    @property
+    def standing(self) -> bool:
+        """Whether it relies on a connection of which is not known yet whether it still stands."""
+        return self.state is PullState.STANDING
+
     @property
     def follows(self) -> bool:
         """Whether it is over, and what the peer stores later comes in all the same."""
-        return self._receiver.follows and not self.broken
+        return self.state is PullState.FOLLOWING
 
     @property
     def pull_needed(self) -> bool:
@@ -227,10 +250,15 @@ class Pull:
         """Whether the connection that stood has brought nothing for too long: try a fresh one."""
         return self.standing and now.steady_s > self._vain_s
 
+    def is_unanswered(self, now: Instant) -> bool:
+        """Whether nothing of the peer has come although it had time to answer."""
+        silent = self.path is None and (self.flow is None or self.flow.alive_s is None)
+        return silent and now.steady_s - self.began_s > UNANSWERED_S + 2 * (self.rtt_s or 0.0)
+
     @property
     def _vain_s(self) -> float:
         """When it is."""
-        return self._began_s + STANDS_S + 2 * (self._peer.rtt_s or 0.0)
+        return self.began_s + STANDS_S + 2 * (self._peer.rtt_s or 0.0)
 
     @property
     def wake_s(self) -> float | None:
@@ -241,10 +269,17 @@ class Pull:
             timeout_s = self._peer.node.timeout_s
             times.append(self.alive_s + timeout_s)
             if self._relies_on_datagrams:
-                times.append(max(self._last_s, self._began_s) + IDLE * timeout_s)
+                times.append(max(self._last_s, self.began_s) + IDLE * timeout_s)
             if self.standing:
                 times.append(self._vain_s)
         return min(times, default=None)
+
+    @property
+    def carrier(self) -> Path | None:
+        """What has carried most of the bytes."""
+        if self.path in ("original", None):
+            return self.path
+        return "udp" if 2 * self._datagram_bytes > self._receiver.bytes else "zmq"
 
     @property
     def rtt_s(self) -> float | None:
@@ -268,7 +303,8 @@ class Pull:
     @property
     def _relies_on_datagrams(self) -> bool:
         """Whether the connection has not yet shown what kind of node the peer runs."""
-        return self.flow is not None and self.path in (None, "udp") and not self._refused
+        waits = self.state in (PullState.OPENING, PullState.SYNCING)
+        return self.flow is not None and self.path in (None, "udp") and waits
 
     def _reply_of_refusal(self, now: Instant) -> None:
         if self.path is not None:
@@ -277,7 +313,7 @@ class Pull:
             self._peer.config_mismatch = False
             self.fail(f"{self._peer.name} had another team file; asking once more", now)
         else:
-            self._refused = True  # an original node; its reply to GHEAD comes next
+            self._happens(PullEvent.REFUSAL)  # an original node; its reply to GHEAD comes next
             self.flow = self._datagrams_at_s = None
             self.progress(now)
 
@@ -287,14 +323,15 @@ class Pull:
             self._peer.send(frame)
         self.alive_s = session.alive_s
         if session.over and not self.over:
-            self.over, self.broken = True, session.failure is not None
+            failed = session.failure is not None
+            self._happens(PullEvent.FAILURE if failed else PullEvent.END)
             if session.failure is not None:
                 self._peer.report_timeout(Direction.IN, session.failure, now)
                 return
             self._peer.report_end(
                 Direction.IN,
                 now,
-                began_s=self._began_s,
+                began_s=self.began_s,
                 messages=session.messages,
                 size=session.bytes_in,
                 complete=not session.cut_short,
@@ -304,18 +341,18 @@ class Pull:
         """Process a frame of a sync; returns the replies."""
         self.alive_s = self._last_s = now.steady_s
         self._first_s = self._first_s or now.steady_s
-        self.standing = False
+        self._happens(PullEvent.FRAME)
         receiver = self._receiver
         frames = receiver.receive(frame, now, more)
         if receiver.rejection:
             self.fail(receiver.rejection, now)
         elif receiver.over and not self.over:
-            self.over = True
+            self._happens(PullEvent.FOLLOW if receiver.follows else PullEvent.END)
             self._learn()
             self._peer.report_end(
                 Direction.IN,
                 now,
-                began_s=self._began_s,
+                began_s=self.began_s,
                 messages=receiver.messages,
                 size=receiver.bytes,
                 complete=receiver.complete,

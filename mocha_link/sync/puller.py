@@ -9,13 +9,16 @@ from mocha_link.datagram import Flow
 from mocha_link.links import LinkTable
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
+    DIALLED,
     FOLLOW_S,
     ID_BYTES,
     LINGER_S,
     Connect,
     Disconnect,
     Frame,
+    Route,
     SendDatagram,
+    is_request,
 )
 from mocha_link.sync.pull import Pull
 
@@ -27,7 +30,8 @@ class Puller:
     """Pulls from one peer on request, and stores the messages that it pushes.
 
     After a complete pull the node *follows* the peer: the peer pushes what it stores on the same
-    connection or flow. The next pull goes on over a connection that stands.
+    connection. The next pull goes on over a connection that stands, whoever has opened it; of two
+    that stand the robot whose name sorts last leaves its own.
 
     Attributes:
         pull: the one under way, if any.
@@ -43,16 +47,40 @@ class Puller:
         self._link_table = link_table  # learns what a pull has measured
         self._spent_bytes = 0  # of the contact's budget
         self._lingering: tuple[Flow, float] | None = None  # repeats END until that steady time
+        self._connected = False  # the connection that we opened stands, as far as is known
+        self._crossed = False  # the pull under way went over to a connection of the peer
 
-    def sync(self, now: Instant) -> bool:
-        """Begin a pull; False if one is under way, or the contact's budget is used up."""
-        budget = self._peer.budget_bytes
-        left = budget - self._spent_bytes if budget else 0
-        if self.pull or (budget and left < LEAST_BUDGET):
+    def sync(self, now: Instant, over: Route | None = None) -> bool:
+        """Begin a pull; False if one is under way, or the contact's budget is used up.
+
+        `over`: a connection of the peer that stands, and over which the peer pulls from us.
+        """
+        if self.pull or self._budget == 0:
             return False
-        standing = self.followed is not None and self.followed.path == "zmq"
-        self._begin(Pull(self._peer, standing=standing, budget=left), now)
+        self._crossed = False
+        own = self.followed is not None and self._connected
+        if over and own and self._peer.node.name > self._peer.name and not self._peer.shared:
+            self._disconnect(void=False)
+            own = False
+        if own or over is None:
+            self._begin(DIALLED, now, standing=own)
+        else:
+            self._begin(over, now, standing=True)
         return True
+
+    @property
+    def _budget(self) -> int | None:
+        """Bytes that a pull may take of the contact's; None: no limit."""
+        budget = self._peer.budget_bytes
+        left = budget - self._spent_bytes
+        return None if not budget else left if left >= LEAST_BUDGET else 0
+
+    def expects(self, route: Route, parts: Sequence[Frame]) -> bool:
+        """Whether what came over a connection of the peer belongs to a pull of ours."""
+        if route != self._peer.route or not parts:
+            return False
+        ids = [pull.id for pull in (self.pull, self.followed) if pull]
+        return bytes(parts[0][:ID_BYTES]) in ids and not is_request(parts[0])
 
     @property
     def has_all(self) -> bool:
@@ -92,14 +120,18 @@ class Puller:
 
     def progress(self, now: Instant, rtt_s: float | None) -> None:
         """The connection stands, or bytes arrive on it; its round trip, if known."""
-        if self.pull:
+        self._connected = True
+        if self.pull and self._peer.route == DIALLED:
             self.pull.progress(now)
             if rtt_s is not None:
                 self.pull.measured(rtt_s)
 
-    def lost(self, reason: str, now: Instant) -> None:
-        """The connection was lost."""
+    def lost(self, reason: str, now: Instant, route: Route = DIALLED) -> None:
+        """A connection was lost."""
         pull = self.pull
+        self._connected = self._connected and route != DIALLED
+        if route != self._peer.route:
+            return
         if pull and pull.standing:
             self._begin_afresh(pull, now)
             return
@@ -122,11 +154,14 @@ class Puller:
             pull.fail("stalled, and a new contact began", now)
             self._finish(pull, now)
 
-    def tick(self, now: Instant) -> None:
-        """Run the timers."""
+    def tick(self, now: Instant, over: Route | None = None, received_s: float = 0.0) -> None:
+        """Run the timers; `over`: as for `sync`, on which something came last at `received_s`."""
         pull, followed = self.pull, self.followed
         if pull and pull.is_in_vain(now):
             self._begin_afresh(pull, now)
+        elif pull and over and self._may_cross(pull, now, received_s):
+            self._crossed = True  # we may not reach it, but it reaches us
+            self._begin_afresh(pull, now, over)
         elif pull:
             pull.tick(now)
             self._finish(pull, now)
@@ -135,18 +170,23 @@ class Puller:
                 followed.tick(now)
             if now.steady_s - followed.alive_s > FOLLOW_S:
                 self.unfollow()
+        if self._connected and not (self.pull or self.followed):
+            self._disconnect(void=False)
         if self._lingering:
             flow, until_s = self._lingering
             self._transmit(flow, now)
             if flow.settled or now.steady_s > until_s:
                 self._lingering = None
 
+    def _may_cross(self, pull: Pull, now: Instant, received_s: float) -> bool:
+        return not self._crossed and received_s >= pull.began_s and pull.is_unanswered(now)
+
     def unfollow(self) -> None:
         """Take in nothing more of what the peer pushes, if it does."""
         followed = self.followed
         self._follow(None)
-        if followed and followed.path != "udp" and not self.pull:
-            self._peer.node.actions.append(Disconnect(self._peer.name, void=True))
+        if followed and not self.pull:
+            self._disconnect(void=True)
 
     @property
     def wake_s(self) -> float | None:
@@ -159,24 +199,39 @@ class Puller:
             times += [flow.wake_s, until_s]
         return min((each for each in times if each is not None), default=None)
 
-    def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:
-        self.pull = pull
-        if pull.standing and self.followed:
+    def _begin(
+        self, route: Route, now: Instant, *, standing: bool = False, again: bool = False
+    ) -> None:
+        same = route == self._peer.route
+        self._peer.route = route
+        pull = self.pull = Pull(self._peer, standing=standing, budget=self._budget or 0)
+        if standing and same and self.followed:
             self.followed.hush()
         else:
             # What is pushed would not get here now, but the pull brings it: the peer counts as
             # followed until that fails, or all others would be pulled from each time.
             self.followed = None
+        if not standing:
+            self._connected = False
+            self._peer.shared = False
             self._peer.node.actions.append(Connect(self._peer.name))
         pull.start(now, again=again)
 
-    def _begin_afresh(self, pull: Pull, now: Instant) -> None:
-        """Continue the pull over a new connection after the old one was lost."""
+    def _begin_afresh(self, pull: Pull, now: Instant, over: Route | None = None) -> None:
+        """Continue the pull over another connection after the old one was lost."""
         pull.abandon()
         self._follow(None)
-        budget = self._peer.budget_bytes
-        left = budget and max(budget - self._spent_bytes, LEAST_BUDGET)
-        self._begin(Pull(self._peer, budget=left), now, again=True)
+        if self._budget == 0:
+            self._spent_bytes -= LEAST_BUDGET
+        if over:
+            self._disconnect(void=True)
+        self._begin(over or DIALLED, now, standing=bool(over), again=True)
+
+    def _disconnect(self, *, void: bool) -> None:
+        """Close the connection that we opened, unless the peer pulls over it."""
+        if self._peer.route == DIALLED and not self._peer.shared:
+            self._connected = False
+            self._peer.node.actions.append(Disconnect(self._peer.name, void))
 
     def _finish(self, pull: Pull, now: Instant) -> None:
         """Let go of the pull under way if it is over."""
@@ -186,14 +241,15 @@ class Puller:
             self._peer.name,
             rtt_s=None if pull.broken else pull.rtt_s,  # as it was remembered, perhaps
             bandwidth_bytes_s=pull.throughput_bytes_s,
-            path=pull.path,
+            path=pull.carrier,
         )
         by_datagrams = pull.path == "udp"
         self.pull = None
         self._follow(pull if pull.follows else None)
-        if by_datagrams or not pull.follows:
-            void = pull.broken or by_datagrams
-            self._peer.node.actions.append(Disconnect(self._peer.name, void))
+        if pull.broken or pull.path == "original":
+            self._peer.shared = False
+        if not pull.follows:
+            self._disconnect(void=pull.broken or by_datagrams)
         if pull.flow and by_datagrams and not pull.follows:
             self._transmit(pull.flow, now)
             self._lingering = (pull.flow, now.steady_s + LINGER_S)

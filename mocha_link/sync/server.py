@@ -11,13 +11,13 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.links import Direction
-from mocha_link.store import STAMP_MASK, difference
-from mocha_link.sync.flows import Flows, suits_connection
-from mocha_link.sync.frames import HELLO, header_of, message_frame
+from mocha_link.sync.flows import Flows
+from mocha_link.sync.frames import HELLO, message_frame
 from mocha_link.sync.original import ServerSession
 from mocha_link.sync.peer import GRANT, Peer
 from mocha_link.sync.protocol import (
     CODE_BYTES,
+    DIALLED,
     FOLLOW_S,
     GHEAD,
     ID_BYTES,
@@ -29,8 +29,9 @@ from mocha_link.sync.protocol import (
     SYNCF,
     Frame,
     Route,
+    Standing,
 )
-from mocha_link.sync.sync_messages import MAX_NEWS, Hello, Reception
+from mocha_link.sync.sync_messages import Hello, Reception
 from mocha_link.sync.sync_sender import SyncSender
 
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
@@ -58,7 +59,7 @@ class Server:
         self._ended_s = 0.0  # of the last sync
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
-        self._standing = False  # the sync began on the connection of the one before, which followed
+        self._loses_much = False  # its connection does, by the kernel
 
     def handle(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -114,30 +115,43 @@ class Server:
         if self._sync and self._sync.ended:
             self._sync.request_pull()
 
-    def is_well(self, now: Instant) -> bool:
-        """Whether the pulling peer stayed connected, and holds nothing that we lack."""
-        acknowledged = self._sync.acknowledged if self._sync and self._standing else None
-        if acknowledged is None or len(acknowledged) > MAX_NEWS:
-            return False
-        wants = self._peer.node.database.wants
-        return not any(wants(header_of(m), now.unix_s, m & STAMP_MASK) for m in acknowledged)
+    @property
+    def received_s(self) -> float:
+        """When something of the peer's sync came last, steady seconds."""
+        return self._sync.received_s if self._sync else 0.0
+
+    @property
+    def over(self) -> Route | None:
+        """A connection of the peer over which it pulls, and we may pull as well."""
+        route = self._sync.route if self._sync else None
+        return route or None  # not the one that we opened
 
     def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether new messages of these robots concern the peer."""
         return self._sync is not None and self._sync.wants_push(robot_ids)
 
-    def route(self, stands: Callable[[Route], bool]) -> Route | None:
-        """The connection of the sync, if it has one that `stands`.
+    def route(self, standing: Callable[[Route], Standing | None]) -> Route | None:
+        """The connection of the sync, if it has one that is `standing`.
 
         A closed connection does not reach the peer. One that followed there does not any more; one
         in the middle of a pull may go on by datagrams, or over another connection.
         """
         sync = self._sync
-        if sync and sync.route and not stands(sync.route):
+        if sync is None or sync.route is None:
+            return None
+        found = standing(sync.route)
+        self._loses_much = found is not None and found.loses_much
+        if found is None:
             sync.route = None
             if sync.follows and not sync.by_datagram:
                 self._release(sync)
-        return sync.route if sync else None
+        elif self._loses_much:
+            self._use_datagrams(sync)
+        return sync.route
+
+    def lost(self, route: Route) -> None:
+        """A connection was lost, and the peer does not get there what it follows."""
+        self.route(lambda each: None if each == route else Standing(loses_much=self._loses_much))
 
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for a connection, in parts, if the peer has credit left for one."""
@@ -148,28 +162,29 @@ class Server:
         return (sync.route, parts) if parts else None
 
     def _datagrams_carry(self, sync: SyncSender) -> bool:
-        """Whether they carry what there is; to a near or fast peer its connection does from now on.
+        """Whether they carry what there is: a first window, and more where TCP loses much.
 
-        One that got all by datagrams follows by them, and closes its connection.
+        A peer that follows gets what is new over its connection, if that stands.
         """
-        flow = self._flows.current
-        if not sync.by_datagram or flow is None:
+        if not sync.by_datagram or self._flows.current is None:
             return False
-        if sync.done or not suits_connection(flow):
+        if (
+            (sync.done and not (sync.ended and sync.route))
+            or self._loses_much
+            or not self._flows.window_used(admitted=sync.admitted, sent=sync.sent)
+        ):
             return True
-        sync.by_datagram = sync.all_cast = False
+        sync.all_cast = False
+        flow = self._flows.current
+        sync.by_datagram = not (sync.admitted or flow.judged) and flow.rtt_s is not None
         return False
 
     def _use_datagrams(self, sync: SyncSender) -> None:
-        """Have them carry what the connection began as soon as they are known to reach a far peer.
-
-        Where packets are lost a connection moves little, and it was first only because the peer's
-        opening, or our whole reply, was among them.
-        """
+        """Have them carry what the connection began, where TCP loses much and they get there."""
         flow = self._flows.current
         if flow is None or flow.token != sync.id or sync.done:
             return
-        if flow.rtt_s is not None and not suits_connection(flow):
+        if flow.rtt_s is not None and self._loses_much:
             sync.by_datagram = True
 
     def on_contact(self, now: Instant) -> None:
@@ -198,7 +213,9 @@ class Server:
         takes no longer.
         """
         flow = self._flows.current
-        if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
+        if sync.reclaimed or sync.route is None or flow is None or flow.rtt_s is not None:
+            return None
+        if not sync.by_datagram and flow.settled:
             return None
         return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + LATE_ACK_S
 
@@ -220,8 +237,6 @@ class Server:
                 return self._rejection(request_id)
             sync.route = route
             sync.grant(grant)
-            before = self._sync
-            self._standing = before is not None and before.follows and before.route == route
             self._begin(sync, now)
             return self._rejection(request_id)
         if code == SYNC1 and sync.sent and sync.route != route and self._flows.current is None:
@@ -266,7 +281,6 @@ class Server:
         if reached and not flow.proven:
             return False  # nor ever what the peer gets; it may always begin anew by a connection
         sync.by_datagram = sync.all_cast = True
-        self._standing = False
         self._begin(sync, now)
         self._flows.begin(flow, now)
         return True
@@ -286,6 +300,7 @@ class Server:
         if self._sync:
             self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
+        self._peer.shared = sync.route == DIALLED
         self._peer.report_start(Direction.OUT, now)
         self._check_sync(now)
 
@@ -303,11 +318,7 @@ class Server:
         self._past.append(sync.id)
         self._ended_s = now.steady_s
         self._rejected = (sync.id, why)
-        reason = difference(self._peer.name)
-        if why is Reception.UNREADABLE:
-            reason = (
-                f"{self._peer.name} speaks another version of the sync; install the same release"
-            )
+        reason = f"{self._peer.name} speaks another version of the sync; install the same release"
         self._peer.report_timeout(Direction.OUT, reason, now)
 
     def _end(self, sync: SyncSender, now: Instant) -> None:
@@ -316,6 +327,7 @@ class Server:
             self._peer.renew_token()  # it has got one; a copy of what it began with is of no use
         if not sync.follows:
             self._sync = None
+            self._peer.shared = False
             self._past.append(sync.id)
             self._ended_s = now.steady_s
         self._peer.report_end(
@@ -340,5 +352,6 @@ class Server:
 
     def _release(self, sync: SyncSender) -> None:
         self._sync = None
+        self._peer.shared = False
         self._past.append(sync.id)
         self._flows.close()

@@ -8,28 +8,32 @@ from __future__ import annotations
 
 import enum
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from mocha_link.store import GROUPS, MAX_RANGES, STAMP_MASK, STAMPS_MS, Range
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, is_body, message_id_of
 
-VERSION = 3
+VERSION = 4
 MAX_NEWS = 32  # message ids in a NEWS, which is one small frame
 MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 MAX_OPENED = 4_096  # in an OPEN: more than any node lists there
 MAX_ROBOTS = 256
 
-# Version, sort of knowledge, boot id, budget, configuration hash, address token.
-_OPEN = struct.Struct(">BBQQQQ")
+# Version, sort of knowledge, boot id, budget, configuration hash, that of the peer whose topics are
+# known, address token.
+_OPEN = struct.Struct(">BBQQQQQ")
 _SINCE = struct.Struct(">QQ")
 _COUNT = struct.Struct(">H")
 _DIGEST = struct.Struct(">BQ")
 _PARTIAL = struct.Struct(">QIB")
 _RANGE = struct.Struct(">II")
-_HELLO = struct.Struct(">BBQQ")  # reception, version, configuration hash, address token
+# Reception, version, configuration hash, address token, boot id, 1 if the peer's robot runs twice.
+_HELLO = struct.Struct(">BBQQQB")
+_TOPICS = struct.Struct(">Q")
+_DEFINITION = struct.Struct(">HI")
 _SKIP = struct.Struct(">Q")
 _DONE = struct.Struct(">QQIB")
 _GROUPS = struct.Struct(f">B{GROUPS}Q")
@@ -78,8 +82,9 @@ class Open:
     """The opening of the pulling node: its messages, its partial messages, its budget.
 
     `boot_id` is a number of its process. `budget` is in bytes of frames; 0: no limit.
-    `config_hash` stands for what ids mean to it (`config_hash_of`). `address_token` is the last
-    one that the serving side has given it; 0: none.
+    `config_hash` stands for what ids mean to it (`config_hash_of`), `known_hash` for what they mean
+    to the serving side by its last TOPICS; 0: it has sent none. `address_token` is the last one
+    that the serving side has given it; 0: none.
     """
 
     boot_id: int
@@ -88,6 +93,7 @@ class Open:
     requests: Sequence[FragmentRequest] = ()
     config_hash: int = 0
     address_token: int = 0
+    known_hash: int = 0
 
     def encode(self) -> bytes:
         """The content of the message."""
@@ -106,9 +112,8 @@ class Open:
         for request in self.requests:
             parts.append(_PARTIAL.pack(request.message_id, request.total, len(request.missing)))
             parts += [_RANGE.pack(*each) for each in request.missing]
-        head = _OPEN.pack(
-            VERSION, sort, self.boot_id, self.budget, self.config_hash, self.address_token
-        )
+        hashes = self.config_hash, self.known_hash
+        head = _OPEN.pack(VERSION, sort, self.boot_id, self.budget, *hashes, self.address_token)
         return head + b"".join(parts)
 
     @classmethod
@@ -117,7 +122,7 @@ class Open:
         if content[:1] != bytes((VERSION,)):
             raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
         reader = _Reader(content)
-        _, sort, boot_id, budget, config_hash, address_token = reader.read(_OPEN)
+        _, sort, boot_id, budget, config_hash, known_hash, address_token = reader.read(_OPEN)
         knowledge: Since | Have | Digest
         if sort == _KNOWS_SINCE:
             epoch, sequence = reader.read(_SINCE)
@@ -132,7 +137,7 @@ class Open:
         if len(requests) > MAX_FRAGMENTS:
             raise SyncFrameError(f"{len(requests)} partial messages")
         reader.end()
-        return cls(boot_id, budget, knowledge, requests, config_hash, address_token)
+        return cls(boot_id, budget, knowledge, requests, config_hash, address_token, known_hash)
 
 
 def _request(reader: _Reader) -> FragmentRequest:
@@ -154,24 +159,34 @@ class Reception(enum.IntEnum):
 
     WELCOME = 0
     UNKNOWN = 1  # the server does not know the sequence of the Since
-    CONFIG_MISMATCH = 2  # ids mean something else to it: nothing follows
+    TOPICS_WANTED = 2  # ids mean something else to it: TOPICS follow, and nothing else
     UNREADABLE = 3  # damaged, or of another version: nothing follows
 
 
 class Hello(NamedTuple):
     """The first message of the serving node: its configuration hash and version, an address token.
 
-    A peer that shows it in a later OPEN has been reached at its address.
+    A peer that shows the token in a later OPEN has been reached at its address. `duplicate`: the
+    serving node has met two processes of the pulling robot.
     """
 
     reception: Reception = Reception.WELCOME
     config_hash: int = 0
     version: int = VERSION
     address_token: int = 0
+    boot_id: int = 0
+    duplicate: bool = False
 
     def encode(self) -> bytes:
         """The content of the message."""
-        return _HELLO.pack(self.reception, self.version, self.config_hash, self.address_token)
+        return _HELLO.pack(
+            self.reception,
+            self.version,
+            self.config_hash,
+            self.address_token,
+            self.boot_id,
+            self.duplicate,
+        )
 
     @classmethod
     def decode(cls, content: bytes) -> Hello:
@@ -181,10 +196,16 @@ class Hello(NamedTuple):
         """
         if len(content) > 1 and content[1] != VERSION:
             return cls(Reception.UNREADABLE, 0, content[1])
-        reception, _, config_hash, address_token = _only(_HELLO, content)
+        reception, _, config_hash, address_token, boot_id, duplicate = _only(_HELLO, content)
         if reception > max(Reception):
             raise SyncFrameError(f"a reception of sort {reception}")
-        return cls(Reception(reception), config_hash, address_token=address_token)
+        return cls(
+            Reception(reception),
+            config_hash,
+            address_token=address_token,
+            boot_id=boot_id,
+            duplicate=bool(duplicate),
+        )
 
 
 class Done(NamedTuple):
@@ -210,6 +231,20 @@ class Done(NamedTuple):
 
 
 DONE_BYTES = _DONE.size
+
+
+def encode_topics(config_hash: int, definitions: Mapping[int, int]) -> bytes:
+    """The content of a TOPICS: what ids mean to a node, by topic key."""
+    entries = [_DEFINITION.pack(*each) for each in sorted(definitions.items())]
+    return _TOPICS.pack(config_hash) + b"".join(entries)
+
+
+def decode_topics(content: bytes) -> tuple[int, dict[int, int]]:
+    """The reverse of `encode_topics`. Raises SyncFrameError."""
+    head, entries = content[: _TOPICS.size], content[_TOPICS.size :]
+    if len(head) < _TOPICS.size or len(entries) % _DEFINITION.size:
+        raise SyncFrameError(f"a TOPICS of {len(content)} bytes")
+    return _TOPICS.unpack(head)[0], dict(_DEFINITION.iter_unpack(entries))
 
 
 def encode_groups(groups: Iterable[tuple[int, Sequence[int]]]) -> bytes:

@@ -16,7 +16,6 @@ from mocha_link.store import (
     Knowledge,
     PayloadError,
     Record,
-    difference,
     impossibility,
     is_alone,
     wire,
@@ -131,7 +130,10 @@ class SyncReceiver:
         self._topics = peer.node.team.topics_by_key
         self._budget = budget
         self._room = room
-        self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS)
+        self._assembler = sync.MessageAssembler(
+            sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS, sync.TOPICS
+        )
+        self._unclear: int | None = None  # configuration hash of the peer whose topics are to come
         self._round = 0  # of our OPENs
         self._repairs = 0  # repair rounds so far
         self._now = Instant(0.0, 0.0)  # of the frame at hand
@@ -196,6 +198,7 @@ class SyncReceiver:
             self._holdings.requests(self._now.unix_s),
             node.config_hash,
             self._peer.address_token,
+            self._peer.known_hash,
         )
         return self._frames(sync.OPEN, opening.encode())
 
@@ -208,6 +211,10 @@ class SyncReceiver:
             return
         if message.kind == sync.HELLO:
             self._on_hello(sync_messages.Hello.decode(message.content))
+        elif message.kind == sync.TOPICS:
+            topics = sync_messages.decode_topics(message.content)
+            self._peer.known_hash, self._peer.definitions = topics
+            self._compare_topics()
         elif message.kind == sync.GROUPS:
             groups = sync_messages.decode_groups(message.content)
             held = [self._holdings.differing_groups(*each) for each in groups.items()]
@@ -223,6 +230,7 @@ class SyncReceiver:
     def _on_hello(self, hello: sync_messages.Hello) -> None:
         peer = self._peer
         peer.address_token = hello.address_token or peer.address_token
+        peer.duplicated = hello.duplicate
         if hello.version != sync_messages.VERSION:
             self.rejection = (
                 f"{peer.name} speaks version {hello.version} of the sync, "
@@ -230,10 +238,22 @@ class SyncReceiver:
             )
         elif hello.reception is Reception.UNREADABLE:
             self.rejection = f"{peer.name} could not read how we began; damaged on its way"
-        elif not peer.agrees(hello.config_hash):
-            self.rejection = difference(peer.name)
+        elif not peer.agrees(hello.config_hash) or hello.reception is Reception.TOPICS_WANTED:
+            self._unclear = hello.config_hash
+            self._compare_topics()
         elif hello.reception is Reception.UNKNOWN and self._round + 1 < sync.ROUNDS:
             self._begin_round(self._holdings.all())
+
+    def _compare_topics(self) -> None:
+        """Say what ids mean to us, and begin again, once it is known what they mean to the peer."""
+        peer, node = self._peer, self._peer.node
+        if self._unclear is None or not peer.agrees(self._unclear):
+            return
+        self._unclear = None
+        if self._round + 1 < sync.ROUNDS:
+            topics = sync_messages.encode_topics(node.config_hash, node.definitions)
+            self._replies += self._frames(sync.TOPICS, topics)
+            self._begin_round(self._holdings.knowledge(self._now))
 
     def _take_chunks(self, chunks: Chunks) -> None:
         if chunks.round == self._round and not self._count(chunks.number):
@@ -315,7 +335,8 @@ class SyncReceiver:
         stamp_ms = message_id & wire.STAMP_MASK
         taken = wire.is_taken(stamp_ms, self._now.unix_s)
         safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
-        if safe and message_id >> 48 in self._topics:
+        key = message_id >> 48
+        if safe and key in self._topics and self._peer.exchanges(key):
             return False
         robot_id, topic_id = divmod(message_id >> 48, 256)
         why = impossibility(self._peer.node.team, robot_id, topic_id, stamp_ms, self._now.unix_s)
@@ -338,7 +359,7 @@ class SyncReceiver:
         self.over, self._peer.left = True, left
         is_sound = not (flawed or done.cut_short)
         self.complete = is_sound and not left
-        if self.complete:
+        if self.complete and not self._peer.config_mismatch:  # else not all was offered
             own_sequence = self._holdings.unannounced_since(self._given)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != self._database.knowledge(self._peer.name):

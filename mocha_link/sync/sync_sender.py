@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
+from operator import attrgetter
 
 from mocha_link.clock import Instant
 from mocha_link.store import GROUPS, Record
@@ -20,6 +21,7 @@ from mocha_link.sync.sync_messages import Digest, Have, Hello, Reception, Since,
 
 MIN_ROOM = 300
 _DONE_BYTES = sync.MESSAGE_HEADER_BYTES + sync_messages.DONE_BYTES
+SLICE = 2_000  # messages that are put in their order at once: some milliseconds
 PUSH_BYTES = 65_536  # a larger message waits for the next pull, which may take its time
 
 
@@ -42,6 +44,7 @@ class SyncSender:
         sent: bytes on that connection.
         by_datagram: frames come, and go, by datagrams.
         all_cast: everything that was given out went by datagrams.
+        reclaimed: what datagrams may have lost goes over the connection.
         over: the peer has sent END.
         follows: all was given out, and the peer waits for more.
         ended: the end of the pull was reported; if the peer follows, new messages are sent at once.
@@ -50,8 +53,6 @@ class SyncSender:
         rejection: why the peer gets nothing, once it has opened.
         admitted: the peer has shown an address token of ours.
         bytes: of all frames.
-        acknowledged: ids of the messages that the peer reported as stored since its last report;
-            None: it reported none, or its last report is no longer known.
     """
 
     def __init__(self, peer: Peer, request_id: bytes = b"", began_s: float = 0.0) -> None:
@@ -62,6 +63,7 @@ class SyncSender:
         self.sent = 0
         self.by_datagram = False
         self.all_cast = False
+        self.reclaimed = False
         self.over = False
         self.follows = False
         self.ended = False
@@ -70,11 +72,10 @@ class SyncSender:
         self.rejection: Reception | None = None
         self.admitted = False
         self.bytes = 0
-        self.acknowledged: Sequence[int] | None = None
         self._peer = peer
         self._database = peer.node.database
         self._assembler = sync.MessageAssembler(
-            sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW
+            sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW, sync.TOPICS
         )
         self._round = -1  # -1: the peer has not opened
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
@@ -84,6 +85,7 @@ class SyncSender:
         self._requested_groups: frozenset[int] = frozenset()  # robots whose groups were requested
         self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
         self._queue = SendQueue(peer)  # of this round
+        self._backlog: list[Record] = []  # that goes into it later, the most urgent last
         self._sequence = self._opened_at = 0  # what is stored later is new
         self._again: deque[bytes] = deque()  # frames that datagrams may not have brought
         self._allowed = 0  # bytes granted on the connection
@@ -122,6 +124,9 @@ class SyncSender:
             return
         if message.kind == sync.OPEN:
             self._receive_opening(message)
+        elif message.kind == sync.TOPICS:
+            topics = sync_messages.decode_topics(message.content)
+            self._peer.known_hash, self._peer.definitions = topics
         elif message.kind == sync.END:
             self.over = True
             self._peer.end()
@@ -144,6 +149,7 @@ class SyncSender:
     def leave_datagrams(self, lost: Iterable[bytes]) -> None:
         """Go on over the connection alone, and send there again what datagrams may have lost."""
         self.by_datagram = False
+        self.reclaimed = True
         self.all_cast = self.done
         self._again.extend(lost)
 
@@ -193,7 +199,7 @@ class SyncSender:
             return None
         idle = self.done and not self.follows
         if not self._outbox and not idle:
-            self._poll()
+            self._refill()
         if self._outbox:
             return [prefix + self._message_part(room)]
         if idle:
@@ -220,28 +226,43 @@ class SyncSender:
             self._reject(message.round, Reception.UNREADABLE)
             return
         self.admitted = self._peer.verify_token(opening.address_token)
-        if self._peer.agrees(opening.config_hash):
+        node = self._peer.node
+        agrees = self._peer.agrees(opening.config_hash)
+        if agrees and (not self._peer.config_mismatch or opening.known_hash == node.config_hash):
             self._open(message.round, opening)
-        else:
-            self._reject(message.round, Reception.CONFIG_MISMATCH)
+            return
+        self._peer.met(opening.boot_id)
+        self._restart(message.round, opening.budget)
+        self._unknown = True
+        topics = sync_messages.encode_topics(node.config_hash, node.definitions)
+        self._outbox += [
+            (sync.HELLO, self._hello(Reception.TOPICS_WANTED), 0),
+            (sync.TOPICS, topics, 0),
+        ]
 
     def _reject(self, round_: int, why: Reception) -> None:
         """Send the rejection, and ignore all further frames."""
         self._round = round_
         self.rejection = why
         self._queue.clear()
+        self._backlog.clear()
         self._requested_groups = frozenset()
         self._unknown = True
         self._outbox = [(sync.HELLO, self._hello(why), 0)]
 
-    def _open(self, round_: int, opening: sync_messages.Open) -> None:
+    def _restart(self, round_: int, budget: int) -> None:
+        """A round begins, of which nothing is known yet."""
         self._round = round_
         self.rejection = None
-        self._budget = opening.budget
+        self._budget = budget
         self._queue.clear()
+        self._backlog.clear()
         self.done = self.cut_short = self._unknown = False
         self._requested_groups = frozenset()
         self._outbox.clear()
+
+    def _open(self, round_: int, opening: sync_messages.Open) -> None:
+        self._restart(round_, opening.budget)
         self._peer.met(opening.boot_id)
         self._sequence = self._opened_at = self._database.sequence  # before the database is read
         groups: list[tuple[int, tuple[int, ...]]] = []
@@ -250,7 +271,6 @@ class SyncSender:
             case Since(epoch, sequence, message_ids):
                 self._peer.holds(*message_ids)
                 if self._database.remembers(epoch, sequence):
-                    self.acknowledged = message_ids
                     new = self._database.since(sequence)
                 else:
                     self._unknown = True
@@ -268,12 +288,18 @@ class SyncSender:
             self._outbox.append((sync.GROUPS, sync_messages.encode_groups(groups), 0))
         if not self._unknown:
             self._queue.resume(opening.requests)
-            self._queue.add(new)
+            self._enqueue(new)
             self._queue.put_one_first()
 
     def _hello(self, reception: Reception) -> bytes:
         peer = self._peer
-        return Hello(reception, peer.node.config_hash, address_token=peer.next_token).encode()
+        return Hello(
+            reception,
+            peer.node.config_hash,
+            address_token=peer.next_token,
+            boot_id=peer.node.boot_id,
+            duplicate=peer.duplicate,
+        ).encode()
 
     def _compare(
         self, digests: dict[int, int]
@@ -297,7 +323,7 @@ class SyncSender:
         for robot_id, groups, _ in held:
             if robot_id in differing:
                 differing[robot_id] |= groups
-        self._queue.add(
+        self._enqueue(
             record
             for robot_id, groups in differing.items()
             for group in range(GROUPS)
@@ -307,6 +333,29 @@ class SyncSender:
         self._requested_groups = frozenset()
         if not self._queue.frames:
             self._queue.put_one_first()
+
+    def _enqueue(self, records: Iterable[Record]) -> None:
+        """Give out messages: the most urgent of many now, the others while frames leave.
+
+        All at once would hold up the node.
+        """
+        self._backlog += records
+        if len(self._backlog) > SLICE:
+            self._backlog.sort(key=attrgetter("priority"))
+        self._feed()
+
+    def _feed(self) -> None:
+        part = self._backlog[-SLICE:]
+        del self._backlog[-SLICE:]
+        self._queue.add(part)
+
+    def _refill(self) -> None:
+        """Put what is new in its order, and the next of much."""
+        self._poll()
+        if self._backlog:
+            self._feed()
+        while self._backlog and not self._queue:  # the peer had all of those
+            self._feed()
 
     def _poll(self) -> None:
         sequence = self._database.sequence
@@ -342,11 +391,11 @@ class SyncSender:
         if offset < len(content):
             self._outbox.insert(0, (kind, content, offset))
         self.bytes += len(frame)
-        self._free += len(frame) if kind == sync.GROUPS else 0
+        self._free += len(frame) if kind in (sync.GROUPS, sync.TOPICS) else 0
         return frame
 
     def _end(self) -> None:
-        self.cut_short = bool(self._queue)
+        self.cut_short = bool(self._queue or self._backlog)
         done = sync_messages.Done(
             self._database.epoch, self._sequence, self._queue.frames, self.cut_short
         )

@@ -223,6 +223,7 @@ class Node:
             new_id=lambda: next(ids).to_bytes(ID_BYTES),
             datagrams=False,
             follow=triggered,
+            both_ways=False,  # the channel's model is of pulls, each in one direction
         )
         self.triggered = triggered  # else pulls are begun for it
         self._heard_dbm = team.trigger.rssi_threshold_dbm  # what its radio says in a contact

@@ -307,14 +307,14 @@ def test_a_connection_that_is_gone_is_known_to_be(shell, titan, clients):
     client.send_multipart([b"", b"?"])
     route, _ = shell.request()
     port = shell.port
-    assert port.stands(route)
+    assert port.standing(route)
     client.close(0)
     for _ in range(WAIT_MS // 10):
         shell.turn(10)
         port.push(route, [b"to whom"])
-        if not port.stands(route):
+        if not port.standing(route):
             break
-    assert not port.stands(route)
+    assert not port.standing(route)
     assert port.flush(route)
 
 

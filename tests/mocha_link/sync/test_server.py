@@ -15,9 +15,10 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
+from mocha_link.sync.flows import WINDOW_BYTES
 from mocha_link.sync.frames import END, HELLO, OPEN, MessageAssembler, message_frames
 from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S
+from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S, Standing
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
@@ -28,8 +29,10 @@ NOW_S = 1_795_175_900.0
 TOPICS = 100
 TEAM = pair_of(TOPICS)
 ROUTE, OTHER = (b"\0\0\0\1", b""), (b"\0\0\0\2", b"")
+LOSING = Standing(loses_much=True)
 PLENTY = GRANT.pack(1 << 40, 65_536)
 OUT = Direction.OUT
+MBIT = 125_000
 
 
 def at(steady_s: float) -> Instant:
@@ -356,11 +359,12 @@ def test_a_near_peer_is_moved_to_the_connection(server, io, database):
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
 
 
-def test_the_connection_serves_until_late_datagrams_are_known_to_reach_the_peer(
+def test_a_connection_that_loses_much_serves_until_datagrams_are_known_to_reach_the_peer(
     server, io, database
 ):
     fill(database)
     io.open(GRANT.pack(3_000, 1_400))
+    assert server.route(lambda _route: LOSING)
     assert io.drain()
     io.cast(at(0))
     (probe,) = server.transmit(at(0))
@@ -388,11 +392,31 @@ def test_datagrams_of_a_near_peer_change_nothing_for_its_connection(server, io, 
     assert not any(parse(each).frames for each in server.transmit(at(0.1)))
 
 
+def test_a_far_peer_gets_a_first_window_by_datagrams_and_the_rest_over_its_connection(
+    server, io, database
+):
+    fill(database)
+    io.cast(at(0), rate=MBIT)
+    io.open(GRANT.pack(1 << 40, 65_536), now=at(0.05))
+    assert io.drain() == []
+    end_s, under_way = 0.0, []
+    while not (given := io.drain()):
+        end_s += 0.05
+        for packet in under_way:
+            io.flow.receive(packet, at(end_s).steady_s)
+        io.pass_on(at(end_s))
+        under_way = server.transmit(at(end_s))
+        assert end_s < 60
+    assert server._flows.current.bytes_out >= WINDOW_BYTES
+    assert sum(len(frame) for _, frame in given) > 0
+
+
 @pytest.mark.parametrize("content", [True, False])
-def test_what_a_connection_began_goes_on_by_datagrams_far_away(server, io, database, content):
+def test_where_tcp_loses_much_datagrams_go_on_far_away(server, io, database, content):
     """The opening by datagrams, or all of them but a probe, came late or was lost."""
     fill(database, size=20_000)
     io.open(GRANT.pack(3_000, 1_400))
+    assert server.route(lambda _route: LOSING)
     io.read()
     io.cast(at(0)) if content else io.cast_probe(at(0))
     io.run(0, 0.05)
@@ -421,6 +445,7 @@ def test_datagrams_that_were_in_doubt_carry_again_once_one_is_acknowledged(serve
     lost = server.transmit(at(0))
     assert lost
     io.open(GRANT.pack(3_000, 1_400), now=at(0.05))
+    assert server.route(lambda _route: LOSING)
     server.tick(at(0.3))
     io.ask(b"SYNCC" + GRANT.pack(6_000, 1_400), now=at(0.3))
     assert io.drain()
@@ -463,10 +488,10 @@ def test_a_pull_whose_connection_is_gone_goes_on_over_the_next(server, io, datab
     io.open(GRANT.pack(1 << 40, 1_400))
     assert server.supply()
     assert server.supply()
-    assert server.route(lambda _route: False) is None
+    assert server.route(lambda _route: None) is None
     assert server.supply() is None
     io.open(route=OTHER)
-    assert server.route(lambda route: route == OTHER) == OTHER
+    assert server.route(lambda route: Standing() if route == OTHER else None) == OTHER
     io.read()
     assert io.got == all_of(database)
 
@@ -477,7 +502,9 @@ def test_who_followed_on_a_connection_that_is_gone_does_not_any_more(server, dat
     io.open()
     io.read()
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
-    assert server.route(lambda _route: stands) == (ROUTE if stands else None)
+    assert server.route(lambda _route: Standing() if stands else None) == (
+        ROUTE if stands else None
+    )
     assert database.insert(record(0, age_ms=0), NOW_S)
     assert server.wants_push({1}) is stands
     assert (server.wake_s is not None) is bool(io.drain()) is stands
@@ -489,7 +516,7 @@ def test_who_follows_by_datagrams_needs_no_connection(server, database):
     io.cast(at(0))
     io.open()
     end_s = io.run(0, 0.05)
-    assert server.route(lambda _route: False) is None
+    assert server.route(lambda _route: None) is None
     assert database.insert(record(0, size=5, age_ms=0), NOW_S)
     assert server.transmit(at(end_s))
 

@@ -24,6 +24,8 @@ from mocha_link.sync.sync_messages import (
     Reception,
     Since,
     VersionError,
+    decode_topics,
+    encode_topics,
 )
 from mocha_link.sync.sync_receiver import Chunks, read_chunks
 
@@ -188,6 +190,15 @@ def test_impossible_requests(missing):
         Open.decode(opening.encode())
 
 
+@given(U64, st.dictionaries(st.integers(0, 65_535), st.integers(0, 2**32 - 1), max_size=50))
+def test_definitions_of_topics(config_hash, definitions):
+    content = encode_topics(config_hash, definitions)
+    assert decode_topics(content) == (config_hash, definitions)
+    for bad in (content[:7], content + b"12345"):
+        with pytest.raises(SyncFrameError, match="a TOPICS of"):
+            decode_topics(bad)
+
+
 def test_another_version_is_refused():
     content = Open(1, 0, Have(())).encode()
     for version in (VERSION - 1, VERSION + 1):
@@ -199,7 +210,7 @@ def test_another_version_is_refused():
 
 def test_of_another_versions_hello_only_that_is_read():
     hello = Hello.decode(bytes((0, VERSION + 1)) + b"anything")
-    assert hello == (Reception.UNREADABLE, 0, VERSION + 1, 0)
+    assert hello == Hello(Reception.UNREADABLE, 0, VERSION + 1)
     with pytest.raises(SyncFrameError, match="a reception of sort 9"):
         Hello.decode(b"\x09" + Hello().encode()[1:])
 

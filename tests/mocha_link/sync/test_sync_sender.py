@@ -188,7 +188,7 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, requests=[request])
     address_token = served.sender._peer.next_token
-    assert served.hear() == [Hello(Reception.UNKNOWN, address_token=address_token)]
+    assert served.hear() == [Hello(Reception.UNKNOWN, address_token=address_token, boot_id=5)]
     node.store(0, 2, START_MS)
     assert served.hear() == []
     assert not served.sender.done
