@@ -244,7 +244,7 @@ class Peer:
         if boot_id == self._boot_id:
             return
         self._held.clear()
-        self.restarted = True
+        self.restarted = self._boot_id is not None
         self.duplicate = self.duplicate or boot_id in self._past_boot_ids
         if self._boot_id is not None:
             self._past_boot_ids.append(self._boot_id)
