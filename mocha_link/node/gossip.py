@@ -197,9 +197,13 @@ class Gossip:
         """The connection on which the peer pulls, if it does, and if that is still `standing`."""
         link = self._links.by_peer[peer]
         way = link.peer.route
-        if way != DIALLED and standing(way) is None:
-            link.closed = way
-            self._links.touched.add(peer)
+        if way != DIALLED:
+            found = standing(way)
+            if found is None:
+                link.closed = way
+                self._links.touched.add(peer)
+            elif found.rtt_s is not None:
+                link.peer.rtt_s = found.rtt_s
         return link.server.route(standing)
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:

@@ -108,9 +108,7 @@ class Port:
 
     def standing(self, route: Route) -> Standing | None:
         """How a connection stands; None: it is closed."""
-        if not self._router.stands(route[0]):
-            return None
-        return Standing(loses_much=self._router.loses_much(route[0]))
+        return self._router.standing(route[0])
 
     def source(self, route: Route) -> str | None:
         """The address from which a connection comes; None: it is closed."""

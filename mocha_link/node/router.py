@@ -31,6 +31,7 @@ from mocha_link.node.zmtp import (
     ZmtpSession,
 )
 from mocha_link.store import wire
+from mocha_link.sync import Standing
 
 MAX_CONNECTIONS = 32  # of a listener; most beyond that are of links that broke
 MAX_ALL_CONNECTIONS = 256  # of a node: each may hold a request that has come in part
@@ -436,10 +437,13 @@ class Router:
             if not client.is_to_here():
                 self._drop(client)
 
-    def loses_much(self, name: bytes) -> bool:
-        """Whether most of what is sent on a connection has to be sent again."""
+    def standing(self, name: bytes) -> Standing | None:
+        """How a connection stands; None: it is closed."""
         client = self._inside.get(name)
-        return client is not None and kernel.loses_much(client.connection)
+        if client is None:
+            return None
+        connection = client.connection
+        return Standing(kernel.loses_much(connection), kernel.rtt_s(connection))
 
     def flush(self, name: bytes) -> bool:
         """Try to send what waits for a connection; whether it takes more."""

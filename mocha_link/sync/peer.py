@@ -245,7 +245,7 @@ class Peer:
         if boot_id == self._boot_id:
             return
         self._held.clear()
-        self.restarted = True
+        self.restarted = self._boot_id is not None
         if boot_id != TRIAL_BOOT_ID:
             self.duplicate = self.duplicate or boot_id in self._past_boot_ids
             if self._boot_id not in (None, TRIAL_BOOT_ID):

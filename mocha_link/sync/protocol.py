@@ -47,9 +47,11 @@ class Standing:
 
     Attributes:
         loses_much: so much is lost on it that TCP hardly sends.
+        rtt_s: its round trip; None: not measured.
     """
 
     loses_much: bool = False
+    rtt_s: float | None = None
 
 
 def random_boot_id() -> int:

@@ -60,6 +60,7 @@ class Server:
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._loses_much = False  # its connection does, by the kernel
+        self._contact_s = 0.0  # when a radio last saw a contact begin, steady clock
 
     def handle(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -123,8 +124,10 @@ class Server:
     @property
     def over(self) -> Route | None:
         """A connection of the peer over which it pulls, and we may pull as well."""
-        route = self._sync.route if self._sync else None
-        return route or None  # not the one that we opened
+        sync = self._sync
+        if sync is None or sync.received_s < self._contact_s:
+            return None  # it may have gone with the contact before
+        return sync.route or None  # not the one that we opened
 
     def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether new messages of these robots concern the peer."""
@@ -189,6 +192,7 @@ class Server:
 
     def on_contact(self, now: Instant) -> None:
         """A new contact begins."""
+        self._contact_s = now.steady_s
         if self._flows.current:
             self._flows.current.on_contact(now.steady_s)
 
