@@ -21,7 +21,9 @@ from sitl.experiment import Experiment, Record, Task, experiment_names, load_exp
 from sitl.experiment.campaign import (
     ARCHIVE_ENDING,
     Campaign,
+    Journal,
     RunLog,
+    StopClock,
     Work,
     make_runs,
     program,
@@ -153,12 +155,17 @@ def run_with(
                 try_out(task)
         if arguments.fresh:
             log.clear()
-        interrupted = _run_campaign(campaign, arguments, work, log, status)
+        journal = Journal(folder)
+        seeds = {"seeds": [numbers[0], numbers[-1]], "kept": len(campaign.records)}
+        declared = {"declaration": experiment.declaration, "rules": experiment.rules}
+        journal.note("begun", **declared, program=program(), **seeds)
+        interrupted = _run_campaign(campaign, arguments, work, log, journal)
     _tell_of_other_programs(campaign, status)
     records = campaign.records
     if records:
         if arguments.archive is not None:
             write_archive(arguments.archive, plan, records)
+        journal.note("evaluated", runs=len(records))
         _evaluate(experiment, records, folder, arguments, arguments.archive)
     if interrupted:
         return ExitCode.INTERRUPTED
@@ -196,9 +203,13 @@ def _run_campaign(
     arguments: Options,
     work: Work,
     log: RunLog,
-    status: StatusLine,
+    journal: Journal,
 ) -> bool:
-    """Make the missing runs; whether the user stopped it."""
+    """Make the missing runs, as long as the declared clock lets them begin.
+
+    Returns whether the user stopped it.
+    """
+    status, clock = StatusLine(), StopClock(campaign.stop, campaign.begun)
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
         status.say(f"all {counted(wanted, 'runs')} are there")
@@ -207,14 +218,20 @@ def _run_campaign(
         status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
         with _terminated():
-            outcomes = make_runs(work, campaign.missing, arguments.jobs or os.cpu_count() or 1)
+            jobs = arguments.jobs or os.cpu_count() or 1
+            outcomes = make_runs(work, campaign.missing, jobs, clock.may_begin)
             campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
         status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        journal.note("stopped", by="user", runs=kept)
         return True
     for failure in campaign.failed:
         sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
+    if clock.stopped:
+        status.say("the declared time is over: no further seed number is begun")
+    by = "clock" if clock.stopped else "end"
+    journal.note("stopped", by=by, runs=len(campaign.records), failed=len(campaign.failed))
     return False
 
 

@@ -82,7 +82,7 @@ class Tour(Rendezvous):
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """As `Policy.place`."""
-        course = targets.course(robot)
+        course = self._course(robot, targets)
         if course is None:
             return SearchPlace(robot, None, NEVER_HEARD)
         *before, last = self._places(course, context)
@@ -110,6 +110,10 @@ class Tour(Rendezvous):
         """The tour that is flown; none if none brings anything."""
         return best_tour(stops, context)
 
+    def _course(self, robot: str, targets: TargetList) -> PredictedPath | None:
+        """Where a robot will be, as far as this policy uses it; None: it was never heard."""
+        return targets.course(robot)
+
     def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
         """Where a robot is looked for, in the order in which it is flown."""
         return stretch(course, context)
@@ -123,7 +127,7 @@ class Tour(Rendezvous):
         stops: list[Stop] = []
         unheard = False
         for robot in free:
-            course = targets.course(robot)
+            course = self._course(robot, targets)
             if course is None and unheard:
                 continue
             unheard |= course is None

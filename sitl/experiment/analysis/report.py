@@ -7,10 +7,11 @@ summary.json    the table and the verdicts on the claims, for programs
 
 A document gets it between marks: `<!-- begin NAME WHAT -->` and `<!-- end -->`; NAME is the
 experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, paper,
-claims, fidelity, fit, blind. So the document can be made again from any runs. Figures go beside it,
-into `images`; tables, rows compared by seeds, the numbers behind claims, settings that were fitted
-and what they predict into `NAME-table.csv`, `-pairs.csv`, `-claims.csv`, `-draws.csv` and
-`-cells.csv`, where these exist.
+claims, fidelity, fit, blind, outcome. So the document can be made again from any runs. Figures go
+beside it, into `images`; tables, rows compared by seeds, the numbers behind claims, settings that
+were fitted, what they predict, and policies compared over scenarios into `NAME-table.csv`,
+`-pairs.csv`, `-claims.csv`, `-draws.csv`, `-cells.csv`, `-policies.csv` and `-strata.csv`, where
+these exist.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
+from sitl.experiment.analysis.outcome import Scenarios, is_of_scenarios, standings, strata, told
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.campaign import duration_text
 
@@ -83,7 +85,16 @@ class Report:
     @cached_property
     def calibration(self) -> Calibration | None:
         """What was drawn and fitted, if anything was."""
-        return Calibration(self.experiment, self.records) if self.experiment.space else None
+        fits = "message_wait" in self.experiment.space
+        return Calibration(self.experiment, self.records) if fits else None
+
+    @cached_property
+    def scenarios(self) -> Scenarios | None:
+        """Rows compared over scenarios, if seed numbers are scenarios that all rows have met."""
+        if not is_of_scenarios(self.experiment):
+            return None
+        found = Scenarios(self.experiment, self.records)
+        return found if len(found.numbers) > 1 else None
 
     @cached_property
     def prediction(self) -> Prediction | None:
@@ -242,6 +253,7 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
         "facts": _facts(report),
         "paper": tables.nearness(report.lines) if whole else "",
         "fit": report.calibration.told() if report.calibration else "",
+        "outcome": told(report.scenarios, experiment.relevant) if report.scenarios else "",
         "blind": report.prediction.told() if report.prediction else "",
         "archive": "" if archive is None else _archive(archive, document, report),
     }
@@ -299,6 +311,10 @@ def _evidence(document: Path, report: Report) -> dict[Path, str]:
             ),
         ],
         "draws": lambda: report.calibration.settings() if report.calibration else [],
+        "policies": lambda: standings(report.scenarios) if report.scenarios else [],
+        "strata": lambda: (
+            strata(report.scenarios, tuple(report.experiment.space)) if report.scenarios else []
+        ),
         "cells": lambda: report.prediction.cells() if report.prediction else [],
     }
     found = {}

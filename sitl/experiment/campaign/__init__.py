@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
+        "journal": ("Journal", "StopClock", "stamp", "utc_now"),
         "running": ("make_run", "put_together"),
         "runs": ("ARCHIVE_ENDING", "RunLog", "program", "read_archive", "run_log", "write_archive"),
     },

@@ -4,6 +4,10 @@ from sitl.experiment.campaign.campaign import Campaign as Campaign
 from sitl.experiment.campaign.campaign import Work as Work
 from sitl.experiment.campaign.campaign import duration_text as duration_text
 from sitl.experiment.campaign.campaign import make_runs as make_runs
+from sitl.experiment.campaign.journal import Journal as Journal
+from sitl.experiment.campaign.journal import StopClock as StopClock
+from sitl.experiment.campaign.journal import stamp as stamp
+from sitl.experiment.campaign.journal import utc_now as utc_now
 from sitl.experiment.campaign.running import make_run as make_run
 from sitl.experiment.campaign.running import put_together as put_together
 from sitl.experiment.campaign.runs import ARCHIVE_ENDING as ARCHIVE_ENDING

@@ -11,6 +11,7 @@ from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
 from sitl.experiment import OFF_BOARD, Record, RunSettings, Task, files_of, sources
+from sitl.experiment.campaign.journal import stamp, utc_now
 from sitl.experiment.campaign.runs import program
 from sitl.experiment.engine import Run, curves, flown_here, flown_in_processes, measured
 
@@ -95,11 +96,13 @@ def _record(
     return {
         **task.identity,
         "rules": task.rules,
+        "declaration": task.declaration,
         "settings": dict(task.row.settings),
         "measures": measures,
         "curves": kept,
         "digest": digest,
         "program": program(),
         "machine": platform.node(),
+        "ended": stamp(utc_now()),
         "peak_memory_MB": round(peak / (1e6 if sys.platform == "darwin" else 1e3)),
     }

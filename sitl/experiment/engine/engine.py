@@ -25,9 +25,14 @@ from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.links import LinkEvent, MessageStored
-from sitl.experiment import EventLog, EventQueue, RunSettings
+from sitl.experiment import ORACLES, EventLog, EventQueue, RunSettings
 from sitl.experiment.engine.ages import Ages, Held, Pair
-from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
+from sitl.experiment.engine.channel import (
+    Channel,
+    LinkedChannel,
+    PaperChannel,
+    PathLossChannel,
+)
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats, ContactInterval
 from sitl.experiment.robots import (
@@ -99,9 +104,9 @@ class Run:
         _check(settings)
         self.settings = settings
         self.queue = EventQueue()
-        scenery = scenery_of(settings)
+        scenery = scenery_of(settings, seed)
         self.town = scenery.town
-        if settings.goals == "seed":  # no route depends on them
+        if settings.goals == "seed" and settings.blocks is None:  # no route depends on them
             self.town = scatter(scenery.town, seed, len(scenery.town.goals))
         self.log = EventLog(self.queue)
         self.fleet = fleet_of(
@@ -137,9 +142,13 @@ class Run:
         self.travelled_m = np.zeros(len(self.nodes))
         self.airtime = AirtimeStats(self.log.sent)
         channel: Channel = PaperChannel(settings.paper, settings.radius_m, len(self.nodes), seed)
-        if settings.channel == "path_loss":
+        if settings.linked:
+            channel = LinkedChannel(self._numbers[self.fleet.uavs[0]], len(self.nodes))
+        elif settings.channel == "path_loss":
             channel = PathLossChannel(settings.path_loss, self.town, self.fleet.names, seed)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
+        self._known_sum = 0.0  # of the town in the first UAV's map, 0..1, at each step
+        self._known_count = 0  # of these steps
         self._goals: dict[str, Visit] = {}  # first visits, by goal
         self._counted = dict.fromkeys(self.fleet.ugvs, 0)  # of its `visited`
         self._ground_at_s = 0.0  # simulated time of the ground robots' next step
@@ -155,6 +164,11 @@ class Run:
         )
         wall_s, cpu_s = self._began
         self.wall_s, self.cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
+
+    @property
+    def map_known_share(self) -> float:
+        """How much of the town the first UAV's map shows, 0..1, in the mean over time."""
+        return self._known_sum / self._known_count if self._known_count else 0.0
 
     @property
     def goals(self) -> list[Visit]:
@@ -208,10 +222,13 @@ class Run:
                 robot.step(now_s)
                 self._places[self._numbers[name], :2] = robot.position
                 self._count_goals(name, robot)
-                if self.settings.policy == "oracle" and now_s % ORACLE_S < GROUND_S:
+                if self.settings.policy in ORACLES and now_s % ORACLE_S < GROUND_S:
                     for uav in self.uavs:
                         uav.see(name, robot.position)
         self.travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
+        if self.uavs:
+            self._known_sum += self.uavs[0].painter.known_share
+            self._known_count += 1
         self.ages.update()
         self.channel_sim.settle()
         self.channel_sim.update(self._places)
@@ -233,6 +250,8 @@ class Run:
 def _check(settings: RunSettings) -> None:
     if settings.uavs + settings.ugvs + settings.base_station == 0:
         raise ValueError("no robot takes part; say uavs, ugvs or base_station")
+    if settings.linked and not settings.uavs:
+        raise ValueError("'linked' is contact with the first UAV; say uavs")
     if settings.path_loss.air != "log_distance" and settings.uav_altitude_m > HIGHEST_M:
         raise ValueError(f"'air' of 3GPP is for UAVs up to {HIGHEST_M:g} m; lower uav_altitude_m")
     if not 0 < settings.telemetry_s <= MOST_TELEMETRY_S:

@@ -34,6 +34,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         travelled_m=np.arange(team, dtype=float),
         town=SimpleNamespace(goals=[Goal(f"goal {n}", Point(15.0 * n, 5.0)) for n in range(10)]),
         goal_bound_share=1.0,
+        map_known_share=0.6,
         goals=sorted(goals, key=lambda visit: visit.time_s),
         airtime=SimpleNamespace(
             transmissions=_transmissions(chance, settings, team),

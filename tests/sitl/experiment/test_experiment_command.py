@@ -42,8 +42,8 @@ class Here:
         self.most = most
         self.made = []
 
-    def run(self, work, tasks, _workers):
-        for task in tasks:
+    def run(self, work, tasks, _workers, may_begin=lambda _task: True):
+        for task in filter(may_begin, tasks):
             if len(self.made) == self.most:
                 raise KeyboardInterrupt
             self.made.append((task.row.label, task.number))
@@ -291,11 +291,11 @@ def test_what_would_be_in_vain_is_told_before_the_first_run(sitl, tmp_path):
 class Unlucky(Here):
     """Workers die: of one run once, of another for good."""
 
-    def run(self, work, tasks, workers):
+    def run(self, work, tasks, workers, may_begin):
         first, second, *others = tasks
         yield RunOutcome(first, None, "ended by SIGKILL", again=True)
         yield RunOutcome(second, None, "ended with code 1")
-        yield from super().run(work, [first, *others], workers)
+        yield from super().run(work, [first, *others], workers, may_begin)
 
 
 def test_a_lost_run_is_told(sitl, capsys):
