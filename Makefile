@@ -16,7 +16,7 @@ PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --n
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify experiments-remade lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -77,8 +77,12 @@ experiments: setup
 	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/evidence/experiments.md \
 		--archive docs/evidence/$$name-runs.jsonl.xz || exit 1; done
 
-# Tables and verdicts of docs/evidence/experiments.md, remade from the archived runs: fails if a number differs
-experiments-verify: setup
+# Ten archived runs at random, made again from today's sources: fails if a digest differs. REMADE="--seed 7 --runs 20"
+experiments-remade: setup
+	$(BIN)/python -m benchmarks.archives $(REMADE)
+
+# That, and tables and verdicts of docs/evidence/experiments.md from all archived runs: fails if a number differs
+experiments-verify: setup experiments-remade
 	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/evidence/experiments.md || exit 1; done
 
 lint: setup

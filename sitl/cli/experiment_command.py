@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
+import random
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -113,6 +115,13 @@ def _archive(text: str) -> Path:
     metavar="FILE",
     help="with an archive: list what differs in a Markdown file and its evidence; change nothing",
 )
+@option(
+    "--remake",
+    type=Parsed(_count),
+    metavar="N",
+    help="with an archive: make N of its runs again, chosen at random by --first-seed, and list "
+    "those whose digest differs",
+)
 @option("--no-figures", is_flag=True, help="draw no figures")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 @option("--list", is_flag=True, help="list the experiments and their rows")
@@ -132,8 +141,9 @@ def run_with(
     """The command, with the function that makes one run, and the one that checks for it."""
     if arguments.experiment is None:
         raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
-    if arguments.verify or arguments.experiment.endswith(ARCHIVE_ENDING):
-        return _from_archive(Path(arguments.experiment), arguments)
+    archived = arguments.verify or arguments.remake
+    if archived or arguments.experiment.endswith(ARCHIVE_ENDING):
+        return _from_archive(Path(arguments.experiment), arguments, work)
     experiment, plan = load_experiment(arguments.experiment)
     rows = experiment.chosen(arguments.rows)
     first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
@@ -165,10 +175,11 @@ def run_with(
     return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
 
 
-def _from_archive(archive: Path, arguments: Options) -> int:
-    """Table and claims of archived runs; or whether a document still agrees with them."""
+def _from_archive(archive: Path, arguments: Options, work: Work) -> int:
+    """Table and claims of archived runs; whether a document, or the program, agrees with them."""
     if not archive.name.endswith(ARCHIVE_ENDING):
-        raise UsageError(f"--verify is about an archive of runs; give a file *{ARCHIVE_ENDING}")
+        asked = "--verify" if arguments.verify else "--remake"
+        raise UsageError(f"{asked} is about an archive of runs; give a file *{ARCHIVE_ENDING}")
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
@@ -176,6 +187,8 @@ def _from_archive(archive: Path, arguments: Options) -> int:
         claims_differ = experiment.claims and now.rules != experiment.rules
         if claims_differ or now.rows != experiment.rows:
             sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
+    if arguments.remake is not None:
+        return _remake(experiment, records, arguments, work)
     if arguments.verify is None:
         folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])
         folder.mkdir(parents=True, exist_ok=True)
@@ -189,6 +202,28 @@ def _from_archive(archive: Path, arguments: Options) -> int:
     if not found:
         sys.stderr.write(f"{experiment.name}: {counted(len(records), 'runs')} say the same\n")
     return ExitCode.ENDED_OTHERWISE if found else ExitCode.DONE
+
+
+def _remake(
+    experiment: Experiment, records: Sequence[Record], arguments: Options, work: Work
+) -> int:
+    """Make some archived runs again; those that differ are on stdout."""
+    from sitl.experiment.campaign import remade, remakeable  # noqa: PLC0415 - only with SciPy
+
+    runs = [record for record in records if remakeable(experiment, record)]
+    if not runs:
+        raise UsageError("no run of this archive is in simulated time; none can come out the same")
+    rng = random.Random(arguments.first_seed or 0)  # noqa: S311 - repeatable on purpose
+    results = [
+        remade(experiment, record, work)
+        for record in rng.sample(runs, min(arguments.remake, len(runs)))
+    ]
+    if arguments.json:
+        print_json([dataclasses.asdict(result) for result in results])
+    else:
+        sys.stdout.writelines(f"{result.text}\n" for result in results)
+    same = all(result.same and not result.differing for result in results)
+    return ExitCode.DONE if same else ExitCode.ENDED_OTHERWISE
 
 
 def _run_campaign(

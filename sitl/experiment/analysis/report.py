@@ -43,7 +43,7 @@ _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "po
 """Settings that have a column even where all rows agree."""
 
 _IDS: Final = ("experiment", "row", "phase", "number", "seed")
-_ORIGIN: Final = ("peak_memory_MB", "digest", "program", "machine")
+_ORIGIN: Final = ("peak_memory_MB", "digest", "program", "commit", "machine")
 _AGE_HEADS: Final = ("row", "seed_number", "topic", "maker", "user", "age_mean_s", "age_peak_s")
 _IMAGES: Final = Path("images")
 _END: Final = "<!-- end -->"
@@ -142,7 +142,7 @@ def _tidy(records: Sequence[Record]) -> list[Sequence[Any]]:
             *(record[key] for key in _IDS),
             *(value_of(row, key) for key in keys),
             *(record["measures"].get(key) for key in measures),
-            *(record[key] for key in _ORIGIN),
+            *(record.get(key) for key in _ORIGIN),
         ]
         for record, row in zip(records, settings, strict=True)
     ]
@@ -264,14 +264,18 @@ def _claims(document: Path, report: Report) -> str:
 def _archive(archive: Path, document: Path, report: Report) -> str:
     """Where the runs are, and what tells them from others."""
     path = archive.absolute().relative_to(document.absolute().parent).as_posix()
-    programs, rules = (
-        ", ".join(sorted({record[key] for record in report.records}))
-        for key in ("program", "rules")
+    programs, rules, commits = (
+        ", ".join(sorted({record[key] for record in report.records if key in record}))
+        for key in ("program", "rules", "commit")
     )
+    locks = sorted(
+        {record.get("dependencies", {}).get("constraints", "") for record in report.records}
+    )
+    made_by = f"commit {commits}, constraints {', '.join(locks)}, " if commits else ""
     content = archive.read_bytes()
     return (
         f"Remade from [{path}]({path}): {len(content) / 1e6:.2f} MB, SHA-256 "
-        f"`{hashlib.sha256(content).hexdigest()}`, program {programs}, claims {rules}."
+        f"`{hashlib.sha256(content).hexdigest()}`, {made_by}program {programs}, claims {rules}."
     )
 
 

@@ -7,6 +7,8 @@ __getattr__, __dir__, __all__ = door(
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
         "running": ("make_run", "put_together"),
-        "runs": ("ARCHIVE_ENDING", "RunLog", "program", "read_archive", "run_log", "write_archive"),
+        "provenance": ("program",),
+        "remaking": ("Remade", "remade", "remakeable"),
+        "runs": ("ARCHIVE_ENDING", "RunLog", "read_archive", "run_log", "write_archive"),
     },
 )

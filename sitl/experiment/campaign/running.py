@@ -11,7 +11,7 @@ from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
 from sitl.experiment import OFF_BOARD, Record, RunSettings, Task, files_of, sources
-from sitl.experiment.campaign.runs import program
+from sitl.experiment.campaign.provenance import commit, dependencies, program
 from sitl.experiment.engine import Run, curves, flown_here, flown_in_processes, measured
 
 
@@ -100,6 +100,8 @@ def _record(
         "curves": kept,
         "digest": digest,
         "program": program(),
+        "commit": commit(),
+        "dependencies": dict(dependencies()),
         "machine": platform.node(),
         "peak_memory_MB": round(peak / (1e6 if sys.platform == "darwin" else 1e3)),
     }

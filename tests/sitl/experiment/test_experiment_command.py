@@ -19,8 +19,9 @@ from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.report import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
 from sitl.experiment.campaign.campaign import MixedRunsError, RunOutcome, duration_text, progress
+from sitl.experiment.campaign.provenance import program
 from sitl.experiment.campaign.running import UnfitSettingsError
-from sitl.experiment.campaign.runs import InUseError, RunLogError, program, run_log
+from sitl.experiment.campaign.runs import InUseError, RunLogError, read_archive, run_log
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.settings import RunSettings
 from tests.command_lines import options_for
@@ -430,3 +431,44 @@ def test_what_there_is_can_be_listed(capsys):
     assert main(["experiment", "--list", "--json"]) == 0
     names = [each["name"] for each in json.loads(capsys.readouterr().out)]
     assert "table1" in names
+
+
+def test_archived_runs_are_made_again_and_what_differs_is_listed(sitl, tmp_path, capsys):
+    archive = tmp_path / "small-runs.jsonl.xz"
+    sitl("--archive", str(archive))
+    capsys.readouterr()
+
+    def remake(work=made_up.work):
+        code, _ = sitl("--remake", "2", "--json", experiment=archive, work=work)
+        return code, json.loads(capsys.readouterr().out)
+
+    code, results = remake()
+    assert (code, [result["same"] for result in results]) == (0, [True, True])
+
+    def another(task):
+        made = made_up.work(task)
+        measures = {**made["measures"], "goals_found": 999, "cpu_s": 1e9, "of_tomorrow": 1.0}
+        return {**made, "digest": "another", "measures": measures}
+
+    code, results = remake(another)
+    assert code == 1
+    assert [result["differing"] for result in results] == [["goals_found"]] * 2
+    assert not any(result["same"] for result in results)
+
+    def failing(task):
+        raise FileNotFoundError(2, "No such file or directory", "town.yaml")
+
+    code, results = remake(failing)
+    assert (code, results[0]["why"]) == (1, "town.yaml: No such file or directory")
+    with pytest.raises(UsageError, match="--remake is about an archive"):
+        sitl("--remake", "2")
+
+
+def test_an_archive_names_the_commit_and_the_lock_that_made_it(sitl, tmp_path):
+    archive = tmp_path / "small-runs.jsonl.xz"
+    sitl("--archive", str(archive))
+    _, records = read_archive(archive)
+    lock = hashlib.sha256((ROOT / "constraints.txt").read_bytes()).hexdigest()[:12]
+    assert {record["dependencies"]["constraints"] for record in records} == {lock}
+    commits = {record["commit"] for record in records}
+    assert all(re.fullmatch(r"[0-9a-f]{12}\+?|unknown", commit) for commit in commits)
