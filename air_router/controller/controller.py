@@ -309,6 +309,11 @@ class Controller:
     # What others read.
 
     @property
+    def seek_fault(self) -> str | None:
+        """What went wrong in the seek policy of another package; None: nothing did."""
+        return self.search.fault
+
+    @property
     def flown(self) -> FlownBefore | None:
         """What another companion has to know to go on with this flight; None if there is none."""
         airborne_s = self.context.task.airborne_s

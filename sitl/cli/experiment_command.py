@@ -172,7 +172,8 @@ def run_with(
         _evaluate(experiment, records, folder, arguments, arguments.archive)
     if interrupted:
         return ExitCode.INTERRUPTED
-    return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
+    failed = campaign.failed or any(record.get("faults") for record in records)
+    return ExitCode.ENDED_OTHERWISE if failed else ExitCode.DONE
 
 
 def _from_archive(archive: Path, arguments: Options, work: Work) -> int:

@@ -23,6 +23,7 @@ import json
 import math
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -93,8 +94,20 @@ class Report:
 
     @cached_property
     def text(self) -> str:
-        """The table for a terminal."""
-        return tables.as_text(self.experiment, self.lines, seeds_of(self.records))
+        """The table for a terminal, and the rows whose policies failed."""
+        table = tables.as_text(self.experiment, self.lines, seeds_of(self.records))
+        return "\n".join([table, *(f"{row}: {text}" for row, text in self.faults.items())])
+
+    @cached_property
+    def faults(self) -> dict[str, str]:
+        """Of rows whose policy failed in some runs: in how many, and the first fault."""
+        runs = [(record["row"], fault_of(record)) for record in self.records]
+        counts = Counter(row for row, fault in runs if fault)
+        first = {row: fault for row, fault in reversed(runs) if fault}
+        return {
+            row: f"policies failed in {counted(counts[row], 'runs')}, and defaults decided: {fault}"
+            for row, fault in first.items()
+        }
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -106,6 +119,7 @@ class Report:
                 "seeds": sorted({record["number"] for record in self.records}),
                 "runs": len(self.records),
                 "rows": tables.as_plain(self.lines),
+                "faults": self.faults,
                 "claims": [
                     {**dataclasses.asdict(claim), "verdict": claim.verdict} for claim in self.claims
                 ],
@@ -131,17 +145,24 @@ class Report:
                 file.write(text.encode())
 
 
+def fault_of(record: Record) -> str:
+    """What went wrong in policies of other packages in a run; empty: nothing."""
+    faults: Mapping[str, str] = record.get("faults", {})
+    return "; ".join(f"{name}: {fault}" for name, fault in faults.items())
+
+
 def _tidy(records: Sequence[Record]) -> list[Sequence[Any]]:
     """The heads, and a row for every run; None is a number that a run does not have."""
     settings = [flat(record["settings"]) for record in records]
     keys = dict.fromkeys((*_ALWAYS, *(key for row in settings for key in row)))
     measures = dict.fromkeys(key for record in records for key in record["measures"])
-    heads = (*_IDS, *keys, *measures, *_ORIGIN)
+    heads = (*_IDS, *keys, *measures, "policy_fault", *_ORIGIN)
     rows: list[Sequence[Any]] = [
         [
             *(record[key] for key in _IDS),
             *(value_of(row, key) for key in keys),
             *(record["measures"].get(key) for key in measures),
+            fault_of(record),
             *(record.get(key) for key in _ORIGIN),
         ]
         for record, row in zip(records, settings, strict=True)

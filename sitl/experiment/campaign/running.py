@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
+from air_router.seek_policies import policy_of
 from sitl.experiment import OFF_BOARD, Record, RunSettings, Task, files_of, sources
 from sitl.experiment.campaign.provenance import commit, dependencies, program
 from sitl.experiment.engine import Run, curves, flown_here, flown_in_processes, measured
@@ -55,18 +56,19 @@ def make_run(task: Task) -> Record:
         return recorded(task, run)
     mission, policy = _mission_and_policy(settings)
     if settings.world == "mission":
-        measures, digest = flown_here(mission, task.seed, policy)
+        flown = flown_here(mission, task.seed, policy)
     else:
         px4 = settings.world == "px4"
-        measures, digest = flown_in_processes(mission, task.seed, policy, px4=px4)
-    return _record(task, measures, {}, digest)
+        flown = flown_in_processes(mission, task.seed, policy, px4=px4)
+    return _record(task, flown.measures, {}, flown.digest, flown.faults)
 
 
 def _mission_and_policy(settings: RunSettings) -> tuple[Path, str]:
-    """What is flown in a mission's own world. Raises ValueError."""
+    """What is flown in a mission's own world. Raises ValueError, SeekPolicyError."""
     mission, policy = settings.mission, settings.policy
     if mission is None or policy in OFF_BOARD:
         raise ValueError("a world of its own needs a mission, and a policy that flies")
+    policy_of(policy)
     return mission, policy
 
 
@@ -85,11 +87,15 @@ def run_settings(task: Task) -> RunSettings:
 
 def recorded(task: Task, run: Run) -> Record:
     """What is kept of a run that is over."""
-    return _record(task, measured(run), curves(run), run.log.digest)
+    return _record(task, measured(run), curves(run), run.log.digest, run.faults)
 
 
 def _record(
-    task: Task, measures: Mapping[str, float | None], kept: Mapping[str, Any], digest: str
+    task: Task,
+    measures: Mapping[str, float | None],
+    kept: Mapping[str, Any],
+    digest: str,
+    faults: Mapping[str, str],
 ) -> Record:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
@@ -99,6 +105,7 @@ def _record(
         "measures": measures,
         "curves": kept,
         "digest": digest,
+        "faults": dict(faults),
         "program": program(),
         "commit": commit(),
         "dependencies": dict(dependencies()),

@@ -162,6 +162,12 @@ class Run:
         return sorted(self._goals.values(), key=lambda visit: (visit.time_s, visit.goal))
 
     @property
+    def faults(self) -> dict[str, str]:
+        """What went wrong in policies of other packages, by whose policy it was."""
+        found = {uav.name: uav.controller.seek_fault for uav in self.uavs}
+        return {name: fault for name, fault in found.items() if fault is not None}
+
+    @property
     def contacts(self) -> list[ContactInterval]:
         """Who met whom, in the order of the beginnings."""
         return self.channel_sim.contacts()

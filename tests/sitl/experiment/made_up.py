@@ -44,6 +44,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         contacts=_contacts(chance, team, duration_s),
         uavs=[uav] * settings.uavs,
         held=_held(chance, robots, kinds, duration_s),
+        faults={},
         log=SimpleNamespace(actions=99, digest=f"{seed:064x}"),
         wall_s=0.01 * team**2,
         cpu_s=0.01 * team**2,
