@@ -164,7 +164,7 @@ def _check_place(place: object, targets: TargetList) -> None:
     _claim(isinstance(place, SearchPlace), f"{place!r:.60} is no SearchPlace")
     if isinstance(place, SearchPlace):
         _claim(place.robot in targets.names, f"'{place.robot}' is no robot that is sought")
-        points = [*place.along] if place.position is None else [*place.along, place.position]
+        points: list[object] = [*place.along, *filter(None, [place.position])]
         finite = all(isinstance(p, Point) and all(map(math.isfinite, p)) for p in points)
         _claim(finite, f"a place of '{place.robot}' is no finite Point")
         over = set(place.over)

@@ -25,6 +25,7 @@ from sitl.experiment.campaign import (
     Campaign,
     RunLog,
     Work,
+    cluster_at,
     make_runs,
     program,
     read_archive,
@@ -39,6 +40,7 @@ and with more --seeds or other --rows it makes only the missing runs; docs/evide
 examples:
   sitl experiment table1 --seeds 30
   sitl experiment table1 --rows radius_m=30 ugvs=3,5 --seeds 5
+  sitl experiment table1 --cluster tcp://10.0.0.5:8786
 """
 
 
@@ -89,6 +91,11 @@ def _archive(text: str) -> Path:
 )
 @option(
     "--jobs", type=Parsed(_count), metavar="N", help="number of processes (default: number of CPUs)"
+)
+@option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="make the runs on the workers of a dask.distributed scheduler (tcp://HOST:8786)",
 )
 @option(
     "--out",
@@ -243,8 +250,12 @@ def _run_campaign(
         status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
         with _terminated():
-            outcomes = make_runs(work, campaign.missing, arguments.jobs or os.cpu_count() or 1)
-            campaign.run(outcomes, log.add, status)
+            if arguments.cluster is not None:
+                with cluster_at(arguments.cluster) as many:
+                    campaign.run(many.make_runs(work, campaign.missing), log.add, status)
+            else:
+                outcomes = make_runs(work, campaign.missing, arguments.jobs or os.cpu_count() or 1)
+                campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
         status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")

@@ -80,6 +80,7 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "control.md cpp 1": "needs a compiler and cppzmq; its request: below",
 }
 FOREIGN = {  # first words of commands that are not ours
+    "dask": "dask.distributed, the extra `cluster`",
     "roscore": "ROS 1",
     "roslaunch": "ROS 1",
     "rostopic": "ROS 1",

@@ -1,6 +1,7 @@
 """What the runs of an experiment amount to, and the files and documents that say it.
 
 results.csv     a line per run, a column per number, units in the names
+results.parquet the same with types, if pyarrow is there
 ages.csv        ages of information: a line per run, topic, robot that makes it, robot that uses it
 table.txt       the table with intervals
 summary.json    the table and the verdicts on the claims, for programs
@@ -15,6 +16,7 @@ and what they predict into `NAME-table.csv`, `-pairs.csv`, `-claims.csv`, `-draw
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import hashlib
@@ -32,11 +34,13 @@ from typing import Any, Final
 from air_router.errors import UsageError
 from air_router.files import write_whole
 from air_router.words import counted
+from mocha_link.errors import MissingExtraError
 from mocha_link.path_safety import new_file
 from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
+from sitl.experiment.analysis.parquet import write_parquet
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.campaign import duration_text
 
@@ -143,6 +147,8 @@ class Report:
         for name, text in files.items():
             with new_file(folder / name) as file:
                 file.write(text.encode())
+        with contextlib.suppress(MissingExtraError):
+            write_parquet(folder / "results.parquet", _tidy(self.records))
 
 
 def fault_of(record: Record) -> str:

@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = door(
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
         "running": ("make_run", "put_together"),
+        "cluster": ("Cluster", "cluster_at"),
         "provenance": ("program",),
         "remaking": ("Remade", "remade", "remakeable"),
         "runs": ("ARCHIVE_ENDING", "RunLog", "read_archive", "run_log", "write_archive"),

@@ -4,6 +4,8 @@ from sitl.experiment.campaign.campaign import Campaign as Campaign
 from sitl.experiment.campaign.campaign import Work as Work
 from sitl.experiment.campaign.campaign import duration_text as duration_text
 from sitl.experiment.campaign.campaign import make_runs as make_runs
+from sitl.experiment.campaign.cluster import Cluster as Cluster
+from sitl.experiment.campaign.cluster import cluster_at as cluster_at
 from sitl.experiment.campaign.provenance import program as program
 from sitl.experiment.campaign.remaking import Remade as Remade
 from sitl.experiment.campaign.remaking import remade as remade

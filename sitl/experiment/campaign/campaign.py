@@ -243,7 +243,7 @@ def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record |
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(_attempt, work, task)
+        return pool.submit(attempt, work, task)
     except BrokenProcessPool as error:  # before the results of the others said so
         broken: Future[Record | str] = Future()
         broken.set_exception(error)
@@ -252,7 +252,7 @@ def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record |
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _attempt(work: Work, task: Task) -> Record | str:
+def attempt(work: Work, task: Task) -> Record | str:
     """The run, or what went wrong in it: not every error travels."""
     try:
         return work(task)

@@ -5,6 +5,7 @@ import hashlib
 import json
 import math
 import re
+import sys
 from pathlib import Path
 
 import made_up
@@ -472,3 +473,24 @@ def test_an_archive_names_the_commit_and_the_lock_that_made_it(sitl, tmp_path):
     assert {record["dependencies"]["constraints"] for record in records} == {lock}
     commits = {record["commit"] for record in records}
     assert all(re.fullmatch(r"[0-9a-f]{12}\+?|unknown", commit) for commit in commits)
+
+
+def test_parquet_has_what_the_csv_has_with_types(sitl, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    sitl.path.write_text(SMALL.replace("ugvs: [3, 5]", "battery: [none, 20]"), encoding="utf-8")
+    sitl()
+    table = parquet.read_table(tmp_path / "out" / "results.parquet")
+    rows = rows_of(tmp_path / "out" / "results.csv")
+    assert table.column_names == list(rows[0])
+    assert table["goals_found"].to_pylist() == [int(row["goals_found"]) for row in rows]
+    assert table["service_age_mean_s"].to_pylist() == [
+        float(row["service_age_mean_s"]) for row in rows
+    ]
+    assert set(table["battery"].to_pylist()) == {"none", "20.0"}  # of two kinds, so text
+
+
+def test_without_pyarrow_there_is_no_parquet(sitl, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert sitl()[0] == 0
+    assert not (tmp_path / "out" / "results.parquet").exists()
+    assert (tmp_path / "out" / "results.csv").exists()
