@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
-        "running": ("make_run", "put_together"),
+        "running": ("make_run", "put_together", "settings_of"),
         "cluster": ("Cluster", "cluster_at"),
         "provenance": ("program",),
         "remaking": ("Remade", "remade", "remakeable"),

@@ -12,6 +12,7 @@ from sitl.experiment.campaign.remaking import remade as remade
 from sitl.experiment.campaign.remaking import remakeable as remakeable
 from sitl.experiment.campaign.running import make_run as make_run
 from sitl.experiment.campaign.running import put_together as put_together
+from sitl.experiment.campaign.running import settings_of as settings_of
 from sitl.experiment.campaign.runs import ARCHIVE_ENDING as ARCHIVE_ENDING
 from sitl.experiment.campaign.runs import RunLog as RunLog
 from sitl.experiment.campaign.runs import read_archive as read_archive

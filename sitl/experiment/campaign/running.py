@@ -33,7 +33,7 @@ def put_together(task: Task) -> None:
         AirRouterError, DocumentError: a file that the row names is not what it should be.
         UnfitSettingsError: settings that no run can be made of.
     """
-    settings = run_settings(task)
+    settings = settings_of(task)
     try:
         if settings.world == "town":
             Run(settings, task.seed)
@@ -49,7 +49,7 @@ def make_run(task: Task) -> Record:
     Raises:
         OtherFilesError: a file that the experiment names has another content by now.
     """
-    settings = run_settings(task)
+    settings = settings_of(task)
     if settings.world == "town":
         run = Run(settings, task.seed)
         run.finish()
@@ -72,7 +72,7 @@ def _mission_and_policy(settings: RunSettings) -> tuple[Path, str]:
     return mission, policy
 
 
-def run_settings(task: Task) -> RunSettings:
+def settings_of(task: Task) -> RunSettings:
     """A task's plain settings as the engine takes them. Raises OtherFilesError."""
     values, folder = dict(task.row.settings), Path(task.folder)
     paths, here = files_of(values, folder), sources(values, folder)

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from itertools import cycle, pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from air_router.controller import Controller
@@ -98,8 +100,20 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     return checked(draft)
 
 
-def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dict[str, Controller]:
-    """The controllers of a run's UAVs: the first explores and searches, the others only search."""
+NO_POLICIES: Final[Mapping[str, Policy]] = MappingProxyType({})
+
+
+def controllers_of(
+    fleet: Fleet, settings: RunSettings, scenery: Scenery, own: Mapping[str, Policy] = NO_POLICIES
+) -> dict[str, Controller]:
+    """The controllers of a run's UAVs: the first explores and searches, the others only search.
+
+    Args:
+        fleet: Who takes part.
+        settings: Of the run.
+        scenery: Where it flies.
+        own: Policies of UAVs, by name, in the place of that of the settings.
+    """
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
     setups = [
@@ -120,7 +134,7 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
             setup,
             scenery.router,
             scenery.plan,
-            policy=policies.get(settings.policy),
+            policy=own.get(setup.name, policies.get(settings.policy)),
             waypoints=waypoints,
         )
         for setup in setups
