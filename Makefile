@@ -169,7 +169,7 @@ docs: $(VENV)/.tools
 PINS = sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt
 COMPILE = $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-package mocha-link pyproject.toml
 constraints: $(VENV)/.tools
-	$(COMPILE) --upgrade --extra plot --group dev --output-file constraints.txt
+	$(COMPILE) --upgrade --extra fly --extra plot --group dev --output-file constraints.txt
 	$(PINS) | $(COMPILE) --upgrade --group bench --group dist --group docs --constraint - --output-file constraints-tools.txt
 
 clean:
