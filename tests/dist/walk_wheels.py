@@ -71,6 +71,13 @@ def fly(there: Environment, _: Path) -> None:
     there.run("air-router", "fly", MISSION, "--connect", "udpin://127.0.0.1:0", code=ExitCode.NO_VEHICLE)
 
 
+def parquet(there: Environment, _: Path) -> None:
+    """Beside the experiments' own."""
+    there.install("scipy", "matplotlib")
+    there.run("sitl", "experiment", "table1", "--seeds", 1, "--rows", "radius_m=5", "ugvs=3")
+    assert [*there.home.rglob("results.parquet")]
+
+
 def learning(there: Environment, _: Path) -> None:
     """With SciPy, as its robots' ways need it."""
     (there.home / "learn.py").write_text(LEARN)
@@ -128,7 +135,6 @@ def experiments(there: Environment, _: Path) -> None:
     rows = ("--rows", "radius_m=30", "ugvs=3")
     there.run("sitl", "experiment", "table1", "--seeds", 1, *rows, "--out", "out")
     assert (there.home / "out" / "summary.json").is_file()
-    assert (there.home / "out" / "results.parquet").is_file()
     absent = "import importlib.util as u; print([u.find_spec(n) for n in ('mavsdk', 'pymavlink')])"
     assert there.run("python", "-c", absent).stdout.strip() == "[None, None]"
     there.run("sitl", "town", "8x6", "--seed", 3, "--goals", 40, "--out", "large")
@@ -253,6 +259,7 @@ USES = {
         "plot": Use(("air-router", "check", MISSION, "--png", "m.png"), plot),
         "web": Use(("air-router", "edit", MISSION, "--port", 0, "--no-open"), web),
         "experiments": Use(("sitl", "town", "8x6", "--seed", 3, "--out", "t"), experiments),
+        "parquet": Use((), parquet),
         "learning": Use((), learning),
         "cluster": Use((), cluster),
         "foxglove": Use(("air-router", "convert", "RECORD", "flight.mcap"), foxglove),

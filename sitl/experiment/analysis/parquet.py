@@ -19,7 +19,7 @@ def write_parquet(path: Path, rows: Sequence[Sequence[Any]]) -> None:
     Raises:
         MissingExtraError: pyarrow is not installed.
     """
-    with needs_extra("a Parquet file", "experiments", "air-router"):
+    with needs_extra("a Parquet file", "parquet", "air-router"):
         import pyarrow as pa  # noqa: PLC0415 - an extra
         from pyarrow import parquet  # noqa: PLC0415
     heads, *lines = rows
