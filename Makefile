@@ -16,7 +16,7 @@ PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --n
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify experiments-remade lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify experiments-remade leaderboard lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -84,6 +84,11 @@ experiments-remade: setup
 # That, and tables and verdicts of docs/evidence/experiments.md from all archived runs: fails if a number differs
 experiments-verify: setup experiments-remade
 	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/evidence/experiments.md || exit 1; done
+
+# Seek policies on the frozen test set; commit first, as the table names the commit. make leaderboard POLICIES="tour my_policy:Nearest"
+POLICIES ?= never freshest rendezvous tour oracle
+leaderboard: setup
+	$(BIN)/python -m sitl leaderboard $(POLICIES) --out build/leaderboard --table docs/evidence/leaderboard.csv
 
 lint: setup
 	$(BIN)/ruff check

@@ -44,7 +44,8 @@ examples:
 """
 
 
-def _count(text: str, least: int = 1) -> int:
+def count(text: str, least: int = 1) -> int:
+    """A whole number of a command line."""
     try:
         number = int(text)
     except ValueError:
@@ -74,11 +75,11 @@ def _archive(text: str) -> Path:
     f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
 )
 @option(
-    "--seeds", type=Parsed(_count), metavar="N", help="number of runs per row (default: the file's)"
+    "--seeds", type=Parsed(count), metavar="N", help="number of runs per row (default: the file's)"
 )
 @option(
     "--first-seed",
-    type=Parsed(partial(_count, least=0)),
+    type=Parsed(partial(count, least=0)),
     metavar="N",
     help="number of the first run of each row (default: the file's); runs from the file's "
     "confirmation_seed on are for confirmation",
@@ -90,7 +91,7 @@ def _archive(text: str) -> Path:
     help="run only these rows: key=value[,value], or a pattern of labels",
 )
 @option(
-    "--jobs", type=Parsed(_count), metavar="N", help="number of processes (default: number of CPUs)"
+    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
 )
 @option(
     "--cluster",
@@ -124,7 +125,7 @@ def _archive(text: str) -> Path:
 )
 @option(
     "--remake",
-    type=Parsed(_count),
+    type=Parsed(count),
     metavar="N",
     help="with an archive: make N of its runs again, chosen at random by --first-seed, and list "
     "those whose digest differs",
@@ -249,7 +250,7 @@ def _run_campaign(
     if missing < wanted:
         status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
-        with _terminated():
+        with terminated():
             if arguments.cluster is not None:
                 with cluster_at(arguments.cluster) as many:
                     campaign.run(many.make_runs(work, campaign.missing), log.add, status)
@@ -266,7 +267,7 @@ def _run_campaign(
 
 
 @contextlib.contextmanager
-def _terminated() -> Iterator[None]:
+def terminated() -> Iterator[None]:
     """SIGTERM is Ctrl-C here: the processes end, and finished runs are kept."""
 
     def stop(_number: int, _frame: object) -> None:
@@ -340,5 +341,5 @@ def _print_list(as_json: bool) -> None:
         )
         return
     for experiment, _ in found:
-        count = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
-        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({count})\n")
+        size = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
+        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({size})\n")
