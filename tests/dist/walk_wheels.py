@@ -79,12 +79,12 @@ def parquet(there: Environment, _: Path) -> None:
 
 
 def learning(there: Environment, _: Path) -> None:
-    """With SciPy, as its robots' ways need it."""
     (there.home / "learn.py").write_text(LEARN)
     assert "True" in there.run("python", "learn.py").stdout
 
 
 def cluster(there: Environment, _: Path) -> None:
+    there.install("scipy")
     command = ("sitl", "experiment", "table1", "--cluster", "tcp://127.0.0.1:1")
     refused = there.run(*command, code=ExitCode.REFUSED)
     assert "no scheduler answers" in refused.stderr

@@ -174,11 +174,7 @@ class Run:
     def faults(self) -> dict[str, str]:
         """What went wrong in policies of other packages, by whose policy it was."""
         found = {uav.name: uav.controller.seek_fault for uav in self.uavs}
-        found |= {
-            name: robot.policy.fault
-            for name, robot in self.robots.items()
-            if robot.policy is not None
-        }
+        found |= {name: robot.policy_fault for name, robot in self.robots.items()}
         return {name: fault for name, fault in found.items() if fault is not None}
 
     @property

@@ -156,6 +156,11 @@ class WorldRun:
         """What exploring robots have found."""
         return Goals(self._world.goals_total, [visit.time_s for visit in self._world.goals])
 
+    @property
+    def policy_faults(self) -> dict[str, str]:
+        """What went wrong in policies of exploring robots, by robot."""
+        return self._world.policy_faults
+
     def _hear(self, name: str, event: LinkEvent) -> None:
         """Something has happened on a ground robot's links."""
         if isinstance(event, MessageStored) and event.robot != name:
@@ -198,8 +203,7 @@ def flown_here(mission: Path, seed: int, policy: str) -> Flown:
     run = WorldRun(mission, seed, queue, meter, policy)
     arrived_bytes = run.finish()
     measures = meter.measures(run.nodes.keys() - {run.uav.name}, arrived_bytes, run.goals)
-    fault = run.uav.controller.seek_fault
-    faults = {} if fault is None else {run.uav.name: fault}
+    faults = _faults(run.uav.name, run.uav.controller.seek_fault, run.policy_faults)
     return Flown(measures | _cost(began, os.times(), queue.now_s), meter.digest, faults)
 
 
@@ -228,7 +232,12 @@ def flown_in_processes(mission: Path, seed: int, policy: str, *, px4: bool = Fal
         record = Path(report["record"])
         measures, simulated_s, fault = _recorded(record, report["world"])
         digest = hashlib.sha256(record.read_bytes()).hexdigest()
-    faults = {} if fault is None else {"uav": fault}
+    robots = {
+        name: robot["policy_fault"]
+        for name, robot in report["world"]["robots"].items()
+        if robot["policy_fault"] is not None
+    }
+    faults = _faults("uav", fault, robots)
     return Flown(measures | _cost(began, ended, simulated_s), digest, faults)
 
 
@@ -250,6 +259,10 @@ def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float, 
     found = Goals(goals["total"], [each["at_s"] for each in goals["found"]])
     measures = meter.measures(robots.keys(), [*arrived_bytes.values(), *there], found)
     return measures, now_s, fault
+
+
+def _faults(uav: str, fault: str | None, robots: Mapping[str, str]) -> dict[str, str]:
+    return dict(robots) if fault is None else {uav: fault, **robots}
 
 
 def fault_in(announcement: str) -> str | None:

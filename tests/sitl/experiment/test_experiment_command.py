@@ -93,8 +93,10 @@ def rows_of(path):
 
 
 def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
-    code, pool = sitl(pool=Here(most=5))
+    archive = tmp_path / "small-runs.jsonl.xz"
+    code, pool = sitl("--archive", str(archive), pool=Here(most=5))
     assert code == 130
+    assert not archive.exists()  # of a part of the runs
     assert "stopped; 5 of 12 runs are kept" in capsys.readouterr().err
     with (tmp_path / "out" / "runs.jsonl").open("a") as file:
         file.write('{"row": "5 m, 3 UG')  # the power went while this line was written

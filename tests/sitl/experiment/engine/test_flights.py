@@ -249,17 +249,40 @@ def test_its_nodes_pull_ever_less_often_and_comm_ends_by_its_exchange(short):
     assert len(synced_s) == pytest.approx(2 * 3, abs=2)  # both directions, after 0, 2 and 6 s
 
 
-def test_robots_explore_with_the_maps_that_gossip_brings_them(tmp_path):
-    """Until they have heard of the UAV's map they know of no goal that they have not seen."""
+class NoChoice:
+    """A ground robot's policy that fails at once."""
+
+    def choose(self, view):
+        raise ZeroDivisionError("no choice")
+
+
+def exploring(tmp_path, world):
+    """The mission of robots that explore, for 200 s, in a world of this file."""
     text = (EXPLORERS / "mission.yaml").read_text()
     for old, new in (("duration_s: 900", "duration_s: 200"), (": team.", f": {EXPLORERS}/team.")):
         assert text.count(old) == 1
         text = text.replace(old, new)
-    text = text.replace("world: world.yaml", f"world: {EXPLORERS}/world.yaml")
-    (tmp_path / "mission.yaml").write_text(text)
+    path = tmp_path / "mission.yaml"
+    path.write_text(text.replace("world: world.yaml", f"world: {world}"))
+    return path
+
+
+def test_a_world_s_robots_whose_policy_fails_are_named(tmp_path):
+    world = tmp_path / "world.yaml"
+    town = f"town: {URBAN}/town.yaml\n  policy: '{__name__}:NoChoice'\n"
+    text = (EXPLORERS / "world.yaml").read_text()
+    world.write_text(text.replace("town: ../urban/town.yaml\n", town))
+    flown = flights.flown_here(exploring(tmp_path, world), 1, "round_robin")
+    assert set(flown.faults.values()) == {"ZeroDivisionError: no choice"}
+    assert "ugv01" in flown.faults
+
+
+def test_robots_explore_with_the_maps_that_gossip_brings_them(tmp_path):
+    """Until they have heard of the UAV's map they know of no goal that they have not seen."""
+    path = exploring(tmp_path, EXPLORERS / "world.yaml")
     queue = EventQueue()
     log = Kept(queue)
-    run = WorldRun(tmp_path / "mission.yaml", 1, queue, log, "tour")
+    run = WorldRun(path, 1, queue, log, "tour")
     run.finish()
     topics = {stored.topic for _, stored in log.of(MessageStored) if stored.robot == "ugv01"}
     assert {"/pose", "/claimed_goals", "/path", "/reachability"} <= topics
