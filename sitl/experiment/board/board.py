@@ -123,9 +123,9 @@ def read_board(path: Path) -> list[Standing]:
 
 
 def write_board(path: Path, standings: Sequence[Standing]) -> None:
-    """Write a file of standings; the youngest service comes first."""
+    """Write a file of standings, test set by test set."""
     text = io.StringIO()
-    rows = sorted(standings, key=lambda own: (own.test_set, float(own.age_s), own.policy))
+    rows = sorted(standings, key=lambda own: (own.test_set, *_rank(own)))
     writer = csv.DictWriter(text, [each.name for each in fields(Standing)], lineterminator="\n")
     writer.writeheader()
     writer.writerows(map(asdict, rows))
@@ -134,19 +134,24 @@ def write_board(path: Path, standings: Sequence[Standing]) -> None:
 
 _SHOWN: Final = {
     "policy": "policy",
-    "age_s": "service age s",
-    "age_ratio": "of round robin's",
     "goals_percent": "goals over time %",
     "goals_gain_points": "points more than round robin",
+    "age_s": "service age s",
+    "age_ratio": "of round robin's",
     "map_percent": "map %",
     "failed": "failed in",
 }
 
 
+def _rank(own: Standing) -> tuple[float, float, str]:
+    """What the mission is for comes first: more goals sooner, then younger data."""
+    return -float(own.goals_percent), float(own.age_s), own.policy
+
+
 def table_text(standings: Sequence[Standing]) -> str:
     """The leaderboard for a terminal."""
     cells = [list(_SHOWN.values())]
-    for own in sorted(standings, key=lambda each: float(each.age_s)):
+    for own in sorted(standings, key=_rank):
         values = asdict(own)
         cells.append([values[key] for key in _SHOWN])
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

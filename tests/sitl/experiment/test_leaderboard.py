@@ -11,6 +11,7 @@ from sitl.cli import leaderboard_command as command
 from sitl.experiment.board import board, testset
 from sitl.experiment.board.testset import ChangedSetError, entries, frozen_set
 from tests.command_lines import options_for
+from tests.distributions import ROOT
 
 
 def test_the_test_set_is_the_one_that_standings_are_of(monkeypatch):
@@ -109,3 +110,23 @@ def test_a_policy_that_fails_is_counted_and_the_exit_code_says_it(sitl, capsys):
     standings = {own["policy"]: own for own in json.loads(capsys.readouterr().out)}
     assert standings["rendezvous"]["failed"] == "1"
     assert standings["round_robin"]["failed"] == "0"
+
+
+def test_the_shipped_table_is_of_the_frozen_set():
+    standings = board.read_board(ROOT / "docs" / "evidence" / "leaderboard.csv")
+    assert {own.test_set for own in standings} == {f"testset1 {testset.FINGERPRINT}"}
+    assert {"round_robin", "never", "freshest", "rendezvous", "tour"} <= {
+        own.policy for own in standings
+    }
+    assert {own.failed for own in standings} == {"0"}
+
+
+def test_more_goals_come_first(tmp_path):
+    shipped = board.read_board(ROOT / "docs" / "evidence" / "leaderboard.csv")
+    path = tmp_path / "board.csv"
+    board.write_board(path, shipped[::-1])
+    goals = [float(own.goals_percent) for own in board.read_board(path)]
+    assert goals == sorted(goals, reverse=True)
+    assert path.read_text() == (ROOT / "docs" / "evidence" / "leaderboard.csv").read_text()
+    policies = [line.split()[0] for line in board.table_text(shipped).splitlines()[1:]]
+    assert policies == [own.policy for own in board.read_board(path)]
