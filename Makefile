@@ -67,7 +67,7 @@ sabotage-slice: setup
 tolerances: setup
 	$(BIN)/python -m benchmarks.tolerances $(TOLERANCES)
 
-# The code behind each cell of the table in docs/safety.md broken: the test that it names must fail. make stpa STPA="test_a test_b"
+# The code behind each cell of the table in docs/evidence/safety.md broken: the test that it names must fail. make stpa STPA="test_a test_b"
 stpa: setup
 	$(BIN)/python -m benchmarks.stpa $(STPA)
 

@@ -105,9 +105,9 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 )
 @option(
     "--altitude",
-    type=Parsed(number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE)),
+    type=Parsed(number("an altitude above 0 meters", MORE_THAN_0, ANY_FINITE)),
     metavar="M",
-    help="altitude above home at which a GPX route is flown, in metres",
+    help="altitude above home at which a GPX route is flown, in meters",
 )
 @option("--force", is_flag=True, help="replace TO if it exists")
 @option("--json", is_flag=True, help="one JSON object on stdout")

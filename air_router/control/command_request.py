@@ -37,7 +37,7 @@ MAX_BYTES: Final = 64 * 1024
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 
-_NO_WORDS: Final = "'{verb}' stands alone"
+_NO_ARGUMENTS: Final = "'{verb}' stands alone"
 
 
 class CommandRequest(Request):
@@ -66,7 +66,7 @@ class CommandRequest(Request):
     def fields_of(cls, words: str) -> dict[str, Any]:
         """The fields that an operator typed behind the verb. Raises RequestError."""
         if words:
-            raise RequestError(_NO_WORDS.format(verb=cls.verb()))
+            raise RequestError(_NO_ARGUMENTS.format(verb=cls.verb()))
         return {}
 
     @classmethod
@@ -164,7 +164,7 @@ class Goto(CommandRequest):
 
     Attributes:
         points: Latitude and longitude of each, in degrees.
-        hold_s: How long to hover at the last; None: as the mission says.
+        hold_s: How long to hover at the last; None: as set in the mission.
     """
 
     request: Literal["goto"]
@@ -275,7 +275,7 @@ def command_request_of(values: object) -> CommandRequest:
 
 
 def parse_command(text: str) -> CommandRequest:
-    """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON` ...
+    """A request as text: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON` ...
 
     Raises:
         RequestError: what is wrong with it.

@@ -1,4 +1,4 @@
-"""Asks a flight (`air-router fly --control`, `air-router sim --control`) from another program.
+"""Sends requests to a flight (`air-router fly --control`, `sim --control`) from another program.
 
 from air_router.control.control import ControlClient
 
@@ -27,8 +27,8 @@ CONTROL_NAME: Final = "flight"
 
 NOT_RELOADED: Final = "not-reloaded"
 
-_LOOK_S: Final = 0.1
-"""So often it is looked whether the mission file has been read."""
+_POLL_S: Final = 0.1
+"""So often the program checks whether the mission file has been read."""
 
 _WAYS: Final = ("tcp", "ipc")
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -48,7 +48,7 @@ class ControlUnreachableError(AirRouterError):
 
 
 @dataclass(frozen=True, slots=True)
-class ControlAnswer:
+class ControlReply:
     """What became of a request.
 
     Attributes:
@@ -67,13 +67,13 @@ class ControlAnswer:
 
 
 class ControlClient(EndpointClient):
-    """Asks one flight. One thread may use it; a context manager.
+    """Sends requests to one flight. One thread may use it; a context manager.
 
     A flight that does not answer may come back: every request tries anew.
 
     Args:
-        endpoint: What the flight says that it takes requests at; None: that of `--control` alone.
-        by: Who asks, for its record.
+        endpoint: Endpoint at which the flight takes requests; None: that of `--control` alone.
+        by: The requester, for its record.
         timeout_s: How long to wait for an answer.
 
     Raises:
@@ -94,40 +94,40 @@ class ControlClient(EndpointClient):
             raise self.unreachable(str(error)) from None
         super().__init__(endpoint, timeout_s=timeout_s)
 
-    def hold(self) -> ControlAnswer:
+    def hold(self) -> ControlReply:
         """Stop and hover."""
-        return self._answer("hold")
+        return self._reply("hold")
 
-    def resume(self, *, upload: bool = False) -> ControlAnswer:
+    def resume(self, *, upload: bool = False) -> ControlReply:
         """Go on with what was held, or take the flight back from the pilot.
 
         `upload`: another plan may be on board; the mission's is put there first.
         """
-        return self._answer("resume", upload=upload)
+        return self._reply("resume", upload=upload)
 
-    def seek(self, robot: str) -> ControlAnswer:
+    def seek(self, robot: str) -> ControlReply:
         """Seek this robot next, at once."""
-        return self._answer("seek", robot=robot)
+        return self._reply("seek", robot=robot)
 
-    def explore(self) -> ControlAnswer:
+    def explore(self) -> ControlReply:
         """Explore on."""
-        return self._answer("explore")
+        return self._reply("explore")
 
-    def home(self) -> ControlAnswer:
+    def home(self) -> ControlReply:
         """End the mission: come home, and land."""
-        return self._answer("home")
+        return self._reply("home")
 
-    def land(self) -> ControlAnswer:
+    def land(self) -> ControlReply:
         """End the mission: land where it hovers."""
-        return self._answer("land")
+        return self._reply("land")
 
-    def reload(self, *, wait_s: float = 60.0) -> ControlAnswer:
+    def reload(self, *, wait_s: float = 60.0) -> ControlReply:
         """Read the mission file again: its zones and fences have changed.
 
         Waits until it was read: `accepted` says whether the flight keeps to what it says now.
-        After `wait_s` the answer says that it is still being read.
+        After `wait_s` the answer reports that it is still being read.
         """
-        answer = self._answer("reload")
+        answer = self._reply("reload")
         limit_s = time.monotonic() + wait_s
         while answer.accepted:
             reading = self.status().get("reload")
@@ -140,16 +140,16 @@ class ControlClient(EndpointClient):
                 break
             if time.monotonic() > limit_s:
                 break
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         return answer
 
-    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> ControlAnswer:
+    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> ControlReply:
         """Fly to points, one after the other, and hover at the last for `hold_s`."""
-        return self._answer("goto", points=[list(point) for point in points], hold_s=hold_s)
+        return self._reply("goto", points=[list(point) for point in points], hold_s=hold_s)
 
-    def altitude(self, altitude_m: float) -> ControlAnswer:
+    def altitude(self, altitude_m: float) -> ControlReply:
         """Climb or descend where it holds, to an altitude above home, and hold there."""
-        return self._answer("altitude", altitude_m=altitude_m)
+        return self._reply("altitude", altitude_m=altitude_m)
 
     def status(self) -> dict[str, Any]:
         """What the flight is doing; docs/control.md has the keys."""
@@ -159,10 +159,10 @@ class ControlClient(EndpointClient):
         """Send a request as it is; returns the answer as it came."""
         return self.call(values)[0]
 
-    def _answer(self, request: str, **fields: Any) -> ControlAnswer:
+    def _reply(self, request: str, **fields: Any) -> ControlReply:
         values = self.request({"request": request, "by": self._by, **fields})
         try:
-            return ControlAnswer(
+            return ControlReply(
                 accepted=values["accepted"] is True,
                 why=str(values["why"]),
                 code=None if values["code"] is None else str(values["code"]),

@@ -128,12 +128,12 @@ class ControlServer:
                 self._of_node.handle(frames, values.get("id"), send)
                 return
             command = command_request_of(values)
-            send(requests.reply(command.id, self._answer(command, frames)))
+            send(requests.reply(command.id, self._reply(command, frames)))
         except RequestError as error:
             send(requests.refusal(values.get("id"), str(error), again=error.again))
 
-    def _answer(self, command: CommandRequest, frames: requests.Frames) -> requests.Response:
-        """The answer to a request. Raises RequestError: it is not handled."""
+    def _reply(self, command: CommandRequest, frames: requests.Frames) -> requests.Response:
+        """The reply to a request. Raises RequestError: it is not handled."""
         if len(frames) > 1:
             raise RequestError("a request is one frame")
         if not self._costly.affords(command):

@@ -35,7 +35,7 @@ class NodeRequests:
         self._thread = ThreadPoolExecutor(1, "air_router node requests")
         self._pending = 0  # requests that wait for the thread; changed in the loop only
         self._timer: asyncio.TimerHandle | None = None  # of the next that waited long enough
-        self._ticking = False  # the thread will look at those that wait; changed in the loop only
+        self._ticking = False  # the thread will check those that wait; changed in the loop only
         self._unsubscribe = node.subscribe(self._stored)
 
     def handle(self, frames: requests.Frames, number: object, send: Send) -> None:
@@ -62,15 +62,15 @@ class NodeRequests:
             self._loop.call_soon_threadsafe(send, answer)
 
         self._service.request(frames, reply, time.monotonic())
-        self._loop.call_soon_threadsafe(self._answered, self._service.until_s, 1)
+        self._loop.call_soon_threadsafe(self._replied, self._service.until_s, 1)
 
     def _tick(self) -> None:
         self._service.tick(time.monotonic())
-        self._loop.call_soon_threadsafe(self._answered, self._service.until_s, 0)
+        self._loop.call_soon_threadsafe(self._replied, self._service.until_s, 0)
 
     # In the loop.
 
-    def _answered(self, until_s: float | None, requests_done: int) -> None:
+    def _replied(self, until_s: float | None, requests_done: int) -> None:
         self._pending -= requests_done
         if requests_done == 0:
             self._ticking = False

@@ -13,7 +13,7 @@ def counted(mission: Mission, *, all_zones: bool) -> Mission:
     return mission.with_all_zones(ALL_ZONES_ABOVE_M) if all_zones else mission.as_drawn()
 
 
-def among(router: Router, mission: Mission) -> bool:
+def plans_for(router: Router, mission: Mission) -> bool:
     """Whether a router plans among the fences and zones of a mission."""
     made = router.graph.mission
     return (made.fences, made.zones, made.drawn) == (mission.fences, mission.zones, mission.drawn)
@@ -26,7 +26,7 @@ def names_of_new(before: Mission, now: Mission) -> frozenset[str]:
 
 
 def difference(before: Mission, now: Mission) -> str:
-    """What has changed, in words; perhaps nothing since an upload that failed."""
+    """What has changed, as text; perhaps nothing since an upload that failed."""
     old, new = set(before.drawn), set(now.drawn)
     names = {"new": new - old, "gone": old - new}
     changed = {zone.name for zone in new - old} & {zone.name for zone in old - new}

@@ -14,18 +14,18 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.controller.airspace_change import among, counted, difference, names_of_new
+from air_router.controller.airspace_change import counted, difference, names_of_new, plans_for
 from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.limits import BRAKING_OVERSHOOT, WAY_OUT_RETRY_S
 from air_router.controller.model import (
     AirspaceChanged,
-    Doubt,
+    Anomaly,
     FlyToNode,
     FlyToPoint,
     Goal,
     HoldHere,
     MissionContext,
-    OnBoard,
+    PlanOwner,
     PlanRenewed,
     Progress,
     RenewPlan,
@@ -79,10 +79,10 @@ class AirspaceUpdate:
     _new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
     _way_out: Goal | None = None  # where it leaves a zone drawn over it
     _what: str = ""  # what is being uploaded, in announcements
-    _stuck_until_s: float = -math.inf  # no way out is looked for before
+    _stuck_until_s: float = -math.inf  # no way out is searched for before
     _doubted: bool = False  # the altitude
     _trusts: bool = False  # the autopilot's altitude counts though it is in doubt
-    _looked: Mission | None = None  # its zones count as they should
+    _checked_mission: Mission | None = None  # its zones count as they should
     _lifts: bool = False  # zones are taken off the fence on board: it would hold what flies there
 
     def prepare(self, router: Router) -> None:
@@ -97,11 +97,11 @@ class AirspaceUpdate:
         router, self.prepared = self.prepared, None
         replans, self.replans = self.replans, False
         if context.task.state is State.DONE:
-            context.say("zones not changed: the flight is over")
+            context.inform("zones not changed: the flight is over")
             return
         if self._context.airspace.change is ZoneChange.UPLOADING:
             if not replans:  # it is asked for again
-                what = "zones not changed: others are being put on board just now"
+                what = "zones not changed: an earlier change is still being uploaded"
                 context.warn(what, RELOAD_AGAIN)
             return
         before, mission = (
@@ -111,7 +111,7 @@ class AirspaceUpdate:
         mission = counted(mission, all_zones=self.all_zones)
         if replans and mission.zones == before.zones:
             return  # it lands by now
-        if router is None or not among(router, mission):
+        if router is None or not plans_for(router, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         context.airspace.replace(mission, router)
@@ -119,7 +119,7 @@ class AirspaceUpdate:
         self._way_out = None
         self._what = "the changed fence"
         when = "; they go on board when the mission is resumed" if self._put_off else ""
-        context.say(f"zones changed: {difference(before, mission)}{when}")
+        context.inform(f"zones changed: {difference(before, mission)}{when}")
         self._skip_waypoints(mission, router)
         self._begin(before, mission)
 
@@ -138,14 +138,14 @@ class AirspaceUpdate:
         """Why nothing may be put on board any more; None if it may."""
         if self._put_off:
             return "the vehicle is not flown by us any more"
-        if self._context.authority.on_board is OnBoard.REPLACED:
+        if self._context.authority.on_board is PlanOwner.REPLACED:
             return "another ground station has changed what is on board"
         waited_for = self._context.airspace.change is ZoneChange.UPLOADING
         return None if waited_for else "the mission goes on without it"
 
     def _skip_waypoints(self, mission: Mission, router: Router) -> None:
-        """Leave out what lies in a zone, or behind one, and say so."""
-        paths, home, say = router.graph.paths, mission.home, self._context.say
+        """Leave out what lies in a zone, or behind one, and announce it."""
+        paths, home, inform = router.graph.paths, mission.home, self._context.inform
         unreachable = {
             waypoint.number
             for waypoint in mission.waypoints
@@ -154,11 +154,11 @@ class AirspaceUpdate:
         out, back = self._exploration.skip(unreachable | mission.skipped)
         for numbers, what in ((out, "left out: no clear way leads there"), (back, "flown again")):
             if numbers:
-                word = "waypoint" if len(numbers) == 1 else "waypoints"
-                say(f"{word} {', '.join(map(str, numbers))} {what}")
+                noun = "waypoint" if len(numbers) == 1 else "waypoints"
+                inform(f"{noun} {', '.join(map(str, numbers))} {what}")
         off = len(mission.rally_points) - len(mission.landings)
         if off:
-            say(f"{off} rally points that zones were drawn over are taken off")
+            inform(f"{off} rally points that zones were drawn over are taken off")
 
     def _begin(self, before: Mission, now: Mission) -> None:
         """What is done at once, wherever the vehicle is."""
@@ -169,7 +169,7 @@ class AirspaceUpdate:
         if telemetry is None or not (self._context.in_charge and climbs):
             return
         if self._context.authority.releasing is not None:
-            return  # it is told to hold, and given away then
+            return  # it is commanded to hold, and given away then
         self._new |= names_of_new(before, now)
         if state is not State.LAND:  # that goes on nowhere else: it is a breach
             self._context.airspace.exempt(self._reached(before, now, telemetry))
@@ -195,7 +195,7 @@ class AirspaceUpdate:
         # What it comes into because the hold is late, it leaves.
         self._context.airspace.exempt(self._new)
         self._gate.hold(why)
-        self._context.say(f"holding: {why}")
+        self._context.inform(f"holding: {why}")
 
     def _reached(self, before: Mission, now: Mission, telemetry: Telemetry) -> frozenset[str]:
         """The new zones that the vehicle is in, or may come into before it stands."""
@@ -212,8 +212,8 @@ class AirspaceUpdate:
 
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
-        gate, in_haste = self._gate, not self._lifts and self._in_haste(telemetry)
-        if in_haste and self._context.airspace.change is ZoneChange.UPLOADING:
+        gate, urgent = self._gate, not self._lifts and self._urgent(telemetry)
+        if urgent and self._context.airspace.change is ZoneChange.UPLOADING:
             self._go_without()
             return
         change, must_stop = self._context.airspace.change, self._context.airspace.must_stop
@@ -238,17 +238,17 @@ class AirspaceUpdate:
         if not (stopping and moves):
             self._context.over(NO_WAY_OUT)
             self._upload()
-            if in_haste:
+            if urgent:
                 self._go_without()
 
-    def _in_haste(self, telemetry: Telemetry) -> bool:
+    def _urgent(self, telemetry: Telemetry) -> bool:
         """Whether it comes home, or lands, and has no charge to wait here; that stays so."""
         ending = self._context.task.ending
-        if ending is None or ending.in_haste:
+        if ending is None or ending.urgent:
             return ending is not None
-        in_haste = self._returns.due(telemetry, by_time=False) is not None
-        self._context.task.end(replace(ending, in_haste=in_haste))
-        return in_haste
+        urgent = self._returns.due(telemetry, by_time=False) is not None
+        self._context.task.end(replace(ending, urgent=urgent))
+        return urgent
 
     def _go_without(self) -> None:
         """Come home among the zones of now, by points, whatever is on board."""
@@ -299,8 +299,8 @@ class AirspaceUpdate:
             gate.stop()
 
     def _no_way_out(self, inside: tuple[str, ...], why: str) -> None:
-        """Hover, alarm until it is over, and look again in a moment."""
-        context, now_s = self._context, self._context.heard.time_s
+        """Hover, alarm until it is over, and check again in a moment."""
+        context, now_s = self._context, self._context.last_telemetry.time_s
         instruction = BRING_HOME_BY_HEIGHT if context.airspace.mission.all_zones else FLY_OUT
         context.alarm_until_over(
             NO_WAY_OUT,
@@ -324,12 +324,12 @@ class AirspaceUpdate:
             return
         self._lifts = False
         self._new = frozenset()
-        self._context.airspace.settle()
+        self._context.airspace.finish_change()
         # Who knows what plan is on board if it was not renewed.
         self._gate.fly_points(instead=event.why_not is not None)
         if event.why_not is None:
-            self._context.authority.plan_is(OnBoard.OURS)
-            self._context.say(f"{self._what} is on board")
+            self._context.authority.plan_is(PlanOwner.OURS)
+            self._context.inform(f"{self._what} is on board")
         else:
             self._context.warn(f"{self._what} is not on board: {event.why_not}", RELOAD_AGAIN)
             if self._put_off or self._context.authority.plan_check is not None:
@@ -359,11 +359,13 @@ class AirspaceUpdate:
         if charge is not None and charge <= mission.battery_reserve:
             self.trust_altitude("the battery is at its reserve")
         waits = self.replans or context.airspace.change is ZoneChange.UPLOADING
-        jumped = context.interlocks.up(Doubt.ALTITUDE_JUMP)  # which is held for first
-        if waits or jumped or mission is self._looked:
+        altitude_jump = context.interlocks.is_raised(
+            Anomaly.ALTITUDE_JUMP
+        )  # which is held for first
+        if waits or altitude_jump or mission is self._checked_mission:
             return
         if counted(mission, all_zones=self.all_zones).zones == mission.zones:
-            self._looked = mission
+            self._checked_mission = mission
             return
         self.replans = True
         context.actions.append(ReplanAirspace())
@@ -376,6 +378,6 @@ class AirspaceUpdate:
         )
         if self._trusts or not (context.airspace.mission.all_zones and no_way):
             return False
-        self._trusts, self._looked = True, None
+        self._trusts, self._checked_mission = True, None
         context.warn(f"coming home clear at the autopilot's altitude alone: {why}", WATCH_HEIGHT)
         return True

@@ -1,6 +1,6 @@
 """What is requested in flight: done or refused, and always answered.
 
-A request is looked at against the state of the mission first, then, where the vehicle would be sent
+A request is checked against the state of the mission first, then, where the vehicle would be sent
 somewhere, against the airspace and the battery. Only then the state changes.
 """
 
@@ -20,7 +20,8 @@ from air_router.controller.model import (
     ChangeAltitude,
     ComeHome,
     CommandAck,
-    Ending,
+    CommandPolicy,
+    EndReason,
     ExploreNow,
     Goal,
     GoOn,
@@ -28,12 +29,11 @@ from air_router.controller.model import (
     HoldNow,
     LandNow,
     MissionContext,
-    OnBoard,
+    PlanOwner,
     ReadAgain,
     Refusal,
     Reload,
     RequestRefusedError,
-    Requests,
     SeekNow,
     Signal,
     State,
@@ -44,9 +44,9 @@ from air_router.controller.states import Accepted, GotoValidator, StateHandlers
 from air_router.vehicle import NO_FIX
 
 _NOT_IN_THE_AIR: Final = {
-    Requests.NOT_YET: Refusal.NOT_FLYING,
-    Requests.NOT_OURS: Refusal.NOT_OURS,
-    Requests.OVER: Refusal.FLIGHT_OVER,
+    CommandPolicy.NOT_YET: Refusal.NOT_FLYING,
+    CommandPolicy.NOT_OURS: Refusal.NOT_OURS,
+    CommandPolicy.OVER: Refusal.FLIGHT_OVER,
 }
 """Why a vehicle that does not fly this mission just now is asked in vain."""
 
@@ -78,14 +78,14 @@ class CommandHandler:
     later: GoTo | None = None
     _until_s: float = math.inf  # they wait, vehicle's clock
 
-    def asked(self, request: AnyRequest) -> None:
+    def handle(self, request: AnyRequest) -> None:
         """A request of the pilot, the operator or a program; points may wait for their time."""
         if isinstance(request, GoTo) and request.waits and self._context.task.spec.puts_off:
             self._put_off(request)
             return
         context, number, by = self._context, request.request_id, request.by
         try:
-            what, points = self._answers[type(request)](self, request)
+            what, points = self._handlers[type(request)](self, request)
         except RequestRefusedError as refused:
             context.actions.append(CommandAck(number, by, False, str(refused), refused.code))
             return
@@ -100,7 +100,7 @@ class CommandHandler:
         """Why requests would be refused as things are, by their verbs; all others may be accepted.
 
         Pages disable their buttons by it. Whether a way is clear, and the battery lasts for it, is
-        looked at when it is requested. Nothing is changed by this, but for the way home that the
+        checked when it is requested. Nothing is changed by this, but for the way home that the
         monitor of returns plans: let it be another one than that of the flight.
         """
         refused = {}
@@ -120,16 +120,16 @@ class CommandHandler:
         A way home is only called off if it was requested, and nothing else demands it.
         """
         context, requests = self._context, self._context.task.spec.requests
-        self._check_kept()
-        if requests is Requests.ANY:
+        self._check_not_releasing()
+        if requests is CommandPolicy.ANY:
             return
-        if requests is not Requests.CALL_OFF:
+        if requests is not CommandPolicy.CALL_OFF:
             self._check_in_the_air()
         ending = context.task.ending
         by_request = context.task.state is State.HOME and ending is not None and ending.by_request
         why = context.ending_why
         if by_request:
-            due = self._returns.due(context.heard)
+            due = self._returns.due(context.last_telemetry)
             why = None if due is None else due.why
         if why is not None:
             raise _comes_home(why)
@@ -147,20 +147,20 @@ class CommandHandler:
         missing = next(iter(context.inputs.stopped), None)
         if missing is not None:
             raise RequestRefusedError(Refusal.NOT_HEARD, missing)
-        self._check_heard()
+        self._check_received()
 
-    def _check_heard(self) -> None:
-        """It was heard just now."""
+    def _check_received(self) -> None:
+        """It was received just now."""
         telemetry = self._context.telemetry
         assert telemetry is not None  # noqa: S101 - in the air there was telemetry
-        # Its clock stands still while nothing is heard of it: then the link says for how long.
+        # Its clock stands still while nothing is received from it: then the link says for how long.
         silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
         if silent_s > VEHICLE_SILENT_S:
-            what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
+            what = "no position" if telemetry.received_s > telemetry.time_s else "nothing"
             silent = f"{what} heard from it for {silent_s:.0f} s"
             raise RequestRefusedError(Refusal.NOT_HEARD, silent)
 
-    def _check_kept(self) -> None:
+    def _check_not_releasing(self) -> None:
         """It is not about to be given away."""
         why = self._context.authority.releasing
         if why is not None:
@@ -206,12 +206,12 @@ class CommandHandler:
         self._check_may_climb(high_m)
 
     def _check_may_go_on(self) -> None:
-        """Something is held, or was given away; whether that can be taken back is not looked at."""
+        """Something is held, or was given away; whether that can be taken back is not checked."""
         context, state = self._context, self._context.task.state
-        self._check_kept()
+        self._check_not_releasing()
         if state in {State.READY, State.PASSIVE}:
             if context.in_air:
-                self._check_heard()
+                self._check_received()
             return
         if state is not State.HOLD:
             self._check_in_the_air()
@@ -237,9 +237,9 @@ class CommandHandler:
 
     def _check_may_come_home(self) -> None:
         """It does already, or can be taken back for that, or has not begun yet."""
-        self._check_kept()
+        self._check_not_releasing()
         if self._is_given_away:
-            self._check_heard()
+            self._check_received()
             why = self._authority.why_not_back(flies_plan=False)
             if why is not None:
                 raise RequestRefusedError(Refusal.NOT_OURS, why)
@@ -270,9 +270,9 @@ class CommandHandler:
         "land": _check_may_land,
     }
 
-    # What is asked.
+    # What is requested.
 
-    def _asked_to_hold(self, request: HoldNow) -> Accepted:
+    def _handle_hold(self, request: HoldNow) -> Accepted:
         self._check_may_hold()
         if self._context.task.state is State.HOLD:
             stops = self._states.hold.stay()
@@ -280,7 +280,7 @@ class CommandHandler:
         self._states.hold.stop(request.by)
         return Accepted("it stops and hovers")
 
-    def _asked_to_seek(self, request: SeekNow) -> Accepted:
+    def _handle_seek(self, request: SeekNow) -> Accepted:
         robot, search = request.robot, self._states.search.search
         names = search.targets.names
         if robot not in names:
@@ -295,7 +295,7 @@ class CommandHandler:
         self._states.search.seek(robot)
         return Accepted(f"it seeks {robot}: {point.reason}")
 
-    def _asked_to_explore(self, request: ExploreNow) -> Accepted:
+    def _handle_explore(self, request: ExploreNow) -> Accepted:
         del request
         self._check_may_explore()
         exploration = self._states.search.search.exploration
@@ -305,9 +305,9 @@ class CommandHandler:
         self._context.signal(Signal.EXPLORE)
         return Accepted(f"it explores: {left}")
 
-    def _asked_to_go_to(self, request: GoTo) -> Accepted:
+    def _handle_goto(self, request: GoTo) -> Accepted:
         context = self._context
-        if request.waits and context.task.state is State.HOME:  # the operator asked for that
+        if request.waits and context.task.state is State.HOME:  # the operator requested that
             raise _comes_home(context.ending_why)
         self._check_may_move()
         hold_s = (
@@ -319,20 +319,20 @@ class CommandHandler:
         what = f"it flies to {'the point' if count == 1 else f'{count} points'}"
         return Accepted("; ".join((what, *task.notes)), task.stops)
 
-    def _asked_to_change_altitude(self, request: ChangeAltitude) -> Accepted:
+    def _handle_altitude(self, request: ChangeAltitude) -> Accepted:
         context, hold, altitude_m = self._context, self._states.hold, request.altitude_m
         self._check_may_climb(altitude_m)
-        self._validator.check_way([Goal(context.heard.position)])
+        self._validator.check_way([Goal(context.last_telemetry.position)])
         hold.climb(altitude_m)
-        verb = "climbs" if altitude_m > context.heard.altitude_m else "descends"
+        verb = "climbs" if altitude_m > context.last_telemetry.altitude_m else "descends"
         return Accepted(f"it {verb} to {altitude_m:g} m above home, and holds there")
 
-    def _asked_to_go_on(self, request: GoOn) -> Accepted:
+    def _handle_go_on(self, request: GoOn) -> Accepted:
         context = self._context
         self._check_may_go_on()
         if context.task.state in {State.READY, State.PASSIVE}:
             upload = request.upload
-            if upload and context.authority.on_board is OnBoard.REPLACED:
+            if upload and context.authority.on_board is PlanOwner.REPLACED:
                 reading = "the plan on board is being read: ask again in a moment"
                 raise RequestRefusedError(Refusal.BUSY, reading)
             if upload and self._authority.why_not_back(flies_plan=False) is None:
@@ -346,11 +346,11 @@ class CommandHandler:
 
     def _why_ours_not(self) -> Refusal:
         """Whether all that keeps a vehicle from being taken back is the plan on board."""
-        other = self._context.authority.on_board is OnBoard.ANOTHER
+        other = self._context.authority.on_board is PlanOwner.ANOTHER
         only = other and self._authority.why_not_back(flies_plan=False) is None
         return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
 
-    def _asked_to_come_home(self, request: ComeHome) -> Accepted:
+    def _handle_come_home(self, request: ComeHome) -> Accepted:
         context, state = self._context, self._context.task.state
         self._check_may_come_home()
         if state is State.HOME and self._airspace_update.trust_altitude(f"{request.by} asked"):
@@ -358,31 +358,31 @@ class CommandHandler:
             return Accepted(f"it comes home {how}; it sets out once the changed zones are on board")
         if state in {State.HOME, State.LAND}:
             does = "comes home" if state is State.HOME else "lands"
-            return Accepted(self._unless_it_stands(f"it {does} already"))
+            return Accepted(self._unless_still(f"it {does} already"))
         if self._is_given_away:
             self._authority.take_home()
         answer = Accepted(self._how_it_comes_home())
         context.come_home(f"{request.by}'s request", by_request=state is not State.READY)
         return answer
 
-    def _asked_to_land(self, request: LandNow) -> Accepted:
+    def _handle_land(self, request: LandNow) -> Accepted:
         context, state = self._context, self._context.task.state
         if state is State.LAND:
-            return Accepted(self._unless_it_stands("it lands already"))
+            return Accepted(self._unless_still("it lands already"))
         self._check_may_land()
-        context.say(f"landing here, as {request.by} asked")
+        context.inform(f"landing here, as {request.by} asked")
         place = f"where it hovered, as {request.by} asked"
-        context.task.end(Ending(f"{request.by} asked to land here", place=place))
+        context.task.end(EndReason(f"{request.by} asked to land here", place=place))
         context.signal(Signal.LAND_HERE)
         return Accepted("it lands where it hovers")
 
-    def _unless_it_stands(self, what: str) -> str:
+    def _unless_still(self, what: str) -> str:
         """What it does already, and why it does not, where it stands."""
         why = self._standstill.why
         return what if why is None else f"{what}, and does not move: {why}"
 
     def _how_it_comes_home(self) -> str:
-        """What follows when it is told to, in words."""
+        """What follows when it is commanded to, as text."""
         if self._context.telemetry is None:
             return "the mission ends before it begins; the vehicle is left as it is"
         if not self._context.in_air:
@@ -393,11 +393,11 @@ class CommandHandler:
             return f"it comes home as soon as it is known where it is: {unknown}"
         return "it comes home"
 
-    def _asked_to_reload(self, request: Reload) -> Accepted:
+    def _handle_reload(self, request: Reload) -> Accepted:
         del request
         if self._context.task.state is State.DONE:
             raise RequestRefusedError(Refusal.FLIGHT_OVER, "the flight is over")
-        self._check_kept()
+        self._check_not_releasing()
         if self._context.airspace.change is ZoneChange.UPLOADING:
             raise RequestRefusedError(Refusal.BUSY, "zones are being changed just now; ask again")
         self._context.actions.append(ReadAgain())
@@ -405,16 +405,16 @@ class CommandHandler:
         return Accepted(f"the mission file is read again{'' if self._context.telemetry else later}")
 
     # what answers a request, by its type
-    _answers: ClassVar[Mapping[type, Callable[[Any, Any], Accepted]]] = {
-        HoldNow: _asked_to_hold,
-        SeekNow: _asked_to_seek,
-        ExploreNow: _asked_to_explore,
-        GoTo: _asked_to_go_to,
-        ChangeAltitude: _asked_to_change_altitude,
-        GoOn: _asked_to_go_on,
-        ComeHome: _asked_to_come_home,
-        LandNow: _asked_to_land,
-        Reload: _asked_to_reload,
+    _handlers: ClassVar[Mapping[type, Callable[[Any, Any], Accepted]]] = {
+        HoldNow: _handle_hold,
+        SeekNow: _handle_seek,
+        ExploreNow: _handle_explore,
+        GoTo: _handle_goto,
+        ChangeAltitude: _handle_altitude,
+        GoOn: _handle_go_on,
+        ComeHome: _handle_come_home,
+        LandNow: _handle_land,
+        Reload: _handle_reload,
     }
 
     # What is not done at once.
@@ -426,14 +426,14 @@ class CommandHandler:
         if before is not None:
             why, code = "a newer request came", Refusal.REPLACED
             self._context.actions.append(CommandAck(before.request_id, before.by, False, why, code))
-        self._context.say(f"points from {request.by} wait until the vehicle flies on")
+        self._context.inform(f"points from {request.by} wait until the vehicle flies on")
 
     def now_what_waited(self) -> None:
         """The time of a request that waited has come, or will not come any more."""
         if self.later is not None and not self._context.task.spec.puts_off:
             request, self.later = self.later, None
             if self._context.now_s <= self._until_s:
-                self.asked(request)
+                self.handle(request)
                 return
             why = "its time was over before the vehicle flew on"
             ack = CommandAck(request.request_id, request.by, False, why, Refusal.TOO_LATE)

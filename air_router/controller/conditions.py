@@ -11,21 +11,21 @@ import math
 from dataclasses import dataclass
 
 from air_router.controller.limits import CONDITIONS_GOOD_S, CONDITIONS_HOME_S, CONDITIONS_WORSE_S
-from air_router.controller.model import Doubt, MissionContext, Signal
+from air_router.controller.model import Anomaly, MissionContext, Signal
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.mission import SLACK_M, tracking_error_m
-from air_router.vehicle import NEARER_THAN_IT_SAYS, Telemetry
+from air_router.vehicle import CLEARANCE_UNCERTAIN, Telemetry
 
 
 @dataclass(slots=True, eq=False)
 class ConditionsWatch:
-    """Looks at every telemetry of a vehicle that flies its mission by our commands.
+    """Checks every telemetry update of a vehicle that flies its mission by our commands.
 
     Args:
         context: What was planned for.
 
     Attributes:
-        waits: They are, or may be, worse: it has to look though nothing shows.
+        waits: They are, or may be, worse: they need checking though nothing shows.
     """
 
     _context: MissionContext
@@ -33,16 +33,16 @@ class ConditionsWatch:
     _held: bool = False  # it holds for them
     _worse_since_s: float | None = None
     _good_since_s: float | None = None  # while it is off: good again since
-    _off_since_s: float | None = None  # when it was announced; inf: and it was told to come home
+    _off_since_s: float | None = None  # when it was announced; inf: and the vehicle comes home
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
+    def update(self, telemetry: Telemetry) -> Deviation | None:
         """Whether they are worse than planned for, as planned again, or worse for too long."""
         now_s, worse = telemetry.time_s, self._worse(telemetry)
         comes_home = not self._context.knows(Signal.COME_HOME)
         if self._off_since_s is not None and comes_home and self._held:
-            # For its battery, perhaps, or as it was asked to: it is not held for any more.
+            # For its battery, perhaps, or on request: it is not held for any more.
             self._off_since_s, self._held = math.inf, False
-            return Deviation(Response.BACK, "", None, doubt=Doubt.CONDITIONS)
+            return Deviation(Response.BACK, "", None, anomaly=Anomaly.CONDITIONS)
         if self._off_since_s is not None:
             return self._while_off(worse, now_s, self._off_since_s)
         self.waits = worse is not None
@@ -56,9 +56,9 @@ class ConditionsWatch:
         self._off_since_s, self._good_since_s = now_s, None
         if comes_home:  # which is what it would do
             self._off_since_s = math.inf
-            return Deviation(Response.TELL, worse, NEARER_THAN_IT_SAYS)
+            return Deviation(Response.ANNOUNCE, worse, CLEARANCE_UNCERTAIN)
         self._held = True
-        return Deviation(Response.WAIT, worse, NEARER_THAN_IT_SAYS, doubt=Doubt.CONDITIONS)
+        return Deviation(Response.WAIT, worse, CLEARANCE_UNCERTAIN, anomaly=Anomaly.CONDITIONS)
 
     def _while_off(self, worse: str | None, now_s: float, off_since_s: float) -> Deviation | None:
         if worse is None:
@@ -66,18 +66,18 @@ class ConditionsWatch:
                 self._good_since_s = now_s
             if now_s - self._good_since_s < CONDITIONS_GOOD_S:
                 return None
-            response = Response.BACK if self._held else Response.TELL
+            response = Response.BACK if self._held else Response.ANNOUNCE
             self.forget()
             words = "satellites and wind are as planned for again"
-            return Deviation(response, words, None, doubt=Doubt.CONDITIONS)
+            return Deviation(response, words, None, anomaly=Anomaly.CONDITIONS)
         self._good_since_s = None
         if now_s - off_since_s < CONDITIONS_HOME_S:
             return None
         self._off_since_s, self._held = math.inf, False  # once, until they are good again
-        return Deviation(Response.HOME, worse, NEARER_THAN_IT_SAYS, doubt=Doubt.CONDITIONS)
+        return Deviation(Response.HOME, worse, CLEARANCE_UNCERTAIN, anomaly=Anomaly.CONDITIONS)
 
     def _worse(self, telemetry: Telemetry) -> str | None:
-        """What is worse than planned for, in words; None: the vehicle is no farther off by it."""
+        """What is worse than planned for, as text; None: the vehicle is no farther off by it."""
         mission = self._context.airspace.mission
         planner, limit_m = mission.planner, mission.tracking.flown_m + SLACK_M
         wind_m_s, accuracy_m = planner.wind_m_s, planner.position_accuracy_m

@@ -1,4 +1,4 @@
-"""Giving the vehicle away, to a pilot or a failsafe, and taking it back when the operator asks.
+"""Releases the vehicle to a pilot or a failsafe, and takes it back when the operator resumes.
 
 Before hands are off for a reason of ours (it is in a zone, the plan on board is another) it is
 told to hold, because it flies a leg of ours; and again, until it does, or the pilot takes it. So it
@@ -14,19 +14,19 @@ from typing import Final
 from air_router.controller.limits import (
     FAILSAFE_LATE_S,
     LINK_SILENCE_ALARM_S,
+    LINK_SILENCE_ANNOUNCED_S,
     LINK_SILENCE_BY_HAND_S,
-    LINK_SILENCE_SAID_S,
     PLAN_COMPARED_S,
     POSITION_UNKNOWN_S,
     RELEASE_HOLDS,
     REPEATED_AFTER_S,
 )
 from air_router.controller.model import (
+    Anomaly,
     ControlHolder,
-    Doubt,
     HoldHere,
     MissionContext,
-    OnBoard,
+    PlanOwner,
     Signal,
     State,
 )
@@ -73,7 +73,7 @@ _BY_HAND: Final = frozenset({FlightMode.POSITION, FlightMode.ALTITUDE, FlightMod
 
 
 def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
-    """Why a flight that the operator asks to be resumed cannot be, as it is now; None if it can."""
+    """Why a flight cannot be resumed as the operator requests; None if it can."""
     if telemetry is None or not telemetry.in_air:
         return "the vehicle is on the ground: start the mission anew"
     holders = mission.airspace_at(telemetry.altitude_m).zones_at(telemetry.position)
@@ -90,17 +90,17 @@ def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None
 
 
 @dataclass(slots=True)
-class Reminder:
-    """What goes on is told at once, then now and then, and that it is over."""
+class RateLimitedAnnouncer:
+    """What goes on is announced at once, then now and then, and that it is over."""
 
     _what: str | None = None  # announced last; None: over
-    _told_s: float = 0.0  # when it was announced last
+    _announced_s: float = 0.0  # when it was announced last
 
-    def news(self, what: str | None, now_s: float) -> str | None:
-        """What to tell at this time, where this goes on; None: no news."""
-        if what == self._what and (what is None or now_s < self._told_s + REPEATED_AFTER_S):
+    def update(self, what: str | None, now_s: float) -> str | None:
+        """The text to announce now; None: nothing is due."""
+        if what == self._what and (what is None or now_s < self._announced_s + REPEATED_AFTER_S):
             return None
-        before, self._what, self._told_s = self._what, what, now_s
+        before, self._what, self._announced_s = self._what, what, now_s
         return f"over: {before}" if what is None else what
 
 
@@ -112,7 +112,7 @@ class ControlAuthority:
         context: Where it signals that the pilot flies, and that we do again.
         gate: Has it hold.
         navigator: Goes on with what the state wants.
-        monitor: What is told of breaches while another flies.
+        monitor: What is announced about breaches while a pilot flies.
     """
 
     _context: MissionContext
@@ -125,10 +125,12 @@ class ControlAuthority:
     _hold_again_s: float = 0.0  # the next attempt, vehicle's clock
     _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
     _crossing: FlightMode | None = None  # to which an order of ours led that had left before that
-    _breaches: Reminder = field(default_factory=Reminder)  # while another flies
+    _breaches: RateLimitedAnnouncer = field(
+        default_factory=RateLimitedAnnouncer
+    )  # while another flies
     _failsafe: FlightMode | None = None  # the mode of PX4's failsafe that was announced last
     _unknown_since_s: float | None = None  # its position is not known since, vehicle's clock
-    _silence_told_s: float = -math.inf  # how long it was when it was told last
+    _silence_announced_s: float = -math.inf  # how long it was when it was announced last
     _mode_s: float | None = None  # age of its mode after a silence; None: nothing came since
 
     # Away.
@@ -147,7 +149,7 @@ class ControlAuthority:
         self._holds = 0
         holds = self._gate.pending is None and isinstance(self._gate.last, HoldHere)
         # Once more it would end what a pilot has just chosen.
-        if not (holds and self._context.interlocks.up(Doubt.FOREIGN_ORDER)):
+        if not (holds and self._context.interlocks.is_raised(Anomaly.FOREIGN_ORDER)):
             self._hold_at_last(why)
 
     def _hold_at_last(self, why: str) -> None:
@@ -156,7 +158,7 @@ class ControlAuthority:
         self._gate.command(HoldHere(why))
 
     def check(self) -> None:
-        """Say the hold again that was lost, or let go at last."""
+        """Repeat the hold that was lost, or release the vehicle at last."""
         context, gate = self._context, self._gate
         if gate.pending is not None:
             return
@@ -189,7 +191,7 @@ class ControlAuthority:
             )
 
     def taken(self, telemetry: Telemetry, *, crossed: bool = True) -> None:
-        """The vehicle flies in a mode that we did not ask for, or by a failsafe.
+        """The vehicle flies in a mode that we did not request, or by a failsafe.
 
         Args:
             telemetry: With that mode.
@@ -204,7 +206,7 @@ class ControlAuthority:
         instruction = WATCH_FAILSAFE if failsafe else IN_YOUR_HANDS
         self.take_over(who, f"{who.value} chose {telemetry.mode.value} mode", instruction)
 
-    def look_on(self, telemetry: Telemetry) -> None:
+    def observe(self, telemetry: Telemetry) -> None:
         """Another flies: tell what a pilot may not see, and who took it if that shows late."""
         context = self._context
         mode, taken_s = self._chosen or (telemetry.mode, -math.inf)
@@ -216,7 +218,7 @@ class ControlAuthority:
                 f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode",
                 WATCH_FAILSAFE,
             )
-        self._look_at_failsafe(telemetry)
+        self._check_failsafe(telemetry)
         if telemetry.mode is not FlightMode.HOLD:
             context.over(NOT_TAKEN)  # a pilot or a failsafe flies it
         if (
@@ -229,17 +231,17 @@ class ControlAuthority:
                 "its way",
                 CHOOSE_AGAIN,
             )
-        self._look_at_inputs(telemetry)
+        self._check_inputs(telemetry)
         if self._is_lost(telemetry):
             return  # nor is it known whether it is in a zone
         breach = self._monitor.breach(telemetry)
-        news = self._breaches.news(breach, context.now_s)
-        if news is not None and breach is not None:
-            context.alarm(news, FLY_OUT)
-        elif news is not None:
-            context.say(news)
+        update = self._breaches.update(breach, context.now_s)
+        if update is not None and breach is not None:
+            context.alarm(update, FLY_OUT)
+        elif update is not None:
+            context.inform(update)
 
-    def _look_at_failsafe(self, telemetry: Telemetry) -> None:
+    def _check_failsafe(self, telemetry: Telemetry) -> None:
         """A failsafe acts, or goes on to another mode: PX4 holds for some seconds, then returns."""
         mode, before = telemetry.mode, self._failsafe
         if self._context.authority.wrong_vehicle is not None:
@@ -256,17 +258,17 @@ class ControlAuthority:
 
     def _is_lost(self, telemetry: Telemetry) -> bool:
         """Whether it is not known where it is; that is alarmed of while the autopilot flies it."""
-        context, why = self._context, self._monitor.position_doubt(telemetry)
+        context, why = self._context, self._monitor.position_unknown(telemetry)
         if why is None:
             self._unknown_since_s = None
             again = "the vehicle's position is known again"
             context.over(POSITION_UNKNOWN, again if telemetry.in_air else "")
             return False
         since_s = self._unknown_since_s
-        since_s = self._unknown_since_s = telemetry.told_s if since_s is None else since_s
+        since_s = self._unknown_since_s = telemetry.received_s if since_s is None else since_s
         if telemetry.mode in _BY_HAND:
             context.over(POSITION_UNKNOWN)
-        elif telemetry.told_s - since_s >= POSITION_UNKNOWN_S:
+        elif telemetry.received_s - since_s >= POSITION_UNKNOWN_S:
             context.alarm_until_over(
                 POSITION_UNKNOWN,
                 f"the vehicle's position is not known: {why}; it may be in a zone",
@@ -277,25 +279,25 @@ class ControlAuthority:
         return True
 
     def wait(self, telemetry: Telemetry) -> None:
-        """Hands will be off, or the plan is compared: on with that, as far as it is heard."""
-        self._look_at_inputs(telemetry)  # of a vehicle that is not, a hold may not leave
+        """Hands will be off, or the plan is compared: on with that, as far as it is received."""
+        self._check_inputs(telemetry)  # of a vehicle that is not, a hold may not leave
         self._gate.mission_waits()
         self.check()
 
-    def _look_at_inputs(self, telemetry: Telemetry) -> None:
-        for news in self._context.inputs.look(telemetry).news:
-            self._context.announce(news.what, news.instruction)
+    def _check_inputs(self, telemetry: Telemetry) -> None:
+        for announcement in self._context.inputs.update(telemetry).announcements:
+            self._context.announce(announcement.what, announcement.instruction)
 
-    def nothing_heard(self, event: LinkSilent) -> None:
-        """The vehicle says nothing: that is told at once, then now and then."""
+    def link_silent(self, event: LinkSilent) -> None:
+        """The vehicle is silent: that is announced at once, then now and then."""
         context, silent_s = self._context, event.silent_s
-        if not 0.0 < context.silent_s <= silent_s:  # it was heard meanwhile
-            self._silence_told_s = -math.inf
+        if not 0.0 < context.silent_s <= silent_s:  # it was received meanwhile
+            self._silence_announced_s = -math.inf
         context.silent_for(silent_s)
         if context.in_charge and context.in_air:
             self._gate.mission_waits()
-        if silent_s >= max(self._silence_told_s + REPEATED_AFTER_S, LINK_SILENCE_SAID_S):
-            self._silence_told_s = silent_s
+        if silent_s >= max(self._silence_announced_s + REPEATED_AFTER_S, LINK_SILENCE_ANNOUNCED_S):
+            self._silence_announced_s = silent_s
             text = f"nothing heard from the vehicle for {silent_s:.0f} s"
             if silent_s < LINK_SILENCE_ALARM_S:
                 context.warn(text, CHECK_LINK)
@@ -304,8 +306,8 @@ class ControlAuthority:
             else:
                 context.alarm(text, TAKE_OVER_NOW)
 
-    def heard_again(self, event: object) -> bool:
-        """Whether an event after a silence counts: a telemetry once its mode was told since.
+    def link_restored(self, event: object) -> bool:
+        """Whether an event ends a silence: a telemetry update once its mode was received since.
 
         Other messages may come first, and a pilot may have chosen another mode meanwhile. One that
         is missing for long enough counts as that; so does a mode that is not ours, however old.
@@ -314,9 +316,9 @@ class ControlAuthority:
             return True
         self._context.received(event)
         mode_s, before_s = event.ages.mode_s, self._mode_s
-        told = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
+        announced = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
         chosen = event.failsafe or event.mode not in self._gate.modes
-        if not told and mode_s < FLIGHT_MODE_S and not (chosen and self._context.in_charge):
+        if not announced and mode_s < FLIGHT_MODE_S and not (chosen and self._context.in_charge):
             self._mode_s = mode_s
             return False
         self._mode_s = None
@@ -359,7 +361,7 @@ class ControlAuthority:
         context.authority.vehicle_is_wrong(why)
         if why is None:
             if before is not None:
-                context.say("a multicopter with PX4 is on the link again, and nothing else")
+                context.inform("a multicopter with PX4 is on the link again, and nothing else")
             return
         if context.task.state is State.READY and not context.in_air:
             instruction = SEPARATE_TWINS if event.twins else CONNECT_ANOTHER
@@ -390,7 +392,7 @@ class ControlAuthority:
         landing needs no plan.
         """
         context = self._context
-        context.authority.plan_is(OnBoard.REPLACED)
+        context.authority.plan_is(PlanOwner.REPLACED)
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         context.warn(f"{what}; comparing it with this mission's", NO_UPLOADS)
         flies_plan = context.in_charge and context.task.state is not State.LAND
@@ -415,10 +417,10 @@ class ControlAuthority:
         if event.difference is not None:
             self._differs(f"another plan is on board ({event.difference})")
             return
-        context.authority.plan_is(OnBoard.OURS)
+        context.authority.plan_is(PlanOwner.OURS)
         again = "the plan on board flies as this mission's does"
         if context.authority.plan_check is None:
-            context.say(again)
+            context.inform(again)
             return
         context.authority.plan_checked()
         held = context.authority.held
@@ -426,7 +428,7 @@ class ControlAuthority:
             context.authority.goes_on()
             context.alarm(f"{again}; holding: {held.why}", held.instruction)
             return
-        context.say(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")
+        context.inform(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")
         context.interlocks.climb_first()  # it may have sunk, or have been stopped in its climb
         if not context.in_air:
             return
@@ -439,7 +441,7 @@ class ControlAuthority:
     def _differs(self, why: str) -> None:
         """Another plan is on board."""
         context = self._context
-        context.authority.plan_is(OnBoard.ANOTHER)
+        context.authority.plan_is(PlanOwner.ANOTHER)
         telemetry = context.telemetry
         if context.task.state is State.READY and telemetry is not None and not telemetry.armed:
             context.task.stay(why)
@@ -470,9 +472,9 @@ class ControlAuthority:
         why = why or self._gate.climb.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
-        if self._context.authority.on_board is OnBoard.REPLACED:
+        if self._context.authority.on_board is PlanOwner.REPLACED:
             return "the plan on board is being read: ask again in a moment"
-        if self._context.authority.on_board is OnBoard.ANOTHER:
+        if self._context.authority.on_board is PlanOwner.ANOTHER:
             return (
                 "another plan is on board: 'resume upload' puts this mission's there and goes on, "
                 "'home' comes home without it"
@@ -496,18 +498,18 @@ class ControlAuthority:
         if why is not None:
             self._context.warn(f"not resumed: {why}", RESUME_AGAIN)
             return why
-        self._context.say("resumed: the mission goes on from here")
+        self._context.inform("resumed: the mission goes on from here")
         self._take_back()
         ready = self._context.task.state is State.READY
         self._context.signal(Signal.AIRBORNE if ready else Signal.RESUMED)
         return None
 
     def take_home(self) -> None:
-        """Take it back to come home, whatever plan is on board; `why_not_back` has looked at it."""
-        if self._context.authority.on_board is not OnBoard.OURS:
+        """Take it back to come home, whatever plan is on board; `why_not_back` has checked it."""
+        if self._context.authority.on_board is not PlanOwner.OURS:
             self._gate.fly_points(instead=True)
             # The zones count for its legs; what is on board stays, and it is in none of them.
-            self._context.airspace.settle()
+            self._context.airspace.finish_change()
         self._take_back()
 
     def _take_back(self) -> None:
@@ -515,5 +517,5 @@ class ControlAuthority:
         self._failsafe = None
         self._gate.ours_in_the_air()
         self._context.authority.take(None)
-        self._gate.assume(self._context.heard.mode)
+        self._gate.assume(self._context.last_telemetry.mode)
         self._context.interlocks.climb_first()

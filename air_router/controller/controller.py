@@ -3,7 +3,7 @@
 Pure: no sockets, no clocks, no files. The same object flies a real PX4, the simulated one, and
 the discrete-event world, and a recorded flight replays to the same decisions.
 
-Of each telemetry message the gravest matter counts first. Who has the vehicle comes before
+Of each telemetry message the most severe finding counts first. Who has the vehicle comes before
 everything else: a pilot, a failsafe, or one who is about to get it. Then what is wrong with the
 flight, and only then the mission. When that explores, searches and talks stands in one table,
 `states.table.STATES`.
@@ -26,11 +26,11 @@ from air_router.controller.limits import VEHICLE_SILENT_S
 from air_router.controller.model import (
     Action,
     AirspaceChanged,
+    Anomaly,
     AnyRequest,
     CommandConfirmed,
     CommandFailed,
     CompanionLagged,
-    Doubt,
     Event,
     Finish,
     FlightSetup,
@@ -39,8 +39,8 @@ from air_router.controller.model import (
     MissionContext,
     MissionWaits,
     Motion,
-    OnBoard,
     PeerFault,
+    PlanOwner,
     PlanRenewed,
     RobotPath,
     RobotPose,
@@ -89,7 +89,7 @@ class Controller:
         setup: What to fly, and how.
         router: Routes over the mission's graph; None: made here.
         plan: The plan on board, for the autopilot's item numbers; None: made here.
-        policy: How the next robot is chosen; None: as the mission says.
+        policy: How the next robot is chosen; None: as set in the mission.
         waypoints: What is explored, in this order; None: the mission's waypoints, once.
 
     Other rooms use its methods; the parts below are for the tests of this room.
@@ -119,14 +119,14 @@ class Controller:
         plan = self._plan = plan if plan is not None else FlightPlan.of(mission)
         self._transitions = transitions(explores=explore)
         self._left = State.READY  # the state before this one
-        self._told_sought: str | None = None  # the robot in the last `Seeking`
-        self._told_waits: Interlock | None = None  # the row in the last `MissionWaits`
+        self._announced_sought: str | None = None  # the robot in the last `Seeking`
+        self._recorded_wait: Interlock | None = None  # the row in the last `MissionWaits`
         # What is known and kept.
         task = Task(spec=STATES[State.READY])
         context = self.context = MissionContext(mission, router, self._signal, task=task)
         gate = self.gate = CommandGate(context, plan)  # all motions pass it
         navigator = self.navigator = Navigator(context, gate)
-        # Of a flight that is gone on with some waypoints may be skipped already.
+        # Of a flight that is resumed some waypoints may be skipped already.
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
         self.search = Search(context, navigator, setup, exploration, policy)
@@ -176,14 +176,14 @@ class Controller:
         self._reactions: dict[type, Callable[[Any], Wanted | None]] = {
             Telemetry: vehicle.received,
             ItemReached: self._item_reached,
-            LinkSilent: authority.nothing_heard,
+            LinkSilent: authority.link_silent,
             CommandConfirmed: self._confirmed,
             CommandFailed: self._failed,
-            RobotPose: states.search.pose_heard,
-            RobotPath: states.search.path_heard,
+            RobotPose: states.search.pose_received,
+            RobotPath: states.search.path_received,
             RobotSought: states.search.sought_by_other,
-            ContactBegan: states.search.radio_heard,
-            ContactEnded: states.search.radio_heard,
+            ContactBegan: states.search.radio_received,
+            ContactEnded: states.search.radio_received,
             SyncStarted: states.comm.sync_started,
             SyncEnded: states.comm.sync_ended,
             AirspaceChanged: self.airspace_update.airspace_changed,
@@ -196,14 +196,14 @@ class Controller:
             PlanCompared: authority.plan_compared,
             WrongVehicle: authority.another_vehicle,
             MavlinkSpoofed: authority.spoofed,
-            **dict.fromkeys(get_args(AnyRequest), commands.asked),
+            **dict.fromkeys(get_args(AnyRequest), commands.handle),
         }
 
     def handle(self, event: Event, now_s: float) -> list[Action]:
         """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
         context = self.context
         context.begin(now_s)
-        if context.silent_s > 0.0 and not self._authority.heard_again(event):
+        if context.silent_s > 0.0 and not self._authority.link_restored(event):
             return context.actions
         reaction = self._reactions.get(type(event))
         wanted = None if reaction is None else reaction(event)
@@ -211,19 +211,19 @@ class Controller:
             self.navigator.follow(wanted)
         context.actions.extend(context.alarms.due(context.now_s))
         sought = context.task.robot if context.task.spec.seeks else None
-        if sought != self._told_sought:
-            self._told_sought = sought
+        if sought != self._announced_sought:
+            self._announced_sought = sought
             context.actions.append(Seeking(sought))
-        self._tell_waiting()
+        self._record_waiting()
         return context.actions
 
-    def _tell_waiting(self) -> None:
+    def _record_waiting(self) -> None:
         """Record which row of `INTERLOCKS` keeps the mission waiting, once it is another."""
         blocked = self.gate.waits_for()
         row = None if blocked is None else blocked.by
-        if row is self._told_waits:
+        if row is self._recorded_wait:
             return
-        self._told_waits = row
+        self._recorded_wait = row
         self.context.actions.append(self._waiting() or MissionWaits(None))
 
     def _waiting(self) -> MissionWaits | None:
@@ -236,9 +236,9 @@ class Controller:
     # What becomes of what was commanded.
 
     def _item_reached(self, event: ItemReached) -> None:
-        """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
+        """The vehicle reports that it is at a plan item: perhaps at the end of its leg."""
         context = self.context
-        waits = context.airspace.change is not None or context.interlocks.up(*Doubt)
+        waits = context.airspace.change is not None or context.interlocks.is_raised(*Anomaly)
         if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):
@@ -437,7 +437,7 @@ class Controller:
     @property
     def plan_is_ours(self) -> bool:
         """Whether the plan on board is this mission's, as far as is known."""
-        return self.context.authority.on_board is OnBoard.OURS
+        return self.context.authority.on_board is PlanOwner.OURS
 
     def why_no_upload(self) -> str | None:
         """Why nothing may be put on board any more; None: it may."""

@@ -1,6 +1,6 @@
-"""Looks whether the flight keeps to what was planned: height, clearance, speed, charge and time.
+"""Checks whether the flight keeps to what was planned: height, clearance, speed, charge and time.
 
-Each is looked at in every telemetry while the vehicle flies its mission by our commands. What
+Each is checked in every telemetry update while the vehicle flies its mission by our commands. What
 follows from what is found, `deviations` has in one table.
 """
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from air_router.controller.conditions import ConditionsWatch
 from air_router.controller.limits import (
-    ALTITUDE_DOUBT_M,
+    ALTITUDE_DISAGREES_M,
     ALTITUDE_JUMP_CLIMB_M_S,
     ALTITUDE_JUMP_M,
     BACK_AT_ALTITUDE_S,
@@ -30,7 +30,7 @@ from air_router.controller.limits import (
     UNDERSPEED_S,
 )
 from air_router.controller.model import (
-    Doubt,
+    Anomaly,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -71,7 +71,7 @@ class HeightWatch:
     _off_since_s: float | None = None  # when it was announced
     _back_since_s: float | None = None  # within its altitudes again since
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
+    def update(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the altitude jumps, is off, or is back."""
         band, now_s, before = self._context.airspace.mission.cruise, telemetry.time_s, self._before
         altitude_m = telemetry.altitude_m
@@ -89,7 +89,7 @@ class HeightWatch:
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words, WATCH_HEIGHT)
             self._off_since_s, self._back_since_s = now_s, None
-            return Deviation(Response.WAIT, words, WATCH_HEIGHT, doubt=Doubt.ALTITUDE_JUMP)
+            return Deviation(Response.WAIT, words, WATCH_HEIGHT, anomaly=Anomaly.ALTITUDE_JUMP)
         if self._off_since_s is not None:
             return self._while_off(telemetry, out_m, self._off_since_s)
         if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - NEARER_ALTITUDE_M:
@@ -114,7 +114,7 @@ class HeightWatch:
                 Response.BACK,
                 f"at {telemetry.altitude_m:.0f} m again",
                 None,
-                doubt=Doubt.ALTITUDE_JUMP,
+                anomaly=Anomaly.ALTITUDE_JUMP,
             )
         self._back_since_s = None
         if now_s - off_since_s < OFF_ALTITUDE_HOME_S:
@@ -124,7 +124,7 @@ class HeightWatch:
             Response.HOME,
             f"too {self._off(telemetry.altitude_m)}",
             WATCH_HEIGHT,
-            doubt=Doubt.ALTITUDE_JUMP,
+            anomaly=Anomaly.ALTITUDE_JUMP,
         )
 
     def _off(self, altitude_m: float) -> str:
@@ -147,70 +147,70 @@ class ClearanceWatch:
     """
 
     _context: MissionContext
-    _told_m: float | None = 0.0  # what was to spare when that was told last; None: it is kept
+    _announced_m: float | None = 0.0  # clearance left as last announced; None: it is kept
     # So much was to spare there, at the cruise altitudes (elsewhere each may have other zones).
-    _spare: tuple[float, Point, bool, Mission] | None = None
+    _clearance_left: tuple[float, Point, bool, Mission] | None = None
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
+    def update(self, telemetry: Telemetry) -> Deviation | None:
         """Whether it has come too near to something, or nearer still."""
         here = telemetry.position
         mission, altitude_m = self._context.airspace.mission, telemetry.altitude_m
         cruises = mission.cruise.lower_m <= altitude_m <= mission.cruise.upper_m
-        if self._spare is not None:
-            spare_m, there, cruised, among = self._spare
-            if among is not mission:
-                self._told_m = 0.0  # a zone may have been drawn near to the vehicle
+        if self._clearance_left is not None:
+            spare_m, there, cruised, checked_mission = self._clearance_left
+            if checked_mission is not mission:
+                self._announced_m = 0.0  # a zone may have been drawn near to the vehicle
             elif cruises and cruised and math.dist(here, there) < spare_m:
                 return None
         airspace = mission.airspace_at(altitude_m)
-        spare_m, name = airspace.clearance_left_m(here)
-        self._spare = (spare_m, here, cruises, mission)
-        told_m = self._told_m
-        if spare_m >= -CLEARANCE_NOISE_M:
-            if spare_m >= 0.0:
-                self._told_m = None
+        clearance_left_m, name = airspace.clearance_left_m(here)
+        self._clearance_left = (clearance_left_m, here, cruises, mission)
+        announced_m = self._announced_m
+        if clearance_left_m >= -CLEARANCE_NOISE_M:
+            if clearance_left_m >= 0.0:
+                self._announced_m = None
             return None
-        if told_m is not None and spare_m > told_m - CLEARANCE_REPEATED_M:
+        if announced_m is not None and clearance_left_m > announced_m - CLEARANCE_REPEATED_M:
             return None
-        self._told_m = spare_m
-        kept_m = airspace.required_m(name)
-        left_m = max(spare_m + kept_m, 0.0)
-        words = f"too near to {names_of((name,))}: {left_m:.1f} m, {kept_m:g} m are to be kept"
-        if told_m is not None:
-            return Deviation(Response.TELL, words, FLY_OUT, alarms=True)
+        self._announced_m = clearance_left_m
+        required_m = airspace.required_m(name)
+        left_m = max(clearance_left_m + required_m, 0.0)
+        words = f"too near to {names_of((name,))}: {left_m:.1f} m, {required_m:g} m are to be kept"
+        if announced_m is not None:
+            return Deviation(Response.ANNOUNCE, words, FLY_OUT, alarms=True)
         return Deviation(Response.HOLD, words, BE_READY, counts=True)
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
-        self._told_m, self._spare = 0.0, None
+        self._announced_m, self._clearance_left = 0.0, None
 
 
 @dataclass(slots=True, eq=False)
 class SpeedWatch:
-    """Whether the vehicle flies as fast as it was told.
+    """Whether the vehicle flies as fast as it was reported.
 
     Args:
         context: How fast that is.
-        gate: What it was told last.
+        gate: The last command.
     """
 
     _context: MissionContext
     _gate: CommandGate
     _fast_since_s: float | None = None  # faster than commanded
-    _fast_told: bool = True  # announced, or braking from a pilot's flight
+    _fast_announced: bool = True  # announced, or braking from a pilot's flight
     _slow_since_s: float | None = None  # slower than commanded, on this leg
-    _slow_told: bool = False  # until it is faster again
+    _slow_announced: bool = False  # until it is faster again
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether it flies faster, or much slower, than it was told."""
+    def update(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether it flies faster, or much slower, than it was reported."""
         commanded_m_s = self._context.airspace.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
-        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + UNDERSPEED) / 2.0
+        self._slow_announced &= speed_m_s < commanded_m_s * (1.0 + UNDERSPEED) / 2.0
         if speed_m_s > UNDERSPEED * commanded_m_s:
             self._slow_since_s = None
         if speed_m_s > OVERSPEED * commanded_m_s + OVERSPEED_M_S:
             return self._fast(telemetry, speed_m_s)
-        self._fast_since_s, self._fast_told = None, False
+        self._fast_since_s, self._fast_announced = None, False
         if speed_m_s <= UNDERSPEED * commanded_m_s:
             return self._slow(telemetry, speed_m_s)
         return None
@@ -218,16 +218,16 @@ class SpeedWatch:
     def _fast(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
         if self._fast_since_s is None:
             self._fast_since_s = telemetry.time_s
-        if self._fast_told or telemetry.time_s - self._fast_since_s < OVERSPEED_S:
+        if self._fast_announced or telemetry.time_s - self._fast_since_s < OVERSPEED_S:
             return None
-        self._fast_told = True
+        self._fast_announced = True
         commanded_m_s = self._context.airspace.mission.speed_m_s
         words = (
             f"it flies {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s: "
             "another ground station changed its speed, or the wind carries it"
         )
         if isinstance(self._gate.last, HoldHere):  # for another reason; it brakes
-            return Deviation(Response.TELL, words, NO_OTHER_SPEED)
+            return Deviation(Response.ANNOUNCE, words, NO_OTHER_SPEED)
         return Deviation(Response.HOLD, words, NO_OTHER_SPEED, counts=True)
 
     def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
@@ -241,26 +241,26 @@ class SpeedWatch:
             return None
         if self._slow_since_s is None:
             self._slow_since_s = telemetry.time_s
-        if self._slow_told or telemetry.time_s - self._slow_since_s < UNDERSPEED_S:
+        if self._slow_announced or telemetry.time_s - self._slow_since_s < UNDERSPEED_S:
             return None
-        self._slow_told = True
+        self._slow_announced = True
         words = f"it flies only {speed_m_s:.1f} m/s and was told {mission.speed_m_s:.1f} m/s"
-        return Deviation(Response.TELL, words, TOO_MUCH_WIND)
+        return Deviation(Response.ANNOUNCE, words, TOO_MUCH_WIND)
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now: out of another's it brakes."""
         self._fast_since_s = self._slow_since_s = None
-        self._fast_told = True
+        self._fast_announced = True
 
 
 @dataclass(slots=True, eq=False)
 class Envelope:
-    """Looks at height, clearance, speed and conditions together.
+    """Checks height, clearance, speed and conditions together.
 
     Args:
         context: What was planned.
-        gate: What the vehicle was told last.
-        home: What the satellites say of the altitude.
+        gate: The last command to the vehicle.
+        home: The satellites' altitude.
     """
 
     _context: MissionContext
@@ -270,7 +270,7 @@ class Envelope:
     _clearance: ClearanceWatch = field(init=False)
     _speed: SpeedWatch = field(init=False)
     _conditions: ConditionsWatch = field(init=False)
-    _looks: bool = False  # the telemetry before was looked at
+    _updated: bool = False  # the telemetry before was checked
 
     def __post_init__(self) -> None:
         self._height = HeightWatch(self._context)
@@ -278,27 +278,27 @@ class Envelope:
         self._speed = SpeedWatch(self._context, self._gate)
         self._conditions = ConditionsWatch(self._context)
 
-    def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
+    def update(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
         """What begins, or is over, of a vehicle that flies its mission by our commands."""
-        self._looks = True
-        in_doubt = abs(self._home.receiver_off_m) >= ALTITUDE_DOUBT_M
+        self._updated = True
+        in_doubt = abs(self._home.receiver_off_m) >= ALTITUDE_DISAGREES_M
         conditions, accuracy_m = self._conditions, telemetry.accuracy_m
         planned_m = self._context.airspace.mission.planner.position_accuracy_m
         poor = accuracy_m is not None and accuracy_m > planned_m
         rough = conditions.waits or poor or telemetry.wind_m_s is not None
         found = (
-            self._height.look(telemetry),
-            self._home.doubt(telemetry) if in_doubt else None,
-            self._clearance.look(telemetry),
-            self._speed.look(telemetry),
-            conditions.look(telemetry) if rough else None,
+            self._height.update(telemetry),
+            self._home.anomaly(telemetry) if in_doubt else None,
+            self._clearance.update(telemetry),
+            self._speed.update(telemetry),
+            conditions.update(telemetry) if rough else None,
         )
         return tuple(filter(None, found))
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now: what was found is void."""
-        if self._looks:
-            self._looks = False
+        if self._updated:
+            self._updated = False
             for watch in (self._height, self._clearance, self._speed, self._conditions):
                 watch.forget()
 
@@ -312,7 +312,7 @@ class Due(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class ReturnMonitor:
-    """Decides when the mission ends, and says where no way leads home.
+    """Decides when the mission ends, and announces that no way leads home.
 
     Args:
         context: The charge, and since when the mission is in the air.
@@ -329,14 +329,14 @@ class ReturnMonitor:
         return self._way_home.need_now if self._context.knows(Signal.COME_HOME) else None
 
     def check(self, telemetry: Telemetry) -> None:
-        """End the mission if it is time; say it, loudly, where no way leads home."""
+        """End the mission if it is time; alarm where no way leads home."""
         context, reachability = self._context, self._reachability
         if context.task.state is not State.LAND and (
-            telemetry.time_s >= reachability.look_at_s
+            telemetry.time_s >= reachability.next_check_s
             or reachability.walls is not None
-            or reachability.among is not context.airspace.router
+            or reachability.checked_router is not context.airspace.router
         ):
-            reachability.look(telemetry, due=context.task.state is State.HOME)
+            reachability.update(telemetry, due=context.task.state is State.HOME)
         if Signal.COME_HOME in context.task.spec.on:
             self.end_if_due(telemetry)
 
@@ -357,7 +357,7 @@ class ReturnMonitor:
         if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
             return Due(
                 f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
-                f"{LANDING_MARGIN:.0%} are to be left on the ground",
+                f"{LANDING_MARGIN:.0%} must remain after landing",
                 BE_READY_AT_HOME,
             )
         if not by_time:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from air_router.controller.model import (
     Goal,
     MissionWaits,
-    OnBoard,
+    PlanOwner,
     StandingAlarm,
     State,
     ZoneChange,
@@ -97,7 +97,7 @@ class FlightStatus:
     alarms: Mapping[str, StandingAlarm]
     need_home: float | None
     in_charge: bool
-    plan_owner: OnBoard
+    plan_owner: PlanOwner
     airspace: AirspaceStatus
     silent_s: float
     missing_inputs: tuple[str, ...]

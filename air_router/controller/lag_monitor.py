@@ -1,4 +1,4 @@
-"""What follows where this program itself stood still: it is told, held for, and looked back on.
+"""What follows a stall of this program: it is announced, held for, and checked afterwards.
 
 Pure. What the vehicle did meanwhile is known by where it was before and where it is now; between
 two positions it is taken to have flown straight.
@@ -19,17 +19,17 @@ from geo.frame import Point
 
 @dataclass(slots=True, eq=False)
 class LagMonitor:
-    """Looks back on what was missed.
+    """Checks afterwards what was missed.
 
     Args:
-        context: The airspace; where it is told.
+        context: The airspace; where it is announced.
     """
 
     _context: MissionContext
     _before: Telemetry | None = None  # the telemetry before the newest
-    _gap: tuple[Point, Point, float] | None = None  # the way that was not looked at, and until when
+    _gap: tuple[Point, Point, float] | None = None  # the way that was not checked, and until when
     _lag_s: float = 0.0  # to be held for; 0: nothing
-    _lagged_at_s: float = -math.inf  # when it was told last, vehicle's clock
+    _lagged_at_s: float = -math.inf  # when it was announced last, vehicle's clock
 
     @property
     def recent(self) -> bool:
@@ -37,28 +37,28 @@ class LagMonitor:
         return self._context.now_s <= self._lagged_at_s + LAG_RECENT_S
 
     def note(self, telemetry: Telemetry) -> None:
-        """Take every telemetry in, also while a pilot has the vehicle."""
+        """Take every telemetry update in, also while a pilot has the vehicle."""
         before, self._before = self._before, telemetry
         if (
             before is not None
-            and telemetry.told_s - before.told_s > TELEMETRY_GAP_S
+            and telemetry.received_s - before.received_s > TELEMETRY_GAP_S
             and telemetry.in_air
         ):
-            self._gap = (before.position, telemetry.position, telemetry.told_s)
+            self._gap = (before.position, telemetry.position, telemetry.received_s)
 
     def lagged(self, event: CompanionLagged) -> None:
-        """This program stood still, or was starved: say so."""
+        """This program stood still, or was starved: announce it."""
         self._lagged_at_s = self._context.now_s
         telemetry = self._context.telemetry
         if telemetry is None or not (telemetry.armed or telemetry.in_air):
             return  # nothing moved
         self._context.warn(
-            f"this program stood still for {event.lag_s:.1f} s: it looked at nothing meanwhile",
+            f"this program stood still for {event.lag_s:.1f} s: nothing was monitored meanwhile",
             FREE_PROCESSOR,
         )
         self._lag_s = max(self._lag_s, event.lag_s)
 
-    def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
+    def update(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
         """What follows, of a vehicle that is ours; once for each lag."""
         lag_s, self._lag_s = self._lag_s, 0.0
         if lag_s == 0.0:
@@ -71,9 +71,9 @@ class LagMonitor:
         return () if missed is None else (missed,)
 
     def _missed(self, telemetry: Telemetry) -> Deviation | None:
-        """The least clearance of the way that was not looked at, if it was too little."""
+        """The least clearance of the way that was not checked, if it was too little."""
         gap, self._gap = self._gap, None
-        if gap is None or telemetry.told_s - gap[2] > LAG_RECENT_S:
+        if gap is None or telemetry.received_s - gap[2] > LAG_RECENT_S:
             return None
         start, end, _ = gap
         airspace = self._context.airspace.mission.airspace_at(telemetry.altitude_m)
@@ -95,4 +95,4 @@ class LagMonitor:
             f"meanwhile it may have been too near to {names_of((name,))}: {left_m:.1f} m, "
             f"{kept_m:g} m are to be kept"
         )
-        return Deviation(Response.TELL, words, BE_READY)
+        return Deviation(Response.ANNOUNCE, words, BE_READY)

@@ -5,7 +5,7 @@ from typing import Final
 # For airspace_update.py
 
 WAY_OUT_RETRY_S: Final = 3.0
-"""How long after no way led out of a new zone it is looked for again."""
+"""How long after no way led out of a new zone the program checks for again."""
 
 ALL_ZONES_ABOVE_M: Final = 50.0
 """With the altitude in doubt zones count that begin up to so far above the cruise altitudes.
@@ -20,7 +20,7 @@ BRAKING_OVERSHOOT: Final = 1.5
 # For command_handler.py
 
 VEHICLE_SILENT_S: Final = 3.0
-"""A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""
+"""A vehicle that was silent for so long is not sent anywhere: its position is unknown."""
 
 # For conditions.py
 
@@ -36,20 +36,20 @@ CONDITIONS_HOME_S: Final = 30.0
 # For control_authority.py
 
 RELEASE_HOLDS: Final = 6
-"""How often a vehicle is told to hold before hands are off though it does not."""
+"""How often a vehicle is commanded to hold before hands are off though it does not."""
 
 PLAN_COMPARED_S: Final = 60.0
 """A plan that was not compared within this time counts as another: the link is too poor."""
 
 REPEATED_AFTER_S: Final = 10.0
-"""How often something that goes on is told."""
+"""How often something that goes on is announced."""
 
 LINK_SILENCE_ALARM_S: Final = 10.0
 LINK_SILENCE_BY_HAND_S: Final = 20.0
 """A silence that lasts so long is an alarm; then the pilot is to fly it by hand."""
 
-LINK_SILENCE_SAID_S: Final = 3.0
-"""A silence that was shorter is not told."""
+LINK_SILENCE_ANNOUNCED_S: Final = 3.0
+"""A shorter silence is not announced."""
 
 FAILSAFE_LATE_S: Final = 2.5
 """A failsafe may show so long after the mode that it chose: HEARTBEAT comes once a second."""
@@ -70,7 +70,7 @@ OFF_ALTITUDE_M: Final = 5.0
 corrects the altitude of home by more than 2 m while it flies."""
 
 OFF_ALTITUDE_S: Final = 4.0
-"""How long the vehicle is off its altitudes, and comes no nearer, before that is told."""
+"""How long the vehicle is off its altitudes, and comes no nearer, before that is announced."""
 
 BACK_AT_ALTITUDE_S: Final = 2.0
 """It counts as back after so long."""
@@ -90,7 +90,7 @@ CLEARANCE_NOISE_M: Final = 0.25
 """What a position wanders by is no loss of clearance."""
 
 CLEARANCE_REPEATED_M: Final = 1.0
-"""A clearance that was lost is told again when so much more of it is."""
+"""A clearance that was lost is announced again when so much more of it is."""
 
 OVERSPEED_M_S: Final = 0.5
 OVERSPEED: Final = 1.1
@@ -110,7 +110,7 @@ flown unwatched, more than the clearance of most missions."""
 
 TELEMETRY_GAP_S: Final = 0.5
 """Two telemetries that are farther apart, on the vehicle's clock, have a way between them that was
-not looked at."""
+not checked."""
 
 LAG_RECENT_S: Final = 5.0
 """What is missing so soon after a lag may wait in this program's own sockets: no warning of it."""
@@ -123,7 +123,7 @@ DISARMED_S: Final = 10.0
 """A landed vehicle of which no HEARTBEAT has come for so long counts as disarmed."""
 
 KILLED_M: Final = 3.0
-"""Disarmed in the air lower than this it has landed, for all that an altitude above home tells."""
+"""Disarmed in the air lower than this the vehicle has landed, whatever its altitude shows."""
 
 REST_M: Final = 0.5
 REST_S: Final = 2.0
@@ -133,7 +133,7 @@ TWINS_S: Final = 5.0
 """Two vehicles under one system id have both reported within so long."""
 
 HOME_MOVED_AGAIN_M: Final = 2.0
-"""A home that was told to be moved is told again when it is so much elsewhere."""
+"""A home that was commanded to be moved is announced again when it is so much elsewhere."""
 
 PX4_SETS_HOME_S: Final = 5.0
 """PX4 sets home itself at each lift-off, and may without satellites: what shows so soon after that
@@ -142,21 +142,22 @@ is no station's doing."""
 POSITION_UNKNOWN_S: Final = 2.0
 """It is alarmed of once it was not known for so long where a vehicle is that another flies."""
 
-ALTITUDE_DOUBT_M: Final = 3.5
-ALTITUDE_DOUBT_HOME_M: Final = 6.0
+ALTITUDE_DISAGREES_M: Final = 3.5
+ALTITUDE_DISAGREES_HOME_M: Final = 6.0
 """The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
 
 ALTITUDE_AVERAGE_S: Final = 4.0
 ALTITUDE_SAMPLE_M: Final = 7.0
 ALTITUDE_SAMPLE_S: Final = 0.5
 """So far off the average, and for so long, one altitude counts at most. It may be a very wrong
-one: that raises the average by less than `ALTITUDE_DOUBT_M` in the 1.5 s that it is believed."""
+one: that raises the average by less than `ALTITUDE_DISAGREES_M` in the 1.5 s that it
+is believed."""
 
 FOREIGN_ORDER_S: Final = 1.5
 """How long an order that is not ours has to show: our own shows late on a slow link."""
 
 ORDER_STALE_S: Final = 5.0
-"""What it was told to do so long ago says nothing of an order of now."""
+"""What it was commanded to do so long ago says nothing of an order of now."""
 
 OLD_POSITION_S: Final = 2.0
 """A position this old may be the one from before the vehicle braked: its target proves nothing."""
@@ -199,5 +200,5 @@ SETS_OUT_S: Final = 10.0
 """A vehicle that was kept back moves so soon once it is not: after a fix, which it waits 3 s for, a
 leg is planned, commanded and followed."""
 
-STANDSTILL_LOOK_S: Final = 1.0
-"""How often a vehicle that does not move is looked at."""
+STANDSTILL_CHECK_S: Final = 1.0
+"""How often a vehicle that does not move is checked."""

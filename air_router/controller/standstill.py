@@ -3,7 +3,7 @@
 Whatever holds a motion back (zones that change, a plan that is compared, a way that is not there,
 an input that is missing, a fault of this program), the vehicle hovers then, and a battery ends.
 So beside all of that one rule looks only at what shows: the vehicle is in a zone, or wanted
-elsewhere, and has not moved for some time. `WATCHES` has what is looked at, the gravest first;
+elsewhere, and has not moved for some time. `WATCHES` has what is checked, the most severe first;
 `CAUSES` what may keep it, in the order in which that counts. The alarm has the cause, and what the
 pilot does; it is repeated as long as that lasts.
 """
@@ -21,9 +21,9 @@ from air_router.controller.limits import (
     STANDS_FOR_PLAN_S,
     STANDS_IN_ZONE_S,
     STANDS_S,
-    STANDSTILL_LOOK_S,
+    STANDSTILL_CHECK_S,
 )
-from air_router.controller.model import Doubt, MissionContext, Progress, State, ZoneChange
+from air_router.controller.model import Anomaly, MissionContext, Progress, State, ZoneChange
 from air_router.controller.motion import raised
 from air_router.routing import names_of
 from air_router.vehicle import (
@@ -41,7 +41,7 @@ STANDSTILL: Final = "the vehicle stands where it should not"
 
 
 Cause = Callable[[MissionContext], str | None]
-"""What may keep the vehicle from moving, in words, where it does."""
+"""What may keep the vehicle from moving, as text, where it does."""
 
 
 def _if(what: str, holds: Callable[[MissionContext], object]) -> Cause:
@@ -70,19 +70,19 @@ CAUSES: Final[tuple[Cause, ...]] = (
     lambda context: None if context.authority.held is None else context.authority.held.why,
     _if("nothing is heard of it", lambda context: context.silent_s > 0.0),
     lambda context: next(iter(context.inputs.stopped), None),
-    lambda context: context.interlocks.words(*Doubt),
+    lambda context: context.interlocks.words(*Anomaly),
     _releasing,
     _plan_check,
     _zones,
     _refusal,
 )
-"""The first that holds is said."""
+"""The first that holds is announced."""
 
 UNKNOWN: Final = "it does not follow what it is told"
 
 
 def cause_of(context: MissionContext) -> str:
-    """Why the vehicle does not move, in words."""
+    """Why the vehicle does not move, as text."""
     found = (cause(context) for cause in CAUSES)
     return next((words for words in found if words), UNKNOWN)
 
@@ -177,13 +177,13 @@ class Standstill:
 
     _context: MissionContext
     _anchor: _Anchor | None = None
-    _looked_s: float = -math.inf  # when it was looked at last, vehicle's clock
-    _told: Watch | None = None  # what it stands in now
-    _kept_back: bool = False  # an interlock kept it here when it was looked at last
+    _checked_s: float = -math.inf  # when it was checked last, vehicle's clock
+    _announced: Watch | None = None  # what it stands in now
+    _was_blocked: bool = False  # an interlock kept it here when it was checked last
     _moves_by_s: float = -math.inf  # it was kept back until just now, and has to set out first
 
-    def look(self, telemetry: Telemetry, *, ours: bool) -> None:
-        """Take a telemetry in, after all that was decided on it.
+    def update(self, telemetry: Telemetry, *, ours: bool) -> None:
+        """Take a telemetry update in, after all decisions on it.
 
         Args:
             telemetry: Of now.
@@ -197,10 +197,10 @@ class Standstill:
         if (
             anchor is not None
             and not anchor.left_by(telemetry)
-            and now_s < self._looked_s + STANDSTILL_LOOK_S
+            and now_s < self._checked_s + STANDSTILL_CHECK_S
         ):
             return
-        self._looked_s = now_s
+        self._checked_s = now_s
         here = _Anchor(now_s, telemetry.position, telemetry.altitude_m)
         if anchor is None or anchor.left_by(telemetry):
             self._anchor = here
@@ -212,38 +212,38 @@ class Standstill:
             self._anchor = here  # it is where it is wanted
             self._over()
         stands_s = now_s - anchor.time_s
-        graves = [(watch, more) for watch, more in lasts if stands_s >= watch.after_s]
-        kept_back, self._kept_back = self._kept_back, bool(raised(self._context))
-        if kept_back and not self._kept_back and self._moves_by_s < anchor.time_s:
+        due = [(watch, more) for watch, more in lasts if stands_s >= watch.after_s]
+        was_blocked, self._was_blocked = self._was_blocked, bool(raised(self._context))
+        if was_blocked and not self._was_blocked and self._moves_by_s < anchor.time_s:
             self._moves_by_s = now_s + SETS_OUT_S  # once, until it has moved
-        if graves and now_s >= self._moves_by_s:
-            self._alarm(*graves[0], anchor.time_s)
+        if due and now_s >= self._moves_by_s:
+            self._alarm(*due[0], anchor.time_s)
 
     def _alarm(self, watch: Watch, more: str, since_s: float) -> None:
         """Alarm of it until it is over, unless another alarm has the pilot take the vehicle."""
         context = self._context
-        if watch is not self._told:
+        if watch is not self._announced:
             self._over()
-            self._told = watch
+            self._announced = watch
         if set(context.alarms.shown) - {STANDSTILL}:
             return
         what = f"{watch.words} ({more})" if more else watch.words
         stands = f"{what}, and has not moved"
         context.alarm_until_over(
             STANDSTILL,
-            f"{stands} for {self._looked_s - since_s:.0f} s: {cause_of(context)}",
+            f"{stands} for {self._checked_s - since_s:.0f} s: {cause_of(context)}",
             watch.instruction,
             lasting=stands,
             since_s=since_s,
         )
 
     def _over(self, words: str = "") -> None:
-        self._told = None
+        self._announced = None
         self._context.over(STANDSTILL, words)
 
     @property
     def why(self) -> str | None:
         """Why the vehicle does not move, and what to do, where an alarm lasts; None: none does."""
-        if self._told is None:
+        if self._announced is None:
             return None
-        return f"{cause_of(self._context)}; {self._told.instruction}"
+        return f"{cause_of(self._context)}; {self._announced.instruction}"

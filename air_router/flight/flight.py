@@ -53,8 +53,8 @@ from air_router.vehicle import (
     WrongVehicle,
 )
 
-_Kept = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
-"""What comes before the vehicle is admitted, and is looked at then."""
+_EarlyEvent = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
+"""What comes before the vehicle is admitted, and is checked then."""
 
 
 class Flight:
@@ -63,16 +63,16 @@ class Flight:
     Args:
         mission: What to fly.
         vehicle: A vehicle that is not yet connected.
-        clock: The vehicle's clock, told by the vehicle.
+        clock: The vehicle's clock, set by its messages.
         gossip: The UAV's node, not yet started.
         mapper: The map that `gossip` publishes.
         seek: The robots to seek, in order.
         recorder: Where every event and decision goes.
         status: What the operator sees.
         camera: Endpoint of the camera's patches, None without a camera.
-        control: Endpoint at which other programs may ask for something, None for none.
+        control: Endpoint at which other programs may request something, None for none.
         arm: Arm and start; otherwise wait for the pilot to do it.
-        survey: Looks at everything before the flight; None: nothing but the mission's router.
+        survey: Checks everything before the flight; None: nothing but the mission's router.
         resume: Go on with a flight that is under way, instead of beginning one.
 
     Attributes:
@@ -141,15 +141,15 @@ class Flight:
             self.status,
             self.loop.decide,
             lambda: self.loop.reloader.report,
-            view.tell,
+            view.fields_for,
         )
         self._control = (
             None if control is None else ControlServer(control, self.commands.execute, gossip.node)
         )
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
-        self._early: list[_Kept] = []  # likewise
-        self._starts: FlightMode | None = None  # of before, once it was told to take off
+        self._early: list[_EarlyEvent] = []  # likewise
+        self._starts: FlightMode | None = None  # of before, once it was commanded to take off
         self._interrupted = False  # by a signal of the operating system
         self._admitted = False  # the vehicle may be flown: decisions begin
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
@@ -158,7 +158,7 @@ class Flight:
         """Fly.
 
         Args:
-            page: Told of every event, and served meanwhile.
+            page: Receives every event, and is served meanwhile.
 
         Raises:
             NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
@@ -166,13 +166,15 @@ class Flight:
         running = asyncio.get_running_loop()
         ended = self.loop.begin(page or NoPage())
         self._first = running.create_future()
-        self._recorder.report_to(lambda text: running.call_soon_threadsafe(self._status.say, text))
+        self._recorder.report_to(
+            lambda text: running.call_soon_threadsafe(self._status.print_line, text)
+        )
         for number in (signal.SIGINT, signal.SIGTERM):
             running.add_signal_handler(number, self._on_interrupt)
-        say = self._status.say
+        print_line = self._status.print_line
         try:
-            async with self.loop.page.serving(say):
-                with listening(partial(self.commands.typed, say), say):
+            async with self.loop.page.serving(print_line):
+                with listening(partial(self.commands.from_terminal, print_line), print_line):
                     self.loop.start(self._begin())
                     outcome, exit_code = await ended
         finally:
@@ -191,23 +193,23 @@ class Flight:
         if self._resume:
             self._go_on()
             return
-        await self.loop.reloader.settled()
+        await self.loop.reloader.finished()
         if self._arm:
             self._check_still()
             await self._vehicle.arm()
             self._check_still(armed=True)
             self._starts = self._first.result().mode
             await self._vehicle.start()
-            self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
+            self._status.print_line("armed and taking off; type 'home' to end, Ctrl-C to hold")
         else:
-            self._status.say("ready: waiting for the pilot to arm and choose Mission mode")
+            self._status.print_line("ready: waiting for the pilot to arm and choose Mission mode")
 
     async def _prepare(self) -> None:
         info = await self._vehicle.connect()
-        self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
+        self._status.print_line(f"{info.autopilot} {info.version}, system {info.system_id}")
         self._recorder.note("Vehicle", 0.0, dataclasses.asdict(info))
         if self._recorder.path is not None:
-            self._status.say(f"recording {self._recorder.path}")
+            self._status.print_line(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         try:
             # wait_for of 3.11 may swallow that it is cancelled
@@ -227,7 +229,7 @@ class Flight:
         self._take_card(await self._survey.card(self._vehicle, info, telemetry))
         self._admit()
         await self._vehicle.upload(self._plan)
-        self._status.say(f"on board and read back: {self._plan.size}")
+        self._status.print_line(f"on board and read back: {self._plan.size}")
         self.loop.reloader.plan_on_board()
 
     def _admit(self) -> None:
@@ -236,17 +238,17 @@ class Flight:
         if self._control is not None:
             self._control.open()
             self.loop.start(self._control.run())
-            self._status.say(f"requests are taken at {self._control.endpoint}")
+            self._status.print_line(f"requests are taken at {self._control.endpoint}")
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
         found = await recognised(self._vehicle, self._plan, telemetry, resume=self._resume)
-        self._status.say(found)
+        self._status.print_line(found)
         self._take_card(await self._survey.card_in_the_air(self._vehicle, info), in_air=True)
         record, rate = self._recorder, self._clock.rate
         find = partial(flown_before, folder=record.folder, own=record.path, rate=rate)
         found_out = await asyncio.to_thread(find, self._mission, info, self._newest)
-        self._status.say(found_out.words)
+        self._status.print_line(found_out.words)
         if found_out.home_amsl_m is not None:
             self._vehicle.count_heights_from(found_out.home_amsl_m)
         self.loop.reloader.plan_on_board()
@@ -257,18 +259,18 @@ class Flight:
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
             return  # in Mission mode it was found to be on its way
-        answer = self.commands.ask(GoOn())
-        if not answer.accepted:
-            raise RefusedError(f"the flight is not resumed, and left as it is: {answer.why}")
+        ack = self.commands.submit(GoOn())
+        if not ack.accepted:
+            raise RefusedError(f"the flight is not resumed, and left as it is: {ack.why}")
 
     def _take_card(self, card: Card, *, in_air: bool = False) -> None:
-        """Say what was looked at; refuse what cannot become a safe flight, unless it is one."""
+        """Say what was checked; refuse what cannot become a safe flight, unless it is one."""
         self._recorder.note(Recorder.PREFLIGHT, self._clock.boot_s(), card.as_json())
         if not (card.ready or in_air):
             raise PreflightRefusedError(card)
-        self._status.say(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")
+        self._status.print_line(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")
         for line in card.lines(all_of_them=False):
-            self._status.say(line)
+            self._status.print_line(line)
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""
@@ -293,8 +295,9 @@ class Flight:
             return
         self.loop.on_event(event)
         if isinstance(event, Telemetry):
-            self._gossip.tell(event)
+            self._gossip.publish_telemetry(event)
             self._recorder.map(self._mapper, event.time_s)
+            self._recorder.status(self.status, event.time_s)
             self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
             self._status.show(lambda: flight_line(self.status()))
 
@@ -304,7 +307,7 @@ class Flight:
             self._newest = event
             if not self._first.done():
                 self._first.set_result(event)
-        elif isinstance(event, _Kept):
+        elif isinstance(event, _EarlyEvent):
             self._early.append(event)
         elif isinstance(event, WrongVehicle) and event.why_not is not None:
             do = SEPARATE_TWINS if event.twins else SET_UP
@@ -341,7 +344,7 @@ class Flight:
             self._recorder.close()
             os._exit(ExitCode.INTERRUPTED)
         self._interrupted = True
-        self._status.say("interrupted; once more to leave at once")
+        self._status.print_line("interrupted; once more to leave at once")
         self.loop.end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
@@ -351,16 +354,18 @@ class Flight:
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours and self.loop.may_be_taken():
-                await self._last_words(
+                await self._final_announcement(
                     "the companion stops; the vehicle is left as it is, its flight mode was not "
                     "heard",
                     TAKE_OVER,
                 )
             elif ours:
                 await self._vehicle.hold(out_of=self.controller.our_modes)
-                await self._last_words("the companion stops; the vehicle holds", TAKE_FROM_HERE)
+                await self._final_announcement(
+                    "the companion stops; the vehicle holds", TAKE_FROM_HERE
+                )
         except AirRouterError as error:
-            await self._last_words(
+            await self._final_announcement(
                 f"the companion stops; the vehicle was told to hold and did not confirm: {error}",
                 TAKE_OVER,
             )
@@ -371,8 +376,8 @@ class Flight:
             self._gossip.close()
             await self._vehicle.close()
 
-    async def _last_words(self, text: str, instruction: Instruction) -> None:
-        await self.loop.tell(Announce(text, Severity.ALARM, instruction))
+    async def _final_announcement(self, text: str, instruction: Instruction) -> None:
+        await self.loop.announce(Announce(text, Severity.ALARM, instruction))
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         report = self.stats.report(outcome, self._clock.now_s(), self._gossip.newest_stamps())

@@ -1,7 +1,7 @@
 """What happens in a flight is decided on, noted and done; requests are handed in here as well.
 
 Requests come from the terminal, from programs and from the map page. All come this way, so all are
-recorded, looked at and answered alike. Only the flight's own event loop may use it.
+recorded, checked and answered alike. Only the flight's own event loop may use it.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from geo.frame import LocalFrame
 from mocha_link.errors import RequestError
 
 _STARTING: Final = (FlightMode.HOLD, FlightMode.MISSION)
-"""Modes of a vehicle that was told to take off, if no pilot has chosen another."""
+"""Modes of a vehicle that was commanded to take off, if no pilot has chosen another."""
 
 
 class Page(Served, Protocol):
@@ -69,15 +69,15 @@ class NoPage:
     def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
         """No page is open."""
 
-    def serving(self, say: Say) -> AbstractAsyncContextManager[object]:
+    def serving(self, print_line: Say) -> AbstractAsyncContextManager[object]:
         """Nothing is served."""
-        del say
+        del print_line
         return nullcontext()
 
 
-def _for_pilot(said: Announce) -> str:
+def _for_pilot(announcement: Announce) -> str:
     """An announcement as ground stations show it: who speaks, before what."""
-    return f"air_router: {said.words}"
+    return f"air_router: {announcement.words}"
 
 
 class CommandService:
@@ -106,8 +106,8 @@ class CommandService:
         self._decide = decide
         self._number = 0  # of the latest request without an id
 
-    def ask(self, request: AnyRequest) -> CommandAck:
-        """Ask for something, in the mission's metres; the answer says whether it is done."""
+    def submit(self, request: AnyRequest) -> CommandAck:
+        """Submit a request, in the mission's metres; the reply says whether it is done."""
         self._number += 1
         number = request.request_id or str(self._number)
         decided = self._decide(dataclasses.replace(request, request_id=number))
@@ -117,21 +117,21 @@ class CommandService:
                 return ack
         return CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
 
-    def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:
+    def from_terminal(self, print_line: Callable[[str], None], command: CommandRequest) -> None:
         """The operator has typed something; its answer is shown as every answer is."""
         try:
             reply = self.execute(command, OPERATOR)
         except RequestError as error:
-            say(str(error))
+            print_line(str(error))
         else:
             if "accepted" not in reply:
-                say(json.dumps(reply))
+                print_line(json.dumps(reply))
 
     def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
-        """Ask for something, in degrees; returns what a program is answered, in JSON's values.
+        """Request something, in degrees; returns what a program is answered, in JSON's values.
 
         Raises:
-            RequestError: a place cannot be told in the mission's frame.
+            RequestError: a place has no coordinates in the mission's frame.
         """
         request = command.for_mission(self._frame, by)
         if request is None:
@@ -142,19 +142,19 @@ class CommandService:
                 **situation(self._frame, self._status(), self._reading()),
                 **more,
             }
-        answer = self.ask(request)
+        ack = self.submit(request)
         reply: dict[str, Any] = {
             "ok": True,
             "id": command.id,
-            "accepted": answer.accepted,
-            "why": answer.why,
-            "code": answer.code,
+            "accepted": ack.accepted,
+            "why": ack.why,
+            "code": ack.code,
             "state": self._status().state.name,
         }
-        if answer.points:
+        if ack.points:
             reply["points"] = [
                 [round(degrees, DEGREE_DIGITS) for degrees in self._frame.to_geodetic(point)]
-                for point in answer.points
+                for point in ack.points
             ]
         return reply
 
@@ -173,7 +173,7 @@ class FlightLoop:
         status: What the operator sees.
 
     Attributes:
-        page: Told of every event; from `begin` on.
+        page: Receives every event; from `begin` on.
         motions: Brings the controller's motions to the vehicle.
         reloader: Reads the mission file again, and puts changed zones on board.
         leaving: The vehicle is let go: what still comes is not decided on.
@@ -201,7 +201,7 @@ class FlightLoop:
         self._gossip = gossip
         self._recorder = recorder
         self._status = status
-        self._repeats = Repeats[str]()  # of what is said on the terminal
+        self._repeats = Repeats[str]()  # of the lines on the terminal
         self.motions = MotionSender(
             vehicle,
             plan,
@@ -209,7 +209,7 @@ class FlightLoop:
             lambda: controller.ended_modes,
             self.on_event,
         )
-        self.reloader = MissionReloader(controller, vehicle, self.on_event, status.say)
+        self.reloader = MissionReloader(controller, vehicle, self.on_event, status.print_line)
         self.leaving = False
         # what happened, what was decided on it and when, to be noted and carried out in order
         self._decided: deque[tuple[Event, list[Action], float]] = deque()
@@ -253,7 +253,7 @@ class FlightLoop:
             self.page.step(event, actions, now_s)
             for action in actions:
                 self._act(action, now_s)
-            self._say_repeats(now_s)
+            self._print_repeats(now_s)
 
     def _act(self, action: Action, now_s: float) -> None:
         match action:
@@ -263,16 +263,16 @@ class FlightLoop:
                 self._gossip.publish_map(now_s)
                 self._gossip.exchange()
             case Seeking(robot=robot):
-                self._gossip.tell_sought(robot, now_s)
+                self._gossip.publish_sought(robot, now_s)
             case ReadAgain() | RenewPlan() | ReplanAirspace():
                 self.start(self.reloader.work(action))
             case Announce():
                 self._show(action, now_s)
                 self.start(self._vehicle.announce(_for_pilot(action), action.severity))
             case CommandAck(by=by, accepted=accepted, why=why):
-                self._gossip.tell_answer(action)
-                word = "accepted" if accepted else "refused"
-                self._say(f"{by}: {word}: {why}", Severity.INFO, now_s, alone=True)
+                self._gossip.publish_ack(action)
+                verdict = "accepted" if accepted else "refused"
+                self._print(f"{by}: {verdict}: {why}", Severity.INFO, now_s, alone=True)
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
@@ -280,9 +280,9 @@ class FlightLoop:
                 self.end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
-        # Each is told: with their times they are the flight's history.
+        # Each change is printed: with their times they are the flight's history.
         words = f"{change.source.name} -> {change.target.name}"
-        self._status.say(f"{now_s:8.1f} s  {words}", Severity.INFO)
+        self._status.print_line(f"{now_s:8.1f} s  {words}", Severity.INFO)
         if change.target is State.PASSIVE:
             self.motions.call_off()
         if change.source is State.READY:
@@ -291,7 +291,7 @@ class FlightLoop:
     def _reckon_with_time(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies.
 
-        And until when zones with hours are the right ones is told by the clock on the wall.
+        And until when zones with hours are the right ones is counted by the wall clock.
         """
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
         self._controller.reacts_within(reaction_s)
@@ -307,17 +307,17 @@ class FlightLoop:
         """The vehicle is let go: what still comes is not decided on."""
         self.leaving = True
 
-    async def tell(self, said: Announce) -> None:
-        """Tell the operator, here, and the pilot, by the ground station."""
-        self._show(said, self._clock.boot_s())
-        await self._vehicle.announce(_for_pilot(said), said.severity)
+    async def announce(self, announcement: Announce) -> None:
+        """Inform the operator, here, and the pilot, by the ground station."""
+        self._show(announcement, self._clock.boot_s())
+        await self._vehicle.announce(_for_pilot(announcement), announcement.severity)
 
-    def _show(self, said: Announce, now_s: float) -> None:
-        label = "" if said.severity is Severity.INFO else f"{said.severity.name}: "
-        self._say(f"{label}{said.words}", said.severity, now_s)
+    def _show(self, announcement: Announce, now_s: float) -> None:
+        label = "" if announcement.severity is Severity.INFO else f"{announcement.severity.name}: "
+        self._print(f"{label}{announcement.words}", announcement.severity, now_s)
 
-    def _say(self, text: str, severity: Severity, now_s: float, *, alone: bool = False) -> None:
-        """Say a line that stays; one that comes again and again is counted.
+    def _print(self, text: str, severity: Severity, now_s: float, *, alone: bool = False) -> None:
+        """Print a line that stays; one that repeats is counted.
 
         Args:
             text: The line.
@@ -326,16 +326,16 @@ class FlightLoop:
             alone: Nor is this line.
         """
         if alone or severity is Severity.ALARM:
-            self._say_repeats(now_s, last=True)
+            self._print_repeats(now_s, last=True)
             self._repeats.clear()
         elif severity is Severity.INFO and self._repeats.again(text, now_s):
             return  # a warning is never late
-        self._status.say(f"{now_s:8.1f} s  {text}", severity)
+        self._status.print_line(f"{now_s:8.1f} s  {text}", severity)
 
-    def _say_repeats(self, now_s: float, *, last: bool = False) -> None:
-        """Say how often lines came again, once that is due; `last`: or is not due any more."""
+    def _print_repeats(self, now_s: float, *, last: bool = False) -> None:
+        """Print how often lines repeated, once that is due; `last`: or is not due any more."""
         for text, count in self._repeats.due(math.inf if last else now_s):
-            self._status.say(f"{now_s:8.1f} s  {times(count)}: {text}", Severity.INFO)
+            self._status.print_line(f"{now_s:8.1f} s  {times(count)}: {text}", Severity.INFO)
 
     def end(self, outcome: str, exit_code: ExitCode) -> None:
         """The flight is over; the first outcome counts."""
@@ -355,7 +355,7 @@ class FlightLoop:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         self._carry_out()
-        self._say_repeats(self._clock.boot_s(), last=True)
+        self._print_repeats(self._clock.boot_s(), last=True)
 
     def _on_task_done(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
@@ -372,14 +372,14 @@ class FlightLoop:
             loop.default_exception_handler(context)
 
     def may_be_taken(self) -> bool:
-        """Whether its mode has not been heard for so long that a pilot may have it."""
+        """Whether its mode has not been received for so long that a pilot may have it."""
         return self._controller.may_be_taken
 
     def flies_by_us(self, *, starts: FlightMode | None) -> bool:
-        """Whether the vehicle flies, or is about to, because we told it to.
+        """Whether the vehicle flies, or is about to, by our command.
 
         Args:
-            starts: The mode from before it was told to take off, which may not show yet.
+            starts: The mode from before it was commanded to take off, which may not show yet.
         """
         controller, telemetry = self._controller, self._controller.telemetry
         if telemetry is None or telemetry.in_air:

@@ -156,7 +156,7 @@ class FlightResult:
         meetings: Whom it found, and where it was then.
     """
 
-    outcome: str  # in words
+    outcome: str  # as text
     exit_code: ExitCode
     report: dict[str, object]
     track: tuple[Point, ...]
@@ -164,7 +164,7 @@ class FlightResult:
 
 
 def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, ExitCode]:
-    """The outcome in words, and the exit code, of a flight that the controller has finished.
+    """The outcome as text, and the exit code, of a flight that the controller has finished.
 
     Args:
         finish: What the controller says.
@@ -190,7 +190,7 @@ def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, Exit
 
 @dataclass(slots=True)
 class FlownTrack:
-    """Takes in what the controller heard and decided, live or out of a record.
+    """Takes in the controller's events and decisions, live or out of a record.
 
     Attributes:
         mission: With the zones and fences that it has by now.
@@ -198,7 +198,7 @@ class FlownTrack:
         distance_m: Along them, without the wander of a vehicle that hovers.
         armed_s: When it was first seen armed, on its clock; None if it was not.
         ours: It is flown by us, not by a pilot.
-        now_s: The newest time that was heard, on its clock.
+        now_s: The newest time that was received, on its clock.
     """
 
     mission: Mission

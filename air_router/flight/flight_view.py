@@ -23,7 +23,7 @@ from mocha_link.links import LinkMetrics
 
 
 class FlightView:
-    """Answers `view`; decides nothing. What is large is made once, and told when it is asked for.
+    """Answers `view`; decides nothing. What is large is made once, and told when it is requested.
 
     Args:
         mission: For its frame and the UAV's name.
@@ -46,8 +46,8 @@ class FlightView:
         self._map: str | None = None  # compressed, in base64
         self._map_cells = 0  # known in `_map`
 
-    def tell(self, command: View) -> dict[str, Any]:
-        """What is asked for, in JSON's values."""
+    def fields_for(self, command: View) -> dict[str, Any]:
+        """What is requested, in JSON's values."""
         status = self._status()
         about: dict[str, Any] = {
             "uav": self._name,
@@ -57,7 +57,7 @@ class FlightView:
                 {"about": about, "text": alarm.lasting, "instruction": alarm.instruction}
                 for about, alarm in status.alarms.items()
             ],
-            "heard": self._heard(status),
+            "heard": self._received(status),
             "links": [self._link(link) for _, link in sorted(status.links.items())],
             "areas_revision": status.airspace.revision,
             "known_cells": self._stats.mapper.known_cells,
@@ -86,7 +86,7 @@ class FlightView:
             for number, change in enumerate(self._stats.changes, first)
         ]
 
-    def _heard(self, status: FlightStatus) -> dict[str, list[float]]:
+    def _received(self, status: FlightStatus) -> dict[str, list[float]]:
         """Where robots that can be sought were last."""
         return {
             robot: degrees(self._frame, target.position)

@@ -38,7 +38,7 @@ DEGREE_DIGITS: Final = 8
 
 # For lag_watch.py; from `LAG_HOLD_S` of the controller on, each lag is reported
 
-LAG_LOOK_S: Final = 0.1
+LAG_CHECK_S: Final = 0.1
 """How often the event loop's lag is measured: five times within the shortest lag that counts."""
 
 LAG_STOOD_S: Final = 0.5

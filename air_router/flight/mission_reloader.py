@@ -58,7 +58,7 @@ _FROM_OPTIONS: Final = frozenset({"duration_s", "seek_policy", "uav", "explore",
 
 
 class NotReloadedError(AirRouterError):
-    """The mission file was read again and changes nothing; the message says why."""
+    """The mission file was read again and changes nothing; the message gives the reason."""
 
     exit_code = ExitCode.INVALID_FILE
 
@@ -88,7 +88,7 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
     fields = sorted(dataclasses.fields(mission), key=lambda field: field.name in follows)
     others = [
         field.name
-        for field in fields  # what follows from others is told last
+        for field in fields  # what follows from others is announced last
         if field.name not in _AREAS | _FROM_OPTIONS
         and getattr(mission, field.name) != getattr(now, field.name)
     ]
@@ -147,7 +147,7 @@ class MissionReloader:
         controller: Whose mission it is.
         vehicle: Gets the changed plan.
         deliver: Takes the events that follow.
-        say: Tells the operator.
+        print_line: Informs the operator.
     """
 
     def __init__(
@@ -155,12 +155,12 @@ class MissionReloader:
         controller: Controller,
         vehicle: Vehicle,
         deliver: Callable[[Event], None],
-        say: Callable[[str], None],
+        print_line: Callable[[str], None],
     ) -> None:
         self._controller = controller
         self._vehicle = vehicle
         self._deliver = deliver
-        self._say = say
+        self._print = print_line
         self.latest: ReloadReport | None = None
         self._reading = self._once_more = False  # the file is read; asked again meanwhile
         self._on_board = FlightPlan.of(controller.mission)  # the plan last sent
@@ -187,7 +187,7 @@ class MissionReloader:
         """The plan itself is on board: what has changed since may follow."""
         self._uploaded.set()
 
-    async def settled(self) -> None:
+    async def finished(self) -> None:
         """Wait until nothing is being read or put on board."""
         await self._idle.wait()
 
@@ -244,13 +244,13 @@ class MissionReloader:
         return ReloadReport(under_way=False, good=good, why=why)
 
     def _failed(self, why: str) -> ReloadReport:
-        self._say(why)
+        self._print(why)
         return ReloadReport(under_way=False, why=why)
 
     async def board(self) -> None:
         """Put the changed plan on board; if that fails, what was there before.
 
-        One that is not waited for any more ends with the list under way. What became of it is told
+        One that is not waited for any more ends with the list under way. Its outcome is announced
         unless another was begun meanwhile.
         """
         self._uploads += 1

@@ -24,7 +24,7 @@ class MotionSender:
     """A place for one motion, and what takes it to the vehicle.
 
     Args:
-        vehicle: Who is told.
+        vehicle: Who is announced.
         plan: The plan on board.
         objection: Why a motion must not be sent now, after all; None if it may.
         out_of: The flight modes that the motion which was decided on last may end.

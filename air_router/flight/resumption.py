@@ -69,7 +69,7 @@ def _moved(window: FlightWindow, began: FlightWindow) -> FlightWindow:
 async def recognised(
     vehicle: Vehicle, plan: FlightPlan, telemetry: Telemetry, *, resume: bool
 ) -> str:
-    """That a vehicle in the air flies this mission, in words.
+    """That a vehicle in the air flies this mission, as text.
 
     Raises:
         RefusedError: it does not; or it does, and is not to be flown on.
@@ -115,7 +115,7 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
     """Since when a vehicle flies this mission and what it has explored, and how that is known.
 
     Args:
-        mission: To be gone on with.
+        mission: To be resumed.
         info: The vehicle, which may know when it took off.
         telemetry: It flies.
         folder: Where records are, also if none can be added; None where nothing is recorded.
@@ -130,7 +130,7 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
             _log.info("%s: %s", path, error)
             continue
         if recorded is not None and recorded[0].airborne_s >= (info.took_off_s or 0.0):
-            words = _words(mission, recorded[0], telemetry, f"by its record {path}")
+            words = _summary(mission, recorded[0], telemetry, f"by its record {path}")
             return Resumption(*recorded, words)
     flown = FlownBefore(info.took_off_s or 0.0)
     how = "by what the vehicle says"
@@ -140,7 +140,7 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
         "; without a record all waypoints are explored again, and heights count from the home that "
         "it has now"
     )
-    return Resumption(flown, None, _words(mission, flown, telemetry, how))
+    return Resumption(flown, None, _summary(mission, flown, telemetry, how))
 
 
 def _newest(folder: Path | None, own: Path | None) -> list[Path]:
@@ -179,7 +179,7 @@ def _identity(mission: Mission) -> tuple[object, ...]:
     return mission.home, mission.uav, mission.waypoints
 
 
-def _words(mission: Mission, flown: FlownBefore, telemetry: Telemetry, how: str) -> str:
+def _summary(mission: Mission, flown: FlownBefore, telemetry: Telemetry, how: str) -> str:
     done, flown_s = flown.visited - len(flown.left_out), telemetry.time_s - flown.airborne_s
     return (
         f"in the air for {flown_s:.0f} s, {done} of {len(mission.waypoints)} waypoints "

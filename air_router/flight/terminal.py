@@ -29,7 +29,7 @@ from air_router.flight.limits import (
 from air_router.vehicle import Severity
 from mocha_link.errors import RequestError
 
-_LOOK: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
+_STYLE: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
 _PLAIN: Final = "\x1b[0m"
 """ANSI: yellow; bold red, and a bell. The line itself says "WARNING" or "ALARM"."""
 
@@ -64,10 +64,10 @@ class StatusLine:
         else:
             self._write(text + "\n")
 
-    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Print a line that stays; on a terminal graver ones in colour, and alarms with a bell."""
-        if self._live and severity in _LOOK:
-            text = f"{_LOOK[severity]}{text}{_PLAIN}"
+    def print_line(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Print a line that stays; on a terminal warnings in colour, and alarms with a bell."""
+        if self._live and severity in _STYLE:
+            text = f"{_STYLE[severity]}{text}{_PLAIN}"
         if self._live:
             text = "\r" + " " * self._width + "\r" + text
             self._width = 0
@@ -81,7 +81,7 @@ class StatusLine:
             self._width = 0
 
     def _write(self, text: str) -> None:
-        with contextlib.suppress(OSError):  # the terminal is gone; the flight goes on without
+        with contextlib.suppress(OSError):  # the terminal is closed; the flight goes on without
             self._out.write(text)
             self._out.flush()
 
@@ -129,7 +129,7 @@ SIGNALS: Final = MappingProxyType({signal.SIGUSR1: "home", signal.SIGUSR2: "resu
 _STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 """With these a terminal stops a program: zones and battery would be watched no more."""
 
-_GONE: Final = "the terminal is gone; the flight goes on without it"
+_CLOSED: Final = "the terminal is gone; the flight goes on without it"
 
 
 @contextlib.contextmanager
@@ -138,7 +138,7 @@ def listening(
     complain: Callable[[str], None],
     keyboard: TextIO | None = None,
 ) -> Iterator[None]:
-    """Hand what is asked for to `deliver` on the running event loop while this lasts.
+    """Hand what is requested to `deliver` on the running event loop while this lasts.
 
     Nothing that a terminal does stops the program meanwhile: no Ctrl-Z, no line that is typed while
     it runs in the background, no log that the terminal does not take.
@@ -161,11 +161,11 @@ def listening(
         else:
             deliver(command)
 
-    loop.add_signal_handler(signal.SIGHUP, complain, _GONE)
-    for number, word in SIGNALS.items():
-        loop.add_signal_handler(number, deliver, parse_command(word))
+    loop.add_signal_handler(signal.SIGHUP, complain, _CLOSED)
+    for number, name in SIGNALS.items():
+        loop.add_signal_handler(number, deliver, parse_command(name))
     try:
-        with _typed(keyboard, on_line), _unstopped():
+        with _lines_typed(keyboard, on_line), _unstopped():
             yield
     finally:
         for number in (signal.SIGHUP, *SIGNALS):
@@ -173,7 +173,7 @@ def listening(
 
 
 @contextlib.contextmanager
-def _typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
+def _lines_typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
     """Hand each line that is typed at a terminal to `take` while this lasts."""
     if not keyboard.isatty():
         yield
@@ -219,7 +219,7 @@ def _unstopped() -> Iterator[None]:
 
 
 def line_of(keyboard: TextIO) -> str:
-    """What was typed; empty at Ctrl-D, in the background, and once the terminal is gone."""
+    """What was typed; empty at Ctrl-D, in the background, and once the terminal is closed."""
     try:
         return keyboard.readline()
     except OSError:

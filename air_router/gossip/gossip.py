@@ -1,4 +1,4 @@
-"""The UAV's gossip node: what it tells the team, and what the team tells the mission."""
+"""The UAV's gossip node: what it publishes to the team, and what it receives for the mission."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ MAP_INTERVAL_S: Final = 5.0
 
 
 SILENT_SYNCS: Final = 5
-"""A robot that was met so often, and has not said where it is, is told of."""
+"""A robot that was met so often, and has not published its pose, is announced."""
 
 SEEK_INTERVAL_S: Final = 30.0
-"""Whom we seek is said again: what others heard of it holds for some minutes only."""
+"""Whom we seek is repeated: what others heard of it holds for some minutes only."""
 
 
 class Gossip:
@@ -107,7 +107,7 @@ class Gossip:
         self._goals: dict[str, GoTo] = {}  # not affordable yet; the newest of each sender
         self._deliver: Callable[[Event], None]  # to the flight; set by `run`
         self._sought: str | None = None  # published again now and then
-        self._seek_at_s = float("inf")  # no peer is told before a robot is sought
+        self._seek_at_s = float("inf")  # no peer is announced before a robot is sought
 
     def start(self, deliver: Callable[[Event], None]) -> None:
         """Open the sockets; hand link events and robots' news to `deliver` on this event loop."""
@@ -133,7 +133,7 @@ class Gossip:
         """What every peer is known to hold; see `Node.held`."""
         return {peer: self.node.held(peer) for peer in self.node.robot.peers}
 
-    def tell(self, telemetry: Telemetry) -> None:
+    def publish_telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose and map when their time has come."""
         if telemetry.time_s - self._pose_at_s >= POSE_INTERVAL_S and POSE_TOPIC in self._topics:
             self._pose_at_s = telemetry.time_s
@@ -148,19 +148,19 @@ class Gossip:
         if telemetry.time_s - self._map_at_s >= MAP_INTERVAL_S:
             self.publish_map(telemetry.time_s)
         if telemetry.time_s - self._seek_at_s >= SEEK_INTERVAL_S:
-            self.tell_sought(self._sought, telemetry.time_s)
+            self.publish_sought(self._sought, telemetry.time_s)
         self._hand_on_goals()
 
-    def tell_sought(self, robot: str | None, time_s: float) -> None:
-        """Tell the team whom we seek; None: no robot."""
+    def publish_sought(self, robot: str | None, time_s: float) -> None:
+        """Inform the team whom we seek; None: no robot."""
         self._sought, self._seek_at_s = robot, time_s
         if SEEK_TOPIC not in self._topics:
             return
         message = SeekMessage(stamp_s=self._clock.now_s(), robot=robot)
         self.node.publish(SEEK_TOPIC, message.encode(), now=True)
 
-    def tell_answer(self, answer: CommandAck) -> None:
-        """Tell a base station what became of its goals."""
+    def publish_ack(self, answer: CommandAck) -> None:
+        """Publish to a base station what became of its goals."""
         if ANSWERS_TOPIC not in self._topics or answer.by not in self._goals_from:
             return
         message = AnswerMessage(
@@ -214,15 +214,15 @@ class Gossip:
             return
         if self._reader.reads(event.robot, event.topic):  # a map takes long to decompress
             message = self.node.latest(event.robot, event.topic)
-            news = None if message is None else self._news(message, event.peer)
-            if isinstance(news, GoTo):
-                self._goals[news.by] = news
+            found = None if message is None else self._event_of(message, event.peer)
+            if isinstance(found, GoTo):
+                self._goals[found.by] = found
                 self._hand_on_goals()
-            elif news is not None:
-                self._deliver(news)
+            elif found is not None:
+                self._deliver(found)
 
     def _note_silence(self, peer: str) -> None:
-        """Say once of a robot that was met, and does not say where it is, that it is silent."""
+        """Announce once that a robot that was met publishes no pose."""
         topic = self._found_by.get(peer)
         self._met[peer] += 1
         if self._met[peer] != SILENT_SYNCS or topic is None:
@@ -246,10 +246,10 @@ class Gossip:
         with contextlib.suppress(MessageError):
             goals = GoalsHead.decode(data)
             if goals.to in {None, self._name}:
-                self.tell_answer(CommandAck(goals.id, robot, False, why, Refusal.NOT_READ))
+                self.publish_ack(CommandAck(goals.id, robot, False, why, Refusal.NOT_READ))
 
-    def _news(self, message: Message, peer: str) -> Event | None:
-        """What a stored message means to the mission; junk is told once, and left alone."""
+    def _event_of(self, message: Message, peer: str) -> Event | None:
+        """What a stored message means to the mission; junk is announced once, and left alone."""
         data = message.parts[-1] if message.parts else message.data  # of several the newest
         try:
             return self._reader.event_of(
@@ -258,7 +258,7 @@ class Gossip:
                 data,
                 peer=peer,
                 unix_s=self._clock.now_s(),
-                said_s=message.stamp_s,
+                source_stamp_s=message.stamp_s,
             )
         except (MessageError, FrameError) as error:
             if message.topic == GOALS_TOPIC:
@@ -267,7 +267,7 @@ class Gossip:
                 f"{message.topic} of {message.robot} cannot be read and is left alone, told once: "
                 f"{error}"
             )
-            told = (message.robot, message.topic) in self._unreadable
+            reported = (message.robot, message.topic) in self._unreadable
             self._unreadable.add((message.robot, message.topic))
             _log.debug(words)
-            return None if told else PeerFault(words)
+            return None if reported else PeerFault(words)

@@ -16,7 +16,7 @@ from mocha_link.links import (
 
 @dataclass(frozen=True, slots=True)
 class ContactSpan:
-    """A time in which a robot was heard well enough."""
+    """A time in which a robot was received well enough."""
 
     robot: str
     from_s: float  # on the vehicle's clock
@@ -89,7 +89,7 @@ class Interactions:
         words = {"completed": "complete", "partial": "partial", "timed_out": "broken off"}
         return {
             "started": self.begun.total(),
-            **{key: outcomes[word] for key, word in words.items()},
+            **{key: outcomes[outcome] for key, outcome in words.items()},
         }
 
     def totals(self, robot: str | None = None) -> dict[str, int]:

@@ -165,7 +165,7 @@ def _types(team: Team) -> Types:
 
 
 def _ros_reader(types: Types, kind: str, robot: Robot) -> Reader:
-    datum, says = Datum.of(robot), _SAYS[kind]
+    datum, says = Datum.of(robot), _EVENT_OF[kind]
 
     def read(data: bytes) -> GossipMessage | None:
         if len(data) > ROS_LIMIT_BYTES:
@@ -206,7 +206,7 @@ def _stamp_s(message: Any) -> float:
     return stamp_s if stamp_s >= _CLOCK_SET_S else 0.0
 
 
-_SAYS: Final[Mapping[str, Callable[[Any, Any], GossipMessage | None]]] = {
+_EVENT_OF: Final[Mapping[str, Callable[[Any, Any], GossipMessage | None]]] = {
     FIX: _fix,
     **dict.fromkeys(LOCAL_POSES, _pose),
     PATH: _path,

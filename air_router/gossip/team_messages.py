@@ -41,7 +41,7 @@ _JSON: Final[Mapping[str, Reader]] = {
 }
 
 PATH_READ: Final = 500
-"""Of a longer path every second point is looked at, or every third, and so on: to find those that
+"""Of a longer path every second point is checked, or every third, and so on: to find those that
 matter takes a time that grows with the square of their number."""
 
 
@@ -84,33 +84,35 @@ class TeamMessageDecoder:
         *,
         peer: str,
         unix_s: float,
-        said_s: float = 0.0,
+        source_stamp_s: float = 0.0,
     ) -> Event | None:
         """The event that a message is to the mission; None: it is none.
 
-        Nothing is said later than it is heard: one stamp of a time to come, from a clock that is
+        No message is newer than its arrival: one stamp of a time to come, from a clock that is
         wrong or a robot that lies, would make everything that follows old.
 
         Args:
             robot: Who made it.
             topic: Of which of its topics.
-            data: What it says.
+            data: Its content.
             peer: Who handed it to us.
             unix_s: The time now, in Unix seconds.
-            said_s: When its maker's node took it, for a message without a stamp.
+            source_stamp_s: When its maker's node took it, for a message without a stamp.
 
         Raises:
             MessageError: it is not what its topic promises.
             FrameError: it speaks of a place that cannot be near.
         """
         read = self._reader(robot, topic)
-        said = None if read is None else read(data)
-        if isinstance(said, PoseMessage):
-            place = self._near(self._frame.to_local(said.latitude_deg, said.longitude_deg))
-            return RobotPose(robot, place, min(said.stamp_s or said_s, unix_s), peer)
-        if isinstance(said, PathMessage):
-            stamp_s = min(said.stamp_s or said_s, unix_s)
-            return RobotPath(robot, self._way(said), stamp_s) if said.points else None
+        published = None if read is None else read(data)
+        if isinstance(published, PoseMessage):
+            place = self._near(
+                self._frame.to_local(published.latitude_deg, published.longitude_deg)
+            )
+            return RobotPose(robot, place, min(published.stamp_s or source_stamp_s, unix_s), peer)
+        if isinstance(published, PathMessage):
+            stamp_s = min(published.stamp_s or source_stamp_s, unix_s)
+            return RobotPath(robot, self._way(published), stamp_s) if published.points else None
         if topic == SEEK_TOPIC:
             seek = SeekMessage.decode(data)
             if unix_s - seek.stamp_s <= SOUGHT_BY_OTHER_S:  # it may be carried news

@@ -7,13 +7,13 @@ decides is shown, and states, times left and routes are its own again.
 import asyncio
 import dataclasses
 import math
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Collection, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from air_router.control import CommandRequest
 from air_router.controller import Controller, FlightStatus
-from air_router.controller.model import Announce, FlightSetup, PublishMap
+from air_router.controller.model import Action, Announce, Event, FlightSetup, PublishMap
 from air_router.errors import RefusedError
 from air_router.gossip import MAP_INTERVAL_S, Mapper
 from air_router.live.scene import LiveScene
@@ -30,8 +30,11 @@ _STEPS: Final = 400
 """Entries that are processed before browsers are served again."""
 
 
-RecordConsumer = LiveScene | LivePage
-"""What takes in the entries of a record."""
+class RecordConsumer(Protocol):
+    """Receives what happens in a recorded flight while it is played."""
+
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """An event, what was decided on it, and when."""
 
 
 class _FinishedFlight:

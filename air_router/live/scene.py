@@ -146,10 +146,10 @@ class LiveScene:
                 self._sample(event)
             case RobotPose(robot=name, position=position, stamp_s=stamp_s, peer=peer):
                 robot = self._robot(name)
-                if robot.track.pose_heard(position, stamp_s, self._now_s):
+                if robot.track.pose_received(position, stamp_s, self._now_s):
                     robot.peer = peer
             case RobotPath(robot=name, points=points, stamp_s=stamp_s):
-                self._robot(name).track.path_heard(points, stamp_s, self._now_s)
+                self._robot(name).track.path_received(points, stamp_s, self._now_s)
             case _ if isinstance(event, LinkEvent):
                 self.interactions.take(self._now_s, event)
         self._take_decided(actions)

@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 from pydantic_core import to_json
 
+from air_router.controller import FlightStatus
 from air_router.controller.model import CommandConfirmed, CommandFailed, Motion
 from air_router.record.serialization import RECORDED, TYPE_KEY, adapter, encode
 from mocha_link.links import LinkMetrics
@@ -75,6 +76,12 @@ def message_of(value: object, now_s: float, order: int | None = None) -> bytes:
     return b"%b,%b" % (head[:-1], encode(value)[1:])  # two objects become one
 
 
+def status_message_of(status: FlightStatus, now_s: float) -> bytes:
+    """The flight's status as a message. Raises TypeError: it cannot be recorded."""
+    head = to_json({TIME_KEY: now_s})
+    return b"%b,%b" % (head[:-1], encode(status, of=FlightStatus)[1:])
+
+
 # Channels
 
 
@@ -91,6 +98,12 @@ PATCHES: Final = _channel("/patches", "Patch", {"patch": {**_TEXT, "contentEncod
 def channel_of(kind: str, of: Any) -> RecordChannel:
     """The channel of a class of events or actions."""
     return _timed(f"/{kind}/{of.__name__}", of)
+
+
+@cache
+def status_channel() -> RecordChannel:
+    """The channel of the flight's status."""
+    return _timed("/status", FlightStatus)
 
 
 @cache

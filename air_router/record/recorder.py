@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol
 
+from air_router.controller import FlightStatus
 from air_router.controller.model import FlightSetup, Motion
 from air_router.gossip import Mapper
 from air_router.record.channels import (
@@ -27,6 +28,8 @@ from air_router.record.channels import (
     link_channel,
     message_of,
     note_channel,
+    status_channel,
+    status_message_of,
 )
 from air_router.record.record_file import RecordFile, no_folder, open_record
 from air_router.record.serialization import TYPE_KEY, json_of, plain_of
@@ -39,10 +42,10 @@ _log = logging.getLogger(__name__)
 
 _LATEST_UNIX_S: Final = 1.8e10  # in the year 2540
 
-CLOCK, LINKS, MAP, GRID = "clock", "links", "map", "grid"
-EVERY_S: Final = {CLOCK: 10.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
-"""So often the vehicle's Unix time is noted beside its own clock, the links are measured, the size
-of the map is noted, and the whole map is drawn while it grows."""
+CLOCK, STATUS, LINKS, MAP, GRID = "clock", "status", "links", "map", "grid"
+EVERY_S: Final = {CLOCK: 10.0, STATUS: 1.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
+"""Seconds between two records of the vehicle's Unix time beside its own clock, of the flight's
+status, of the links' metrics, of the size of the map, and of the whole map while it grows."""
 
 PATCH_BYTES: Final = 200_000_000
 """What the map's patches may take before compression; what comes later is in the whole map only."""
@@ -137,6 +140,7 @@ class Recorder(Closeable):
         """Record what the controller is made of, and how it is flown."""
         if self._idle:
             return
+        status_channel()
         link_channel()  # makes all schemas: on the ground, and not at the first event of a kind
         self.note("Setup", 0.0, {"setup": self._encoded(plain_of, setup)})
         self.note("Options", 0.0, facts)
@@ -203,6 +207,19 @@ class Recorder(Closeable):
             if changed:
                 known.update(holdings)
                 self.note("Held", now_s, {"peer": peer, "held": changed})
+
+    def status(self, status: Callable[[], FlightStatus], now_s: float) -> None:
+        """Record the flight's status, once a second.
+
+        Args:
+            status: Called when the next one is due.
+            now_s: As everywhere.
+        """
+        if self._idle or not self._due(STATUS, now_s):
+            return
+        message = self._encoded(lambda value: status_message_of(value, now_s), status())
+        if message is not None:
+            self._add(status_channel(), now_s, message)
 
     def patch(self, patch: bytes, now_s: float) -> None:
         """Record a patch that was painted into the map, as it came."""

@@ -216,14 +216,18 @@ def adapter(hint: Any) -> TypeAdapter[Any]:
 RECORDED: Final = Event | Action | FlightSetup | LinkMetrics
 
 
-def encode(value: object) -> bytes:
+def encode(value: object, of: Any = RECORDED) -> bytes:
     """An event, action, setup or link as a JSON object; `type` is its class.
+
+    Args:
+        value: What is recorded.
+        of: The declared type, where it is another.
 
     Raises:
         TypeError: it is none of these, or one within it is not what its class declares.
     """
     try:
-        return adapter(RECORDED).dump_json(value, warnings="error")
+        return adapter(of).dump_json(value, warnings="error")
     except PydanticSerializationError as error:
         raise TypeError(f"{value!r:.200} cannot be recorded: {error}") from None
 

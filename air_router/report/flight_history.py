@@ -11,10 +11,10 @@ from typing import Any, Final, NamedTuple
 
 from air_router.controller.model import (
     Announce,
-    Asked,
     ChangeAltitude,
     CommandAck,
     CommandFailed,
+    ControlRequest,
     Finish,
     FlightSetup,
     GoTo,
@@ -281,7 +281,7 @@ class _Decisions:
         self.states = [replace(self.states[-1], from_s=t, to_s=t)]
 
     def event(self, t: float, event: Any) -> None:
-        if isinstance(event, Asked):
+        if isinstance(event, ControlRequest):
             self._open[event.by, event.request_id] = len(self.requests)
             self.requests.append(RequestRecord(t, _request_text(event), event.by))
         elif isinstance(event, CommandFailed):
@@ -440,7 +440,7 @@ class HistoryFold:
             self._decisions.event(t, event)
 
 
-def _request_text(event: Asked) -> str:
+def _request_text(event: ControlRequest) -> str:
     match event:
         case SeekNow(robot=robot):
             return f"seek {robot}"

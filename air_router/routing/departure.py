@@ -41,7 +41,7 @@ from geo.paths import ShortestPaths, path_length_m
 
 
 class Momentum(NamedTuple):
-    """What a vehicle flies on by itself, whether it is told to stop or sent elsewhere.
+    """What a vehicle flies on by itself, whether it is commanded to stop or sent elsewhere.
 
     It follows after its reaction. From then on its velocity goes straight over from v to the new u
     with a = `BRAKING_M_S2`, which takes T = |u - v| / a: a parabola; its control polygon has the
@@ -49,7 +49,7 @@ class Momentum(NamedTuple):
     than where braking would end, and at v T / 2 + u T / 4.
 
     Attributes:
-        rest: Where it comes to rest if it is told now to brake.
+        rest: Where it comes to rest if it is announced now to brake.
         velocity_m_s: East and north.
         speed_m_s: How fast it flies the new leg.
         reaction_s: For how long it flies on as it does.
@@ -94,21 +94,21 @@ class Stand(Enum):
     *Near* is nearer to a zone or the fence than routes keep, *too near* nearer than the clearance.
     """
 
-    CLEAR = "it stands where routes go"
-    MOVING = "it moves, and comes to rest where routes go"
-    WITHIN = "it is in a zone or outside of the fence, and near to no other"
-    WITHIN_NEAR = "it is in a zone or outside of the fence, and near to another, or will be"
-    TOO_FAST = "it comes to rest too near, or nearer still than too near"
-    TOO_NEAR = "it is too near"
-    NEAR = "it is near, or comes to rest there"
+    CLEAR = "hovers where routes go"
+    MOVING = "moves, and would stop where routes go"
+    WITHIN = "is in a zone or outside the fence, and near no other zone"
+    WITHIN_NEAR = "is in a zone or outside the fence, and is or will be near another zone"
+    TOO_FAST = "would stop too near, or is too near and would stop even nearer"
+    TOO_NEAR = "is too near"
+    NEAR = "is near, or would stop there"
 
 
 class Begins(Enum):
     """How the first leg may begin."""
 
-    AS_ROUTES = "clear over its whole length, with all that its turn may sweep"
-    BY_LEEWAY = "its first metres nearer than routes keep; then clear"
-    BRAKING = "not at all: the vehicle brakes first"
+    AS_ROUTES = "clear over its whole length and turn"
+    BY_LEEWAY = "nearer at first, then clear"
+    BRAKING = "not sent: the vehicle brakes first"
 
 
 class Rule(NamedTuple):
@@ -137,13 +137,13 @@ class Departure:
         paths: paths at the distance that routes keep.
         start: where the vehicle is.
         momentum: what it flies on by itself; None if it stands.
-        pending: where else it flies to until it is told, or turns there: ends of legs so far.
+        pending: where else it flies to until it is announced, or turns there: ends of legs so far.
 
     Attributes:
         start: where the vehicle is.
         rest: where it would come to rest.
         pending: where else it may be on its way to.
-        moving: whether it may be elsewhere than at the start when it is told.
+        moving: whether it may be elsewhere than at the start when it is announced.
     """
 
     def __init__(
@@ -170,11 +170,11 @@ class Departure:
         if not self.in_margin:
             return Stand.MOVING if self.moving else Stand.CLEAR
         if self._holders:
-            here_m, rest_m = self._others_spare_m
+            here_m, rest_m = self._others_clearance_left_m
             clear = min(here_m, rest_m) >= 0 or rest_m < here_m - HOVER_DRIFT_M
             return Stand.WITHIN if clear else Stand.WITHIN_NEAR
         too_near = self._here_m < 0
-        if self._kept_m < (self._here_m - HOVER_DRIFT_M if too_near else 0):
+        if self._required_m < (self._here_m - HOVER_DRIFT_M if too_near else 0):
             return Stand.TOO_FAST
         return Stand.TOO_NEAR if too_near else Stand.NEAR
 
@@ -202,7 +202,7 @@ class Departure:
         return self._airspace.clearance_left_m(self.start)[0] + self._airspace.margin_m
 
     @cached_property
-    def _kept_m(self) -> float:
+    def _required_m(self) -> float:
         """The least that there is on top of the clearance, here and where it comes to rest."""
         return min(
             self._here_m, self._airspace.clearance_left_m(self.rest)[0] + self._airspace.margin_m
@@ -215,30 +215,30 @@ class Departure:
         return others.with_margin((others.margin_m - others.clearance_m) / 2)
 
     @cached_property
-    def _others_spare_m(self) -> tuple[float, float]:
+    def _others_clearance_left_m(self) -> tuple[float, float]:
         """What there is to spare to these, here and where it comes to rest."""
         here_m, rest_m = (
             self._others.clearance_left_m(place)[0] for place in (self.start, self.rest)
         )
         return here_m, rest_m
 
-    # What the rules ask for.
+    # What the rules request.
 
     def first_near(self) -> Airspace:
-        """As near as it is, or comes to rest."""
+        """No nearer than it is, or would stop."""
         airspace = self._airspace
         return airspace.relaxed(
-            airspace.margin_m - self._kept_m + LEG_ROUNDING_M,
+            airspace.margin_m - self._required_m + LEG_ROUNDING_M,
             self._nearest_m(airspace) - LEG_ROUNDING_M,
         )
 
     def reach_near_m(self) -> float:
         """Twice as far as it takes to be clear, straight away from there."""
         drift_m = math.dist(self.start, self.rest)
-        return 2 * (self._airspace.margin_m - self._kept_m) + drift_m + LEEWAY_M
+        return 2 * (self._airspace.margin_m - self._required_m) + drift_m + LEEWAY_M
 
     def whole_near(self) -> Airspace:
-        """To what it keeps the clearance from now it keeps it all the way."""
+        """The clearance to everything from which it keeps that now."""
         return self._airspace.with_margin(0.0).clear_of_leg(self.start, self.rest)
 
     def warning_near(self) -> str:
@@ -251,7 +251,7 @@ class Departure:
         return f"the vehicle is {where}: it moves away first"
 
     def first_within(self) -> Airspace:
-        """Out of what it is in; half of the margin to all else."""
+        """A way out, with half the margin to everything else."""
         return self._others
 
     def reach_within_m(self) -> float:
@@ -268,13 +268,13 @@ class Departure:
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """The same, and to others as near as it is, or comes to rest."""
-        shortfall_m = LEG_ROUNDING_M - min(self._others_spare_m)
+        """The same, but no nearer to the others than it is, or would stop."""
+        shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 
     def whole_within_near(self) -> Airspace:
-        """To others that it keeps half of the margin from now it keeps it all the way."""
+        """Half the margin to every other zone from which it keeps that now."""
         return self._others.clear_of_leg(self.start, self.rest)
 
     @cached_property

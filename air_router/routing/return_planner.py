@@ -92,8 +92,8 @@ class ReturnPlanner:
         """The way to the nearest rally point (by way) of every node that has one."""
         ways: dict[int, Way] = {}
         for place in self._mission.landings:
-            seen = self._with_straight({}, place) or self._by_route(place)
-            for node, way in seen.items():
+            known = self._with_straight({}, place) or self._by_route(place)
+            for node, way in known.items():
                 ways[node] = min(way, ways.get(node, way))
         return _tree(self._graph, ways) if ways else {}
 
@@ -168,7 +168,7 @@ class ReturnPlanner:
 
 @dataclass(slots=True, eq=False)
 class WayHome:
-    """The way home from where the vehicle is, asked for again and again in flight. Pure.
+    """The way home from where the vehicle is, requested again and again in flight. Pure.
 
     Attributes:
         need_now: The answer of last time.
@@ -178,7 +178,7 @@ class WayHome:
     _router: Router | None = None
     _pace: Pace | None = None
     _from: Point | None = None  # where the way was planned from
-    _asked_s: float = -math.inf  # when, vehicle's clock
+    _planned_s: float = -math.inf  # when, vehicle's clock
     _way: Way | None = None
 
     def need(self, telemetry: Telemetry, router: Router) -> float | None:
@@ -193,14 +193,14 @@ class WayHome:
         """
         if router is not self._router:
             self._router, self._pace = router, Pace.of(router.graph.mission)
-            self._from, self._asked_s, self._way = None, -math.inf, None
+            self._from, self._planned_s, self._way = None, -math.inf, None
         pace = self._pace
         if pace is None or pace.endurance_s is None:
             self.need_now = None
             return None
         moved_m = math.inf if self._from is None else math.dist(self._from, telemetry.position)
-        if moved_m >= WAY_HOME_MOVED_M or telemetry.time_s >= self._asked_s + WAY_HOME_EVERY_S:
-            self._asked_s = telemetry.time_s
+        if moved_m >= WAY_HOME_MOVED_M or telemetry.time_s >= self._planned_s + WAY_HOME_EVERY_S:
+            self._planned_s = telemetry.time_s
             route = router.route(telemetry.position, HOME_NODE)
             if isinstance(route, Route):
                 self._from, moved_m = telemetry.position, 0.0

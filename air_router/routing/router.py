@@ -53,12 +53,12 @@ class Route:
 class NoRoute:
     """There is no route: why, and the names of the zones (or of the fence) in the way."""
 
-    reason: str  # in words
+    reason: str  # as text
     blockers: tuple[str, ...] = ()  # names of zones, or of the fence
 
 
 class Router:
-    """Finds routes, in the way that the mission asks for.
+    """Finds routes, in the way that the mission requests.
 
     Args:
         graph: the mission's waypoint graph.
@@ -167,7 +167,7 @@ class Router:
         )
 
     def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
-        """Straight there where that is clear, else on the graph if the mission says so.
+        """Straight there where that is clear, else on the graph if the mission is set so.
 
         Else, and where the graph has no way, it is the shortest clear one.
         """
@@ -284,10 +284,12 @@ class WaypointPlanner:
         if target.node is not None:
             leaving = {target.node}
         else:
-            leaving = self._seen(target.to, lambda ends: self._airspace.legs_clear(target.to, ends))
+            leaving = self._visible(
+                target.to, lambda ends: self._airspace.legs_clear(target.to, ends)
+            )
         if not leaving:
             return None
-        entering = self._seen(rule.start, rule.allowed)
+        entering = self._visible(rule.start, rule.allowed)
         queue = []
         for node in entering:
             away_m = math.dist(rule.start, graph.position(node))
@@ -307,14 +309,14 @@ class WaypointPlanner:
                     heapq.heappush(queue, (reach_m + to_goal_m[other], reach_m, other, node))
         return None
 
-    def _seen(self, place: Point, ask: Callable[[list[Point]], list[bool]]) -> set[int]:
+    def _visible(self, place: Point, check: Callable[[list[Point]], list[bool]]) -> set[int]:
         """The nodes seen from a place, no farther than edges are long; else any that are seen."""
         near = self._distances_m(place) <= self._max_edge_m
         for nodes in (np.flatnonzero(near).tolist(), np.flatnonzero(~near).tolist()):
-            answers = ask([self._graph.position(node) for node in nodes])
-            seen = {node for node, ok in zip(nodes, answers, strict=True) if ok}
-            if seen:
-                return seen
+            are_clear = check([self._graph.position(node) for node in nodes])
+            visible = {node for node, ok in zip(nodes, are_clear, strict=True) if ok}
+            if visible:
+                return visible
         return set()
 
     def _distances_m(self, place: Point) -> npt.NDArray[np.float64]:

@@ -70,10 +70,10 @@ class Scene:
             at_s = self.now_s - (1800.0 if number < self.lost else rng.uniform(5.0, 400.0))
             place = Point(rng.uniform(-300.0, 300.0), rng.uniform(-300.0, 300.0))
             stamp_s = 1e9 + at_s  # no robot's clock is the vehicle's
-            track.pose_heard(place, stamp_s, at_s)
+            track.pose_received(place, stamp_s, at_s)
             if self.paths:
                 ahead = [Point(place.east_m + 40.0 * n, place.north_m + 25.0 * n) for n in (1, 2)]
-                track.path_heard(tuple(ahead), stamp_s, at_s)
+                track.path_received(tuple(ahead), stamp_s, at_s)
             for direction in (Direction.IN, Direction.OUT)[: rng.randrange(3)]:
                 track.synced(direction, at_s)
         for number in range(self.taken):

@@ -54,7 +54,7 @@ from mocha_link.path_safety import made_folder
     type=Parsed(speed_factor),
     metavar="X",
     default=1.0,
-    help="largest speed, times real time, 0.1 to 100 (default 1); the simulation waits for the "
+    help="speed limit, times real time, 0.1 to 100 (default 1); the simulation waits for the "
     "slowest process",
 )
 @option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
@@ -135,7 +135,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
         SimWorld(arguments.mission, options, folder, mission.layers) as world,
     ):
         commands = {
-            seat.uav: _command(seat, index, world, arguments)
+            seat.uav: command_of(seat, index, world, arguments)
             for index, seat in enumerate(world.seats)
         }
         flights = Flights(commands, overhear=overhear)
@@ -150,7 +150,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
     return code
 
 
-def _command(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
+def command_of(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
     command += ["--connect", seat.url, "--sysid", str(seat.system_id)]

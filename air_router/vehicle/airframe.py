@@ -10,7 +10,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final
 
-from air_router.vehicle.limits import ANOTHER_TYPE_AMONG, ANOTHER_TYPE_GONE, ANOTHER_TYPE_HEARTBEATS
+from air_router.vehicle.limits import (
+    ANOTHER_TYPE_CLEARED,
+    ANOTHER_TYPE_HEARTBEATS,
+    ANOTHER_TYPE_WINDOW,
+)
 
 MULTICOPTERS: Final[Mapping[int, str]] = MappingProxyType(
     {
@@ -53,7 +57,7 @@ SET_UP: Final = "connect a multicopter; if this is one, choose its airframe (MAV
 
 @dataclass(frozen=True, slots=True)
 class Airframe:
-    """What a vehicle says that it is.
+    """What a vehicle reports that it is.
 
     Attributes:
         kind: HEARTBEAT.type, a MAV_TYPE.
@@ -67,7 +71,7 @@ class Airframe:
 
     @property
     def words(self) -> str:
-        """Its type in words."""
+        """Its type as text."""
         if self.kind in VTOLS or self.vtol:
             return "VTOL"
         other = _OTHERS.get(self.kind, f"vehicle of MAV_TYPE {self.kind}")
@@ -97,9 +101,9 @@ class AirframeWatch:
 
     airframe: Airframe = field(default_factory=Airframe)
     why_not: str | None = None
-    _vtol: bool = False  # as EXTENDED_SYS_STATE said last
+    _vtol: bool = False  # as EXTENDED_SYS_STATE reported last
     _latest: deque[Airframe] = field(  # as named
-        default_factory=lambda: deque(maxlen=ANOTHER_TYPE_GONE)
+        default_factory=lambda: deque(maxlen=ANOTHER_TYPE_CLEARED)
     )
 
     def state(self, fields: Mapping[str, Any]) -> None:
@@ -112,7 +116,7 @@ class AirframeWatch:
         self._latest.append(named)
         before = self.why_not
         others = [other for other in self._latest if other.why_not_flown is not None]
-        lately = sum(other in others for other in list(self._latest)[-ANOTHER_TYPE_AMONG:])
+        lately = sum(other in others for other in list(self._latest)[-ANOTHER_TYPE_WINDOW:])
         if lately >= ANOTHER_TYPE_HEARTBEATS:
             self.airframe = others[-1]
             self.why_not = self.airframe.why_not_flown

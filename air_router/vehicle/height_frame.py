@@ -2,7 +2,7 @@
 
 A PX4 flies the heights of its plan above the home that it has now. Any ground station may move
 that in flight, and the vehicle climbs or sinks by as much. What was planned and checked counts
-from the home of the take-off: that one is kept here, and what the vehicle says is told from it.
+from the home of the take-off: that one is kept here, and reported heights are counted from it.
 """
 
 import math
@@ -45,8 +45,8 @@ class HeightFrame:
     """Keeps the home of the take-off.
 
     Attributes:
-        home: Its place, metres east/north; None until the vehicle told it.
-        home_amsl_m: Its height above mean sea level; None until the vehicle was heard.
+        home: Its place, metres east/north; None until the vehicle sent it.
+        home_amsl_m: Its height above mean sea level; None until the vehicle sent one.
         moved: By how much the autopilot's home is off it; None while it is the same.
     """
 
@@ -54,7 +54,9 @@ class HeightFrame:
     home_amsl_m: float | None = None
     moved: HomeMove | None = None
     _flew: bool = False  # since it was armed
-    _heard: tuple[float, float, Point | None] | None = None  # the last arguments of `altitude_m`
+    _last_report: tuple[float, float, Point | None] | None = (
+        None  # the last arguments of `altitude_m`
+    )
 
     def altitude_m(
         self,
@@ -84,22 +86,22 @@ class HeightFrame:
             self.home, self.home_amsl_m = home, amsl_m if grounded else now_m
         if self.home is None:
             self.home = home
-        self._heard = (amsl_m, above_home_m, home)
-        return self._above_take_off(*self._heard)
+        self._last_report = (amsl_m, above_home_m, home)
+        return self._above_take_off(*self._last_report)
 
     def took_off_from(self, home_amsl_m: float) -> float | None:
         """A companion before this one knew how high home was at the take-off: count from there.
 
-        Returns how high the vehicle is above it, as heard last; None before it was heard.
+        Returns how high the vehicle is above it, as heard last; None before it was received.
         """
         self.home_amsl_m = home_amsl_m
-        return None if self._heard is None else self._above_take_off(*self._heard)
+        return None if self._last_report is None else self._above_take_off(*self._last_report)
 
     def above_m(self, amsl_m: float | None) -> float | None:
         """How high above that home another height is; None: unknown."""
-        if self._heard is None or amsl_m is None:
+        if self._last_report is None or amsl_m is None:
             return None
-        return amsl_m - self._heard[0] + self._above_take_off(*self._heard)
+        return amsl_m - self._last_report[0] + self._above_take_off(*self._last_report)
 
     def _above_take_off(self, amsl_m: float, above_home_m: float, home: Point | None) -> float:
         home_amsl_m = self.home_amsl_m or 0.0

@@ -5,10 +5,10 @@ from typing import Final
 # For airframe.py; all three count HEARTBEATs
 
 ANOTHER_TYPE_HEARTBEATS: Final = 2
-ANOTHER_TYPE_AMONG: Final = 6
+ANOTHER_TYPE_WINDOW: Final = 6
 """Another vehicle in so many of the latest HEARTBEATs is there; in one it may be a stray frame."""
 
-ANOTHER_TYPE_GONE: Final = 10
+ANOTHER_TYPE_CLEARED: Final = 10
 """It is there no more after so many HEARTBEATs without it: ten seconds, at 1 Hz."""
 
 # For battery.py
@@ -36,18 +36,18 @@ CLOCK_RATE_MOST: Final = 200.0
 """Seconds of the vehicle a second: twice as fast as a simulation is asked to run at most. A window
 with more is of messages that had waited."""
 
-CLOCK_RATE_LOOKS: Final = 30
-CLOCK_RATE_LOOK_S: Final = 0.03
-"""How often, and how long apart, it is looked whether a rate is measured: over three windows."""
+CLOCK_RATE_SAMPLES: Final = 30
+CLOCK_RATE_SAMPLE_S: Final = 0.03
+"""How often, and how long apart, a rate is sampled: over three windows."""
 
-CLOCK_RATES_ALIKE: Final = 0.25
+CLOCK_RATE_TOLERANCE: Final = 0.25
 """Two windows that differ by no more than this share of the larger rate measure the same one."""
 
 REBOOT_S: Final = 1.0
 """A time that is earlier than the newest by more than this is of a vehicle that has rebooted:
 messages overtake each other by less (`POSITION_BACK_S` of the PX4's room)."""
 
-CLOCK_CARRIED_S: Final = 2.0
+CLOCK_EXTRAPOLATED_S: Final = 2.0
 """Wall time for which the clock is carried on after the last message; then it stands still."""
 
 UNIX_TIME_SET_S: Final = 2.0
@@ -80,7 +80,7 @@ FLIGHT_MODE_S: Final = 5.0
 """A flight mode older than this may not be so any more: HEARTBEAT comes at 1 Hz; see `LIMITS`."""
 
 FIX_ALARM_S: Final = 5.0
-"""A fix that is gone for so long is an alarm: PX4's own failsafe may act."""
+"""A fix that is lost for so long is an alarm: PX4's own failsafe may act."""
 
 # For pace.py
 

@@ -63,24 +63,24 @@ class PaceSource:
 
 
 class PaceClient(Closeable):
-    """Says how far this process has worked; for one thread. Without a world to tell it is silent.
+    """Reports how far this process has worked; for one thread. Without a world it does nothing.
 
     Args:
-        source: Where to tell it; None: nowhere.
+        source: Where to report; None: nowhere.
         name: Under which the world tells how far behind we were.
     """
 
     def __init__(self, source: PaceSource | None, name: str) -> None:
         self._source = source
         self._name = name
-        self._socket: socket.socket | None = None  # None until it has to tell
-        self._told_s = -math.inf  # vehicle's clock
+        self._socket: socket.socket | None = None  # None until the first report
+        self._reported_s = -math.inf  # vehicle's clock
 
     def reached(self, time_s: float) -> None:
         """All that belongs to this moment of the vehicle's clock, and to those before, is done."""
-        if self._source is None or abs(time_s - self._told_s) < PACE_STEP_S:
+        if self._source is None or abs(time_s - self._reported_s) < PACE_STEP_S:
             return
-        self._told_s = time_s
+        self._reported_s = time_s
         try:
             if self._socket is None:
                 self._socket = self._source.connect()
@@ -91,9 +91,9 @@ class PaceClient(Closeable):
             _log.debug("the world's clock is gone: %s", error)
             self.close()
 
-    def heard(self, event: VehicleEvent) -> None:
-        """A flight begins with this event. It is told from arming on: before, it gets ready."""
-        if isinstance(event, Telemetry) and (event.armed or self._told_s > -math.inf):
+    def received(self, event: VehicleEvent) -> None:
+        """A flight begins with this event. The world is informed from arming on."""
+        if isinstance(event, Telemetry) and (event.armed or self._reported_s > -math.inf):
             self.reached(event.time_s)
 
     def close(self) -> None:

@@ -63,7 +63,7 @@ class Ages:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What the vehicle said of itself last; one value for everything that changes steadily.
+    """What the vehicle reported about itself last; one value for everything that changes steadily.
 
     Attributes:
         time_s: When it was at this position, seconds on its clock since it booted.
@@ -73,7 +73,7 @@ class Telemetry:
         heading_deg: Clockwise from true north, None when unknown.
         armed: Motors may turn.
         in_air: As the autopilot reports, not a guess from altitude.
-        mode: The flight mode the autopilot reports, never the one that was asked for.
+        mode: The flight mode the autopilot reports, never the one that was requested.
         failsafe: The autopilot acts on a failsafe of its own: it flies another mode than intended.
         battery: Remaining charge from 0 to 1, None when unknown.
         item: Sequence number of the plan item it flies to, None when unknown.
@@ -118,7 +118,7 @@ class Telemetry:
     accuracy_m: float | None = None
 
     def bound_for(self, place: Point, altitude_m: float | None, aside_m: float) -> bool:
-        """Whether it flies to a place, or hovers there, as far as it tells.
+        """Whether it flies to a place, or hovers there, as far as it reports.
 
         Args:
             place: Metres east/north of the mission's origin.
@@ -132,14 +132,14 @@ class Telemetry:
         return math.dist(target, place) <= aside_m and abs(up_m) <= TARGET_REACHED_UP_M
 
     @property
-    def told_s(self) -> float:
-        """When the newest of it was told, on the vehicle's clock: `time_s` if positions come."""
+    def received_s(self) -> float:
+        """When the newest of it was sent, on the vehicle's clock: `time_s` if positions come."""
         return self.time_s + self.ages.position_s
 
 
 @dataclass(frozen=True, slots=True)
 class ItemReached:
-    """The autopilot says that it has reached a plan item."""
+    """The autopilot reports that it has reached a plan item."""
 
     time_s: float
     item: int  # seq in the plan on board
@@ -166,7 +166,7 @@ class PlanTried:
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
-        who: Which sender, in words.
+        who: Which sender, as text.
     """
 
     time_s: float
@@ -191,9 +191,9 @@ class LinkSilent:
     """Nothing has come from the vehicle for a while.
 
     Attributes:
-        time_s: The vehicle's clock when it was last heard.
+        time_s: The vehicle's clock when its last message came.
         silent_s: Wall-clock seconds since then.
-        over: It was heard again just now.
+        over: It sends again just now.
     """
 
     time_s: float
@@ -240,8 +240,8 @@ VehicleEvent = (Telemetry | ItemReached | PlanReplaced | PlanTried | PlanCompare
 class VehicleInfo:
     """Who answered: system id, autopilot and its version, and where its home is.
 
-    `took_off_s` is when it took off, on its clock; None if it does not fly, or does not say so.
-    `airframe` is what kind of vehicle it says that it is.
+    `took_off_s` is when it took off, on its clock; None if it does not fly, or does not report it.
+    `airframe` is what kind of vehicle it reports that it is.
     """
 
     system_id: int
@@ -278,11 +278,11 @@ class GpsFix:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What a vehicle on the ground says of itself when it is asked: for a pre-flight check.
+    """What a vehicle on the ground reports about itself on request: for a pre-flight check.
 
     Attributes:
         healthy: The autopilot's own health and arming checks pass.
-        problems: What they find, in words; empty also where the autopilot does not say.
+        problems: What they find, as text; empty also where the autopilot does not say.
         warnings: What they find that does not keep it from arming.
         gps: The receiver; None when it says nothing.
         battery: Remaining charge from 0 to 1, None when unknown.
@@ -290,7 +290,7 @@ class Inspection:
         wind_m_s: How the air moves (east, north); None when unknown.
         unix_s: The vehicle's own clock, None until it knows the time.
         parameters: By name; None for one that the vehicle does not have (or does not tell).
-        absent: Those of which it says that it does not have them.
+        absent: Those of which it reports that it does not have them.
     """
 
     healthy: bool = True
@@ -334,7 +334,7 @@ Modes = Collection[FlightMode] | None
 class Vehicle(Protocol):
     """Verbs of a vehicle. Each returns when the vehicle has confirmed it, or raises.
 
-    What moves it, or changes its mode, leaves only when the vehicle has just said that it is in one
+    What moves it, or changes its mode, leaves only when the vehicle has just reported one
     of the modes that the order may end (`out_of`); that of an order of ours which may yet show is
     one of them.
 
@@ -356,7 +356,7 @@ class Vehicle(Protocol):
         """Hand every event to `callback`, in order, on the event loop."""
 
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
-        """Ask for what a pre-flight check looks at, with the values of these parameters."""
+        """Request what a pre-flight check checks, with the values of these parameters."""
 
     async def upload(self, plan: FlightPlan) -> None:
         """Put nodes and fence on board and read both back."""
@@ -427,7 +427,7 @@ class Vehicle(Protocol):
         """Descend here and touch down; `out_of`: the modes that it may end."""
 
     async def announce(self, text: str, severity: Severity) -> None:
-        """Tell the pilot: shown by ground stations, kept in the autopilot's log."""
+        """Inform the pilot: shown by ground stations, kept in the autopilot's log."""
 
     async def close(self) -> None:
         """Let go of the link; the vehicle keeps doing what it does."""

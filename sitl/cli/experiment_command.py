@@ -63,8 +63,8 @@ def _archive(text: str) -> Path:
 
 @command(
     "Run an experiment: every row of its file with several seeds, each run half an "
-    "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
-    "writes results.csv, figures and what the runs say about the paper's claims.",
+    "hour of a town with robots, computed in about a second. Prints a table with confidence "
+    "intervals; writes results.csv, figures, and tests of the paper's claims.",
     _EPILOG,
 )
 @click.argument(
@@ -115,13 +115,13 @@ def _archive(text: str) -> Path:
     "--archive",
     type=Parsed(_archive),
     metavar="FILE",
-    help=f"write what tables and claims are made of into a file *{ARCHIVE_ENDING}",
+    help=f"write the data behind tables and claims into a file *{ARCHIVE_ENDING}",
 )
 @option(
     "--verify",
     type=PATH,
     metavar="FILE",
-    help="with an archive: list what differs in a Markdown file and its evidence; change nothing",
+    help="with an archive: list differences from a Markdown file and its evidence; change nothing",
 )
 @option(
     "--remake",
@@ -245,10 +245,10 @@ def _run_campaign(
     """Make the missing runs; whether the user stopped it."""
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
-        status.say(f"all {counted(wanted, 'runs')} are there")
+        status.print_line(f"all {counted(wanted, 'runs')} are there")
         return False
     if missing < wanted:
-        status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
+        status.print_line(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
         with terminated():
             if arguments.cluster is not None:
@@ -259,7 +259,7 @@ def _run_campaign(
                 campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
-        status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        status.print_line(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
         return True
     for failure in campaign.failed:
         sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
@@ -283,7 +283,7 @@ def terminated() -> Iterator[None]:
 def _tell_of_other_programs(campaign: Campaign, status: StatusLine) -> None:
     others = sorted({record["program"] for record in campaign.records} - {program()})
     if others:
-        status.say(
+        status.print_line(
             f"note: some of the runs are from other versions of the program ({', '.join(others)}; "
             f"this is {program()}); --fresh makes them again"
         )

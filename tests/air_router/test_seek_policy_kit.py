@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import runpy
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pytest
 
 from air_router.seek_policies import Freshest, Rendezvous, Tour, policy_of
 from air_router.seek_policies.template import Nearest
-from air_router.seek_policies.testing import SCENES, check
+from air_router.seek_policies.testing import SCENES, Scene, check
 from tests.distributions import ROOT
 from tests.docs.blocks import blocks
 
@@ -128,6 +129,21 @@ def test_the_docs_show_the_kit(tmp_path):
         command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment
     )
     assert f"{len(SCENES)} passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_docs_name_what_a_policy_may_see():
+    """Each name of the table is one of a robot list, a robot's track, its course or the context."""
+    scene = Scene("paths", paths=True)
+    targets = scene.targets()
+    seen = (targets, targets.tracks["robot01"], targets.course("robot01"), scene.context())
+    text = (ROOT / "docs/seeking.md").read_text().partition("**What it may see**")[2]
+    table = text.partition("**What it returns**")[0]
+    rows = [line for line in table.splitlines() if line.startswith("| `")]
+    spans = [span for line in rows for span in re.findall(r"`([^`]+)`", line)]
+    names = {re.sub(r"[(\[].*", "", span).rpartition(".")[2] for span in spans}
+    names -= {"None", "round_robin"}
+    assert len(names) > 20
+    assert [name for name in names if not any(hasattr(each, name) for each in seen)] == []
 
 
 def test_the_template_is_printed_and_is_short(tmp_path):

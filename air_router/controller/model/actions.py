@@ -1,4 +1,4 @@
-"""Everything that the controller can ask for. Data only: the flight shell carries it out."""
+"""Everything that the controller can request. Data only: the flight shell carries it out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from geo.frame import Point
 
 @dataclass(frozen=True, slots=True)
 class FlyToNode:
-    """Jump to a node of the plan: a straight leg in Mission mode, checked before it was asked."""
+    """Jump to a plan item: a straight leg in Mission mode, checked before it was commanded."""
 
     node: int  # 0: home
     position: Point  # of that node
@@ -30,7 +30,7 @@ class FlyToPoint:
 class HoldHere:
     """Stop and hover."""
 
-    why: str  # in words, for records
+    why: str  # as text, for records
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,24 +48,24 @@ class PublishMap:
 
 @dataclass(frozen=True, slots=True)
 class Seeking:
-    """Tell the team whom this UAV seeks, or hovers over, from now on; None: no robot."""
+    """Inform the team whom this UAV seeks, or hovers over, from now on; None: no robot."""
 
     robot: str | None  # None: no robot
 
 
 @dataclass(frozen=True, slots=True)
 class ReadAgain:
-    """Read the mission file again, and tell what has changed in it."""
+    """Read the mission file again, and report its changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenewPlan:
-    """Put the mission on board with the fence as it is now, and tell when it is there."""
+    """Upload the mission with the fence as it is now, and report when it is on board."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplanAirspace:
-    """Plan ways among the same zones as they count now, and tell by an `AirspaceChanged`."""
+    """Plan among the same zones as they count now, and report an `AirspaceChanged`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +73,10 @@ class Announce:
     """An announcement to the pilot and the operator.
 
     Attributes:
-        text: What happened, in words.
-        severity: How much it matters.
+        text: What happened, as text.
+        severity: The severity.
         instruction: What the pilot or the operator does about it; every warning and alarm has one.
-        about: What goes on, for those that are said again and end; empty: it is said once.
+        about: What goes on, for those that are repeated and end; empty: it is announced once.
     """
 
     text: str
@@ -118,7 +118,7 @@ class MissionWaits:
 
 
 class Refusal(StrEnum):
-    """Why a request is not done, as a word for programs."""
+    """Why a request is refused, as a code for programs."""
 
     NOT_FLYING = "not-flying"
     FLIGHT_OVER = "flight-over"
@@ -146,7 +146,7 @@ class CommandAck:
     """A request was made: whether it is done, and what, or why not.
 
     Attributes:
-        request_id: The request's; `by`: who asked.
+        request_id: The request's; `by`: the requester.
         accepted: Whether it is done.
         why: A sentence for people.
         code: The reason, for programs; None if accepted.
@@ -173,7 +173,7 @@ class Finish:
     """The flight is over: landed by us, or by the one that took over (None: neither)."""
 
     landed_by_us: bool  # after LAND, commanded by us
-    why: str  # in words
+    why: str  # as text
     taken_by: ControlHolder | None = None  # None: the vehicle stayed ours
     refused: bool = False  # it was stopped as it took off, and has not flown
 

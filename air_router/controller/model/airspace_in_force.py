@@ -73,6 +73,6 @@ class AirspaceInForce:
         """The new fence is put on board."""
         self.change = ZoneChange.UPLOADING
 
-    def settle(self) -> None:
+    def finish_change(self) -> None:
         """The change is over."""
         self.change, self.must_stop, self.exempt_zones = None, False, frozenset()

@@ -9,7 +9,7 @@ from air_router.controller.model.actions import ControlHolder
 from air_router.vehicle import Instruction
 
 
-class OnBoard(Enum):
+class PlanOwner(Enum):
     """Whose the plan on board is."""
 
     OURS = "this mission's"
@@ -18,7 +18,7 @@ class OnBoard(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HandoverHold:
     """Why a vehicle that was handed over hovers, and what the pilot does about it."""
 
     why: str
@@ -43,9 +43,9 @@ class Authority:
 
     handed_over: bool = False
     taken_by: ControlHolder | None = None
-    on_board: OnBoard = OnBoard.OURS
+    on_board: PlanOwner = PlanOwner.OURS
     wrong_vehicle: str | None = None
-    held: Held | None = None
+    held: HandoverHold | None = None
     releasing: str | None = None
     plan_check: str | None = None
     stopped_why: str | None = None
@@ -78,7 +78,7 @@ class Authority:
         """Another has the vehicle, or the flight is over: what was waited for is void."""
         self.releasing = self.plan_check = self.held = None
 
-    def hold(self, held: Held) -> None:
+    def hold(self, held: HandoverHold) -> None:
         """It hovers where no leg of this mission may begin."""
         self.held = held
 
@@ -90,7 +90,7 @@ class Authority:
         """It was compared, or need not be."""
         self.plan_check = None
 
-    def plan_is(self, whose: OnBoard) -> None:
+    def plan_is(self, whose: PlanOwner) -> None:
         """Whose the plan on board is, from now on."""
         self.on_board = whose
 

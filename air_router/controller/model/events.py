@@ -36,7 +36,7 @@ class RobotPath:
     Attributes:
         robot: Whose path.
         points: Metres east/north, at least one; the last is its destination.
-        stamp_s: When the robot said so, in its own Unix seconds.
+        stamp_s: When the robot published it, in its own Unix seconds.
     """
 
     robot: str
@@ -46,12 +46,12 @@ class RobotPath:
 
 @dataclass(frozen=True, slots=True)
 class RobotSought:
-    """Another UAV said by gossip whom it seeks now.
+    """Another UAV published by gossip whom it seeks now.
 
     Attributes:
         by: The other UAV.
         robot: Whom it seeks; None: no robot.
-        stamp_s: When it said so, in its own Unix seconds.
+        stamp_s: When it published this, in its own Unix seconds.
     """
 
     by: str
@@ -75,7 +75,7 @@ class CompanionLagged:
 
 @dataclass(frozen=True, slots=True)
 class CommandConfirmed:
-    """The vehicle does what this action asked of it."""
+    """The vehicle follows the command of this action."""
 
     action: Motion
 
@@ -85,7 +85,7 @@ class CommandFailed:
     """The vehicle did not follow an action."""
 
     action: Motion
-    reason: str  # in words
+    reason: str  # as text
     sent: bool = True  # False: it was objected to in its turn
     taken: FlightMode | None = None  # the vehicle is in this mode, which the action may not end
 

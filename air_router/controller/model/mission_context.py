@@ -1,4 +1,4 @@
-"""What all parts of the controller share: what they read, and how they are heard."""
+"""What all parts of the controller share: what they read, and how they announce."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from air_router.controller.model.authority import Authority
 from air_router.controller.model.interlocks_raised import RaisedInterlocks
 from air_router.controller.model.standing_alarms import StandingAlarms
 from air_router.controller.model.states import Signal, State
-from air_router.controller.model.task import Ending, Task
+from air_router.controller.model.task import EndReason, Task
 from air_router.mission import Mission
 from air_router.routing import Pace, Router
 from air_router.vehicle import InputWatch, Instruction, Severity, Telemetry
@@ -31,7 +31,7 @@ class MissionContext:
     Args:
         mission: What is flown.
         router: Plans over it.
-        signal: Tells the state machine that something has happened to the mission.
+        signal: Informs the state machine that something has happened to the mission.
         telemetry: What the vehicle reported last.
         task: What the mission is doing.
 
@@ -103,8 +103,8 @@ class MissionContext:
         return self.telemetry is not None and self.telemetry.in_air
 
     @property
-    def heard(self) -> Telemetry:
-        """What the vehicle said last, where it must have been heard before."""
+    def last_telemetry(self) -> Telemetry:
+        """What the vehicle reported last, where it must have been received before."""
         assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
         return self.telemetry
 
@@ -138,7 +138,7 @@ class MissionContext:
         held, task = self.authority.held, self.task
         if held is not None:  # by what ways it would come home, is not checked
             if self.ending_why != why:
-                task.end(Ending(why, by_request, instruction=instruction))
+                task.end(EndReason(why, by_request, instruction=instruction))
                 self.alarm(f"{why}: it should come home, and cannot: {held.why}", held.instruction)
             return
         if not self.knows(Signal.COME_HOME):
@@ -146,16 +146,16 @@ class MissionContext:
             if requested is not None and requested.by_request and not by_request:
                 # It may not be called off any more.
                 words = f"{requested.why}; {why}"
-                task.end(Ending(words, in_haste=requested.in_haste, instruction=instruction))
+                task.end(EndReason(words, urgent=requested.urgent, instruction=instruction))
             return
-        task.end(Ending(why, by_request, instruction=instruction))
+        task.end(EndReason(why, by_request, instruction=instruction))
         if self.in_air:
             self.signal(Signal.COME_HOME)
         else:
             task.stay(why)
             self.signal(Signal.GROUNDED)
 
-    def say(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Announce what the pilot and the operator need to do nothing about."""
         self.actions.append(Announce(text))
 
@@ -170,27 +170,27 @@ class MissionContext:
     def alarm_until_over(
         self, about: str, text: str, instruction: Instruction, *, lasting: str, since_s: float
     ) -> None:
-        """Alarm once, and again, graver, until `over` or until the pilot has the vehicle.
+        """Alarm once, and again, more severe, until `over` or until the pilot has the vehicle.
 
         Args:
             about: What goes on: the same as in `over`.
             text: What happened.
             instruction: What the pilot or the operator does.
-            lasting: How it is said again, in words that a duration follows.
+            lasting: How it is repeated, in words that a duration follows.
             since_s: Since when, vehicle's clock.
         """
         if self.alarms.stand(about, lasting, instruction, self.now_s, since_s):
             self.actions.append(Announce(text, Severity.ALARM, instruction, about))
 
     def over(self, about: str, text: str = "") -> None:
-        """What was alarmed of is over; it is said if it stood and there are words."""
+        """What was alarmed of is over; it is announced if it stood and there are words."""
         if self.alarms.end(about) and text:
             self.actions.append(Announce(text, about=about))
 
     def announce(self, text: str, instruction: Instruction | None, *, alarms: bool = False) -> None:
         """Announce one of a kind: with an instruction it is a warning, or alarms the pilot."""
         if instruction is None:
-            self.say(text)
+            self.inform(text)
         elif alarms:
             self.alarm(text, instruction)
         else:
@@ -213,5 +213,5 @@ class MissionContext:
         self.task.retry_at(self.now_s + pause_s)
 
     def take_retry(self) -> bool:
-        """Whether it is time to try again; says so once."""
+        """Whether it is time to try again; reports it once."""
         return self.task.take_retry(self.now_s)

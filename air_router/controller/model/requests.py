@@ -1,4 +1,4 @@
-"""What the operator, other programs and a base station can ask of a mission in flight.
+"""Requests of the operator, other programs and a base station to a mission in flight.
 
 Each is answered with `actions.CommandAck`: accepted, or refused and why.
 """
@@ -17,12 +17,12 @@ OPERATOR: Final = "the operator"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ControlRequest:
     """A request of the pilot, the operator or a program.
 
     Attributes:
         request_id: By which the asking program knows the answer.
-        by: Who asks, in words.
+        by: The requester, as text.
     """
 
     request_id: str = ""
@@ -30,12 +30,12 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class HoldNow(Asked):
-    """Stop and hover here until something else is asked for, or it has to come home."""
+class HoldNow(ControlRequest):
+    """Stop and hover here until something else is requested, or it has to come home."""
 
 
 @dataclass(frozen=True, slots=True)
-class GoOn(Asked):
+class GoOn(ControlRequest):
     """Go on with what was held, or with a flight that was given away.
 
     Attributes:
@@ -46,36 +46,36 @@ class GoOn(Asked):
 
 
 @dataclass(frozen=True, slots=True)
-class SeekNow(Asked):
+class SeekNow(ControlRequest):
     """Seek this robot next, at once."""
 
     robot: str
 
 
 @dataclass(frozen=True, slots=True)
-class ExploreNow(Asked):
+class ExploreNow(ControlRequest):
     """Explore on where exploration stopped."""
 
 
 @dataclass(frozen=True, slots=True)
-class ComeHome(Asked):
+class ComeHome(ControlRequest):
     """End the mission: home along the graph, and land."""
 
 
 @dataclass(frozen=True, slots=True)
-class LandNow(Asked):
+class LandNow(ControlRequest):
     """End the mission: land where it hovers, on whatever is below."""
 
 
 @dataclass(frozen=True, slots=True)
-class GoTo(Asked):
+class GoTo(ControlRequest):
     """Fly to points, one after the other, and hover at the last.
 
     Attributes:
         points: Metres east/north, in order; at least one.
-        hold_s: How long to hover at the last; None: as the mission says.
+        hold_s: How long to hover at the last; None: as set in the mission.
         waits: Before take-off, and while the vehicle holds, it waits for its time instead of being
-            refused: no operator is there to ask again.
+            refused: no operator is there to repeat it.
         waits_s: So long at most, on the vehicle's clock.
     """
 
@@ -86,7 +86,7 @@ class GoTo(Asked):
 
 
 @dataclass(frozen=True, slots=True)
-class ChangeAltitude(Asked):
+class ChangeAltitude(ControlRequest):
     """Climb or descend where it holds, and hold there.
 
     Attributes:
@@ -97,7 +97,7 @@ class ChangeAltitude(Asked):
 
 
 @dataclass(frozen=True, slots=True)
-class Reload(Asked):
+class Reload(ControlRequest):
     """Read the mission file again: its zones and fences have changed."""
 
 

@@ -1,7 +1,7 @@
 """Alarms that go on until their condition is over, or the pilot has the vehicle.
 
-An alarm is said once. Where the condition lasts and is not answered it is said again, graver: the
-pilot is to take the vehicle by hand. The pace is bounded, so that it is heard and not talked over.
+An alarm is announced once. While the condition lasts unanswered the alarm is repeated: then the
+pilot takes the vehicle by hand. The interval is bounded, so that announcements stay readable.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ class StandingAlarm:
 
     Attributes:
         lasting: What goes on, in words that a duration follows.
-        instruction: What the pilot or the operator does; said again it is graver.
+        instruction: What the pilot or the operator does; repeated it is more severe.
         since_s: Since when, vehicle's clock.
-        again_s: When it is said again.
+        again_s: When it is repeated.
     """
 
     lasting: str
@@ -51,11 +51,11 @@ class StandingAlarms:
         return self._standing.pop(about, None) is not None
 
     def end_all(self) -> None:
-        """The pilot has the vehicle, or it is taken back: all that was asked for is answered."""
+        """The pilot has the vehicle, or it is taken back: all that was requested is answered."""
         self._standing.clear()
 
     def due(self, now_s: float) -> list[Announce]:
-        """Those that are to be said again now."""
+        """Those that are to be repeated now."""
         said = []
         for about, alarm in self._standing.items():
             if now_s >= alarm.again_s:

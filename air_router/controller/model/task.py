@@ -8,28 +8,28 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from air_router.controller.model.actions import Motion
-from air_router.controller.model.states import From, Requests, Signal, Spec, State
+from air_router.controller.model.states import CommandPolicy, Signal, State, StateSpec, TimerStart
 from air_router.routing import Leg, NoRoute
 from air_router.vehicle import Instruction
 from geo.frame import Point
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class EndReason:
     """Why the mission ends.
 
     Attributes:
         why: In words.
         by_request: Such a return may be called off.
-        place: Where it lands, in words.
-        in_haste: The battery demands it: it does not wait for an upload.
+        place: Where it lands, as text.
+        urgent: The battery demands it: it does not wait for an upload.
         instruction: What the pilot or the operator does about it; None: it ends as it was to.
     """
 
     why: str
     by_request: bool = False
     place: str = "at home"
-    in_haste: bool = False
+    urgent: bool = False
     instruction: Instruction | None = None
 
 
@@ -52,7 +52,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A way was planned already: its first motion; None: `Way.progress` says how it stands."""
+    """A way was planned already: its first motion; None: see `ActiveRoute.progress`."""
 
     motion: Motion | None
 
@@ -63,7 +63,7 @@ class Hover:
 
     Attributes:
         why: In words.
-        instruction: What the pilot does about it: that is announced, and a way looked for again in
+        instruction: What the pilot does about it: that is announced, and a way planned again in
             a moment; None: it hovers because that is wanted.
         at_leg_end: The leg under way ends where it would stop: it is not braked for.
     """
@@ -75,7 +75,7 @@ class Hover:
 
 @dataclass(frozen=True, slots=True)
 class NoWay:
-    """Hover where no clear way leads on, say so, and look again in a moment."""
+    """Hover where no clear way leads on, announce it, and check again in a moment."""
 
     refusal: str
 
@@ -86,8 +86,8 @@ class Rest:
 
     Attributes:
         why: In words.
-        again_s: `retry` is asked after so long; None: it waits for what happens. At a goal
-            `arrived` is asked with every telemetry, whatever it returned.
+        again_s: `retry` is called after so long; None: the state waits for events. At a goal
+            `arrived` is called with every telemetry update, whatever it returned.
     """
 
     why: str
@@ -106,9 +106,9 @@ landings only past `INTERLOCKS`.
 class StateHandler:
     """What is flown in a state: asked while it lasts, never in another. This one flies nothing.
 
-    Each method returns what is wanted next. It may announce (`MissionContext.say`, `warn`, `alarm`)
-    and plan (`Navigator.plan_to`), and command nothing; `HoldState` and `ReadyState` have methods
-    beside these that do.
+    Each method returns what is wanted next. It may announce (`MissionContext.inform`, `warn`,
+    `alarm`) and plan (`Navigator.plan_to`), and command nothing. `HoldState` and `ReadyState` have
+    other methods that do.
     """
 
     def begin(self) -> Wanted:
@@ -116,7 +116,7 @@ class StateHandler:
         return Rest("nothing is flown in this state")
 
     def arrived(self) -> Wanted:
-        """The vehicle is where it was sent; asked again as long as it stays there."""
+        """The vehicle is where it was sent; called again as long as it stays there."""
         return Rest("it is there")
 
     def no_route(self, refusal: str) -> Wanted:
@@ -133,7 +133,7 @@ class StateHandler:
 
 
 @dataclass(slots=True, eq=False)
-class Way:
+class ActiveRoute:
     """What is left of the way to a goal. Only its methods change it.
 
     Attributes:
@@ -141,9 +141,9 @@ class Way:
         leg: The leg under way.
         legs: Those behind it.
         progress: How far the flight to the goal is.
-        refusal: Why there is no way, once `progress` says so.
-        braking: The vehicle stops, and a way is looked for again once it stands.
-        settled: How often it looked again in vain.
+        refusal: Why there is no way, with `Progress.NO_ROUTE`.
+        braking: The vehicle stops, and a way is searched for again once it stands.
+        rechecks: How often it checked again in vain.
         stands_since_s: Since when it stands short of its leg's end, vehicle's clock.
         swept: What the leg under way was checked for.
     """
@@ -154,7 +154,7 @@ class Way:
     progress: Progress = Progress.IDLE
     refusal: NoRoute | None = None
     braking: bool = False
-    settled: int = 0
+    rechecks: int = 0
     stands_since_s: float | None = None
     swept: tuple[Point, ...] = ()
 
@@ -172,7 +172,7 @@ class Way:
         """These are the legs to the goal, from where the vehicle is."""
         self.legs = deque(legs)
 
-    def sweep(self, swept: tuple[Point, ...]) -> None:
+    def rechecked(self, swept: tuple[Point, ...]) -> None:
         """The leg under way was checked anew, for all that."""
         self.swept = swept
 
@@ -187,7 +187,7 @@ class Way:
         self.refusal, self.progress = refusal, Progress.NO_ROUTE
 
     def stop(self) -> None:
-        """The vehicle is stopped, and a way is looked for once it stands."""
+        """The vehicle is stopped, and a way is searched for once it stands."""
         self.braking, self.progress = True, Progress.FLYING
 
     def brake(self) -> None:
@@ -204,10 +204,10 @@ class Way:
         """It stands short of its leg's end since then, vehicle's clock; None: it moves."""
         self.stands_since_s = since_s
 
-    def settle(self) -> int:
-        """It is looked again whether a leg on is clear; how often that is, with this time."""
-        self.settled += 1
-        return self.settled
+    def recheck(self) -> int:
+        """The navigator checks again for a clear leg on; how often it did, with this time."""
+        self.rechecks += 1
+        return self.rechecks
 
 
 @dataclass(slots=True, eq=False)
@@ -226,27 +226,32 @@ class Task:
         home_by_s: When it comes home, vehicle's clock, where zones have active hours: other zones
             may apply later.
         limit_s: How long the state lasts once its timer runs; None: it has none.
-        carried_s: How long the state that begins next lasts, instead of what the mission says.
+        remaining_s: How long the next state lasts, instead of the time set in the mission.
         ends_s: When the state's timer ends; None while it does not run.
         retry_at_s: When something that could not be done is tried again; None: nothing waits.
     """
 
     state: State = State.READY
-    spec: Spec = field(default_factory=Spec)
+    spec: StateSpec = field(default_factory=StateSpec)
     handler: StateHandler = field(default_factory=StateHandler)
-    way: Way = field(default_factory=Way)
+    way: ActiveRoute = field(default_factory=ActiveRoute)
     robot: str | None = None
-    ending: Ending | None = None
+    ending: EndReason | None = None
     stayed_why: str = "disarmed"
     airborne_s: float | None = None
     home_by_s: float | None = None
     limit_s: float | None = None
-    carried_s: float | None = None
+    remaining_s: float | None = None
     ends_s: float | None = None
     retry_at_s: float | None = None
 
     def enter(
-        self, state: State, spec: Spec, handler: StateHandler, own_s: float | None, now_s: float
+        self,
+        state: State,
+        spec: StateSpec,
+        handler: StateHandler,
+        own_s: float | None,
+        now_s: float,
     ) -> None:
         """Another state begins, or the same anew.
 
@@ -254,20 +259,20 @@ class Task:
             state: That one.
             spec: Its row.
             handler: What is flown in it.
-            own_s: How long it lasts, as the mission says; None: it has no timer.
+            own_s: How long it lasts, as set in the mission; None: it has no timer.
             now_s: Vehicle's clock.
         """
         self.state, self.spec, self.handler = state, spec, handler
-        self.limit_s = own_s if self.carried_s is None else self.carried_s
-        self.ends_s = self.carried_s = self.retry_at_s = None
-        if spec.timer_from is From.ENTRY:
+        self.limit_s = own_s if self.remaining_s is None else self.remaining_s
+        self.ends_s = self.remaining_s = self.retry_at_s = None
+        if spec.timer_from is TimerStart.ENTRY:
             self.start_timer(now_s)
-        if spec.requests is Requests.ANY:  # a way home that was flown before is called off
+        if spec.requests is CommandPolicy.ANY:  # a way home that was flown before is called off
             self.ending = None
 
     def carry(self, limit_s: float | None) -> None:
-        """The state that begins next lasts so long, instead of what the mission says."""
-        self.carried_s = limit_s
+        """The state that begins next lasts so long, instead of the time set in the mission."""
+        self.remaining_s = limit_s
 
     def start_timer(self, now_s: float) -> None:
         """The state's timer begins now, if it has one."""
@@ -283,7 +288,7 @@ class Task:
         self.retry_at_s = at_s
 
     def take_retry(self, now_s: float) -> bool:
-        """Whether it is time to try again; says so once."""
+        """Whether it is time to try again; reports it once."""
         if self.retry_at_s is None or now_s < self.retry_at_s:
             return False
         self.retry_at_s = None
@@ -291,13 +296,13 @@ class Task:
 
     def head_for(self, goal: Goal | None) -> None:
         """The vehicle is sent there from now on; None: nowhere."""
-        self.way = Way(goal)
+        self.way = ActiveRoute(goal)
 
     def seek(self, robot: str | None) -> None:
         """This robot is sought or hovered over from now on; None: no robot is."""
         self.robot = robot
 
-    def end(self, ending: Ending) -> None:
+    def end(self, ending: EndReason) -> None:
         """The vehicle comes home or lands, and why."""
         self.ending = ending
 

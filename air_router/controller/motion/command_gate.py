@@ -1,17 +1,17 @@
 """The one way to command the vehicle: past all that may stand against a motion, or to hold.
 
 A hold always leaves (while the flight mode is not heard: only one that the operator asks for). None
-is asked for while an order shows that is not ours, unless inputs or zones demand it. What keeps a
+is requested while a foreign command is active, unless inputs or zones demand it. What keeps a
 leg, or a landing, from leaving stands in `interlocks`. Past those two things leave instead of it: a
 hold, where a jump would not show which order is followed; the climb, where the vehicle was taken
 over, or stopped, below its altitude. Both are followed by a plan made anew.
 
 The mode that the autopilot reports is the only truth about who has the vehicle. While a command is
-under way (or has failed) the vehicle may be in the mode before it or in the one that it asks for;
+under way (or has failed) the vehicle may be in the mode before it or in the one that it requests;
 once it is confirmed only in that one. Any other mode was chosen by a pilot or a failsafe.
 
 Commands arrive when they arrive: between the decision on a leg and the vehicle's turn lies a link,
-and machines that may be busy. Until then it goes on with what it was told before, to the end of its
+and machines that may be busy. Until then it follows the command before, to the end of its
 present leg.
 """
 
@@ -35,11 +35,11 @@ from air_router.controller.model import (
 from air_router.controller.motion.initial_climb import InitialClimb, NoClimb
 from air_router.controller.motion.interlocks import Blocked, Interlock, MotionOutcome, raised
 from air_router.controller.motion.limits import (
+    ANNOUNCE_AGAIN_S,
     JUMPS,
     POSITION_EVERY_S,
     REACTION_S,
     RETRY_S,
-    TELL_AGAIN_S,
 )
 from air_router.controller.motion.setpoints import MODES, PendingSetpoints, stopping_point
 from air_router.mission import FlightPlan
@@ -60,14 +60,14 @@ class CommandGate:
     """Commands motions, and keeps what became of them. Where to, its callers know.
 
     Args:
-        context: What the vehicle says, and all that may stand against a motion.
+        context: The vehicle's messages, and all that may stand against a motion.
         plan: The plan on board, for the autopilot's item numbers.
 
     Attributes:
-        setpoints: What the vehicle was told, and may follow any moment.
+        setpoints: What the vehicle was reported, and may follow any moment.
         reaction_s: For how long the vehicle flies on as it does before it follows a command.
         pending: The command that the vehicle has neither confirmed nor failed to follow.
-        last: The command that the vehicle follows or is asked to; None when it did not.
+        last: The command that the vehicle follows or was sent; None when it did not.
         modes: The flight modes that our commands explain.
         ends: Those in which the vehicle may be when the newest motion leaves: another was chosen by
             a pilot since that was decided, the motion's own mode among them.
@@ -91,7 +91,7 @@ class CommandGate:
     by_points: bool = False
     blocked: Blocked | None = None
     waits_why: str | None = None
-    _wait_told_s: float = -math.inf  # when, vehicle's clock
+    _wait_announced_s: float = -math.inf  # when, vehicle's clock
     _explained: frozenset[FlightMode] = frozenset()  # `modes` without the newest motion's
     _assumed: frozenset[FlightMode] = frozenset()  # by what was confirmed, or begun, last
 
@@ -101,7 +101,7 @@ class CommandGate:
         self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
 
     def momentum(self, telemetry: Telemetry, age_s: float = 0.0) -> Momentum:
-        """What the vehicle flies on by itself, in the time since it said so included."""
+        """What the vehicle flies on by itself, in the time since it published this included."""
         reaction_s, speed_m_s = self.reaction_s + age_s, self.setpoints.speed_m_s
         rest = stopping_point(telemetry, reaction_s)
         return Momentum(rest, telemetry.velocity_m_s, speed_m_s, reaction_s)
@@ -118,32 +118,32 @@ class CommandGate:
     # Commands.
 
     def command(self, motion: Motion) -> MotionOutcome | Blocked:
-        """Have the vehicle do this, if nothing stands against it; a hold it is told in any case.
+        """Have the vehicle do this, if nothing stands against it; a hold is sent in any case.
 
         Returns what became of it.
         """
         context = self._context
         if isinstance(motion, HoldHere):
             return self.send(motion)
-        if up := raised(context):
-            return self._block(motion, up)
+        if rows := raised(context):
+            return self._block(motion, rows)
         self.blocked = None
-        if isinstance(motion, FlyToNode) and self._doubtful(motion):
+        if isinstance(motion, FlyToNode) and self._jump_uncertain(motion):
             context.task.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
             return MotionOutcome.INSTEAD
-        if not context.interlocks.climbs_first:
+        if not context.interlocks.climb_required:
             return self.send(motion)
         allowed = self.climb.first(motion, self.last, self.reaction_s)
         if isinstance(allowed, NoClimb):
             return self.wait_here(allowed.why, CLIMB_BY_HAND)
         return self.send(allowed)
 
-    def _block(self, motion: Motion, up: Sequence[Interlock]) -> Blocked:
+    def _block(self, motion: Motion, rows: Sequence[Interlock]) -> Blocked:
         """The motion stays. The first row decides what follows; any may have it come back."""
-        context, first = self._context, up[0]
+        context, first = self._context, rows[0]
         blocked = self._waits_for(first)
-        if any(row.defers for row in up):
+        if any(row.defers for row in rows):
             context.interlocks.defer_motion()
         if first.repeats_landing and isinstance(motion, LandHere):
             context.retry_in(RETRY_S)
@@ -174,8 +174,8 @@ class CommandGate:
         """No motion is wanted while a row is raised that holds the vehicle; a landing goes on."""
         if isinstance(self.last, LandHere):
             return
-        if up := raised(self._context):
-            self._waits_for(up[0])
+        if rows := raised(self._context):
+            self._waits_for(rows[0])
 
     def _waits_for(self, row: Interlock) -> Blocked:
         blocked = self.blocked
@@ -191,12 +191,12 @@ class CommandGate:
     def send(self, motion: Motion) -> MotionOutcome:
         """The same, whatever stands against it.
 
-        A hold only the operator asks for while it is not known whose the vehicle is.
+        A hold only the operator requests while it is not known whose the vehicle is.
         """
         pending, context = self.pending, self._context
-        asked = context.task.state is State.HOLD
+        requested = context.task.state is State.HOLD
         unheard = context.inputs.silent or context.silent_s > 0.0
-        if isinstance(motion, HoldHere) and unheard and not asked:
+        if isinstance(motion, HoldHere) and unheard and not requested:
             return MotionOutcome.MAY_BE_TAKEN
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return MotionOutcome.UNDER_WAY
@@ -219,7 +219,7 @@ class CommandGate:
         """Go nowhere from now on."""
         self._context.task.head_for(None)
 
-    def _doubtful(self, jump: FlyToNode) -> bool:
+    def _jump_uncertain(self, jump: FlyToNode) -> bool:
         """Whether a jump would not show which of several orders is followed."""
         if not self.setpoints.under_way(jump):
             return False
@@ -242,10 +242,10 @@ class CommandGate:
         return self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 
     def wait_here(self, why: str, instruction: Instruction) -> MotionOutcome:
-        """Hover where no way is clear, say so once, and look again in a moment."""
+        """Hover where no way is clear, announce that once, and check again in a moment."""
         now_s = self._context.now_s
-        if why != self.waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
-            self.waits_why, self._wait_told_s = why, now_s
+        if why != self.waits_why and now_s >= self._wait_announced_s + ANNOUNCE_AGAIN_S:
+            self.waits_why, self._wait_announced_s = why, now_s
             self._context.warn(f"holding: {why}", instruction)
         self.hold(why)
         self._context.retry_in(RETRY_S)
@@ -277,9 +277,9 @@ class CommandGate:
         self.setpoints.confirmed(motion)
 
     def failed(self, event: CommandFailed) -> None:
-        """The vehicle did not follow: once more in a moment, unless it was told another since.
+        """The vehicle did not follow: once more in a moment, unless it was reported another since.
 
-        What was not sent, because it flew on meanwhile, is looked at anew as soon as it may stand.
+        What was not sent, because it flew on meanwhile, is checked anew as soon as it may stand.
         """
         if event.action is not self.pending:
             return
@@ -290,7 +290,7 @@ class CommandGate:
         if event.sent:
             self._context.warn(f"the vehicle did not follow: {event.reason}", CHECK_LINK)
         else:
-            self._context.say(f"not sent: {event.reason}")
+            self._context.inform(f"not sent: {event.reason}")
         if self.refused_jumps >= JUMPS and not self.by_points:
             self.fly_points(instead=True)
             self._context.warn("the plan on board is not flown: flying to points instead", READ_PX4)

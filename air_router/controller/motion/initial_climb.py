@@ -84,7 +84,7 @@ class InitialClimb:
         """
         if not isinstance(motion, FlyToNode | FlyToPoint):
             return motion
-        mission, telemetry = self._context.airspace.mission, self._context.heard
+        mission, telemetry = self._context.airspace.mission, self._context.last_telemetry
         if not low(mission, telemetry):
             self._context.interlocks.climbed()
             return motion
@@ -95,7 +95,7 @@ class InitialClimb:
         if why_not is not None:
             return NoClimb(why_not)
         if not goes_on:  # another climb than the one that a pilot may have ended
-            self._context.say(
+            self._context.inform(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"
             )
@@ -109,7 +109,7 @@ class InitialClimb:
         if self.climb is None:
             return False
         if last != self.climb:
-            # It did not follow, or was told to hold: the climb begins anew before the next leg.
+            # The vehicle did not follow, or was commanded to hold: the climb begins anew.
             self.climb = None
             return False
         if below(self.climb.altitude_m, telemetry):

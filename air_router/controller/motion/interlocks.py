@@ -1,9 +1,9 @@
 """What may keep a leg, or a landing, from being sent: one table; the first raised row decides.
 
-The mission's states say what it wants; these rows say what keeps it from getting that now. They
+The mission's states want a motion; these rows keep the vehicle from flying it now. They
 keep no hold back: see `CommandGate.send`. Any raised row keeps a motion back. The first one is
 reported, and decides whether a landing is commanded again and whether the leg under way is called
-off; each row says why it stands where it stands. `CommandGate.command` reads the table; the status
+off; each row gives the reason for its place. `CommandGate.command` reads the table; the status
 line, the page, ROS 2, the record and answers to `status` show the row that decides, and
 docs/state-machine.md prints it.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from air_router.controller.model import Doubt, MissionContext, ZoneChange
+from air_router.controller.model import Anomaly, MissionContext, ZoneChange
 from air_router.vehicle import NO_FIX
 
 
@@ -73,7 +73,7 @@ INTERLOCKS: Final = (
         clears="telemetry and the flight mode are received",
         then="it plans again",
         otherwise="an alarm after 10 s; after 20 s it asks the pilot to fly by hand",
-        why="all that is known is old, so are the rows below; a pilot may have taken it unseen",
+        why="all telemetry is old, so the rows below are unknown; a pilot may have taken over",
         scene="SILENCE",
         defers=True,
     ),
@@ -82,9 +82,9 @@ INTERLOCKS: Final = (
         "an input is missing",
         _input_missing,
         while_up="holds; sends nothing while the flight mode is not received",
-        clears="all inputs have come for 3 s",
+        clears="all inputs have arrived for 3 s",
         then="it plans again",
-        otherwise="no fix or flight mode: it waits for that; other inputs: home after 30 s",
+        otherwise="no fix or flight mode: it waits; other inputs: home after 30 s",
         why="without its inputs the program cannot judge any row below",
         scene="LOST_FIX",
         detail=_missing,
@@ -92,35 +92,34 @@ INTERLOCKS: Final = (
     Interlock(
         "ALTITUDE_JUMP",
         "the altitude has jumped",
-        lambda context: context.interlocks.up(Doubt.ALTITUDE_JUMP),
+        lambda context: context.interlocks.is_raised(Anomaly.ALTITUDE_JUMP),
         while_up="holds",
-        clears="the altitude is back for 2 s",
+        clears="the altitude has been normal for 2 s",
         then="it plans again",
         otherwise="comes home after 30 s",
-        why="which zones apply follows from the altitude, and so does every check of a leg",
+        why="the altitude decides which zones apply, and so every check of a leg",
         scene="ALTITUDE_JUMPS",
     ),
     Interlock(
         "CONDITIONS",
         "satellites or wind are worse than planned for",
-        lambda context: context.interlocks.up(Doubt.CONDITIONS),
+        lambda context: context.interlocks.is_raised(Anomaly.CONDITIONS),
         while_up="holds",
-        clears="they are as planned for during 5 s",
+        clears="they have been as planned for 5 s",
         then="it plans again",
         otherwise="comes home after 30 s",
-        why="a leg would be flown with less clearance than promised, whatever it is for",
+        why="every leg would have less clearance than planned",
         scene="POOR_FIX",
     ),
     Interlock(
         "FOREIGN_ORDER",
-        "an order shows that is not ours",
-        lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
+        "a foreign command is active",
+        lambda context: context.interlocks.is_raised(Anomaly.FOREIGN_ORDER),
         while_up="sends nothing",
-        clears="our own order shows",
+        clears="the companion's own command is reported",
         then="it plans again",
-        otherwise="once it has shown for 1.5 s without a break: SENT_ELSEWHERE, hands off at once, "
-        "without a hold",
-        why="it is a guess from telemetry, which the rows above say is there",
+        otherwise="after 1.5 s without a break: SENT_ELSEWHERE, hands off without a hold",
+        why="it needs the telemetry that the rows above require",
         scene="DIVERTED",
         defers=True,
     ),
@@ -132,7 +131,7 @@ INTERLOCKS: Final = (
         clears="the vehicle holds",
         then="released to the pilot",
         otherwise="released after six commands to hold",
-        why="it ends the mission, but never before the rows above know whose the vehicle is",
+        why="it ends the mission, but only once it is known who controls the vehicle",
         scene="PLAN_REPLACED",
         repeats_landing=False,
     ),
@@ -141,10 +140,10 @@ INTERLOCKS: Final = (
         "the plan on board is being compared",
         lambda context: context.authority.plan_check is not None,
         while_up="holds",
-        clears="it flies the same",
+        clears="the plans match",
         then="it plans again",
         otherwise="releases the vehicle, at once if it differs, else after 60 s",
-        why="nothing may be built upon a plan that is perhaps another station's",
+        why="no leg may rely on a plan that may be foreign",
         scene="SAME_PLAN",
         repeats_landing=False,
     ),
@@ -152,12 +151,12 @@ INTERLOCKS: Final = (
         "ZONE_UPDATE",
         "zones are being changed",
         lambda context: context.airspace.change is not None,
-        while_up="flies on where its leg stays clear, else holds; leaves a new zone",
+        while_up="finishes a leg that stays clear, else holds; leaves a new zone",
         clears="the changed zones are on board",
         then="it plans again",
-        otherwise="if the upload fails: a warning, and it comes home, by points; if a pilot takes "
-        "the vehicle: the list under way is finished, and all is uploaded again on resume",
-        why="it is ours to end, so all that others or the sensors decide comes first",
+        otherwise="if the upload fails: a warning, and it comes home by DO_REPOSITION; if a pilot "
+        "takes over: the current list is finished; resume uploads all lists again",
+        why="the companion can end it itself; the rows above depend on others and on sensors",
         scene="RELOAD",
         repeats_landing=False,
         calls_off=lambda context: context.airspace.change is not ZoneChange.LEAVING,

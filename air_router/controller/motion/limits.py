@@ -7,8 +7,8 @@ from typing import Final
 RETRY_S: Final = 3.0
 """Pause before something that could not be done is tried again."""
 
-TELL_AGAIN_S: Final = 10.0
-"""Pause before another reason to hover is told."""
+ANNOUNCE_AGAIN_S: Final = 10.0
+"""Pause before another reason to hover is announced."""
 
 JUMPS: Final = 4
 """After so many jumps that the vehicle did not follow, its plan is left alone."""
@@ -18,7 +18,7 @@ REACTION_S: Final = 0.6
 half a second to build its deceleration up, and the link its time."""
 
 POSITION_EVERY_S: Final = 0.1
-"""The vehicle tells its position so often: that which a motion was decided on is so old at most
+"""The vehicle sends its position so often: that which a motion was decided on is so old at most
 when it leaves, beside what the companion takes itself."""
 
 FAR_M: Final = 5.0
@@ -44,9 +44,9 @@ PROGRESS_M: Final = 0.5
 STOP_S: Final = 4.0
 """What stopping and setting out again takes: a way that avoids it may be longer by so much."""
 
-SETTLE_S: Final = 2.0
-SETTLES: Final = 5
-"""How long apart, and how often, a vehicle that stands looks again for a clear leg on."""
+RECHECK_S: Final = 2.0
+RECHECKS: Final = 5
+"""How long apart, and how often, a vehicle that stands checks again for a clear leg on."""
 
 STALL_S: Final = 15.0
 """A vehicle that was sent somewhere and stands for so long did not understand, or may not go."""
@@ -60,5 +60,5 @@ WANDERS_M: Final = 0.1
 # For way_out.py
 
 REACH_M: Final = 500.0
-"""So far around the vehicle a way out is looked for off the cruise altitudes: to work out all of a
+"""So far around the vehicle a way out is planned off the cruise altitudes: to work out all of a
 large airspace takes long, and the vehicle waits in a zone."""

@@ -18,7 +18,7 @@ from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.controller.model import (
-    Doubt,
+    Anomaly,
     FlyToNode,
     FlyToPoint,
     Goal,
@@ -38,8 +38,8 @@ from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
 from air_router.controller.motion.limits import (
     ASTRAY_M,
-    SETTLE_S,
-    SETTLES,
+    RECHECK_S,
+    RECHECKS,
     STALL_S,
     STOP_S,
     WANDERS_M,
@@ -70,12 +70,12 @@ class Navigator:
 
     Args:
         context: Altitudes, the airspace that every leg must keep to, and routes in it.
-        gate: Commands the legs; knows what the vehicle was told before.
+        gate: Commands the legs; knows what was commanded to the vehicle before.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _settle_until_s: float = -math.inf  # when it looks again, vehicle's clock
+    _recheck_at_s: float = -math.inf  # when it checks again, vehicle's clock
 
     # What a state wants.
 
@@ -108,7 +108,7 @@ class Navigator:
 
         None with progress ARRIVED when there is nothing to fly. When no way is clear at the present
         speed the vehicle is stopped first and asked again when it stands; NO_ROUTE, with `refusal`
-        saying why, when it stands and still has no way.
+        giving the reason, when it stands and still has no way.
         """
         self._context.task.head_for(goal)
         return self._plan()
@@ -125,7 +125,7 @@ class Navigator:
     def advance(self, motion: Motion | None) -> None:
         """Command the next motion, if any, and follow what the state wants then."""
         context = self._context
-        if isinstance(motion, HoldHere) and context.interlocks.up(Doubt.FOREIGN_ORDER):
+        if isinstance(motion, HoldHere) and context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
             # It may follow a pilot, whose order a hold would end; planned anew if it does not.
             context.interlocks.defer_motion()
             context.task.way.go_on()
@@ -160,7 +160,7 @@ class Navigator:
         place = context.airspace.router.graph.paths.nearest(
             position, reachable_from=context.airspace.mission.home
         )
-        return place or position  # the router says why not
+        return place or position  # the router gives the reason not
 
     @property
     def refusal(self) -> str:
@@ -174,7 +174,7 @@ class Navigator:
         """Follow the vehicle; returns the next leg's motion when it is time for it.
 
         A leg's end is reached when the vehicle is within the acceptance radius, or when the
-        autopilot says so (`reached_node`): either alone is enough, so none is missed.
+        autopilot reports it (`reached_node`): either alone is enough, so none is missed.
         """
         way = self._context.task.way
         leg, standing = way.leg, math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
@@ -209,7 +209,7 @@ class Navigator:
         if not standing:
             return None
         refusal = "no leg on from here is clear, wherever it settles"
-        return self._settle(telemetry, refusal, comes_to_rest=clear)
+        return self._recheck(telemetry, refusal, comes_to_rest=clear)
 
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
         """Have a vehicle that is off its leg, or stands far from its end for long, go on."""
@@ -217,7 +217,7 @@ class Navigator:
         if self._astray(telemetry.position):
             if not self.clear(telemetry, leg.to):
                 return self._plan()
-            way.sweep(self._swept(leg, telemetry))
+            way.rechecked(self._swept(leg, telemetry))
             return None
         if not standing:
             way.stand(None)
@@ -226,7 +226,7 @@ class Navigator:
         way.stand(since_s)
         if telemetry.time_s - since_s < STALL_S:
             return None
-        return self._settle(telemetry, "the vehicle stands and does not go")
+        return self._recheck(telemetry, "the vehicle stands and does not go")
 
     def _astray(self, here: Point) -> bool:
         """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
@@ -257,21 +257,21 @@ class Navigator:
         turn, reaches = momentum.turn(here, leg.to), map(attrgetter("reach"), pending)
         return (here, momentum.rest, turn, *reaches, leg.to)
 
-    def _settle(
+    def _recheck(
         self, telemetry: Telemetry, refusal: str, *, comes_to_rest: bool = False
     ) -> Motion | None:
-        """Look again now and then where no leg on is clear, or none is followed; then give up.
+        """Check again now and then where no leg on is clear, or none is followed; then give up.
 
         A vehicle whose leg on is clear just now is let come to rest: then it is until it leaves.
         """
-        if telemetry.time_s < self._settle_until_s:
+        if telemetry.time_s < self._recheck_at_s:
             return None
-        self._settle_until_s = telemetry.time_s + SETTLE_S
+        self._recheck_at_s = telemetry.time_s + RECHECK_S
         way = self._context.task.way
-        times = way.settle()
-        if times <= SETTLES:
+        times = way.recheck()
+        if times <= RECHECKS:
             way.stand(None)
-            return None if comes_to_rest and times < SETTLES else self._plan()
+            return None if comes_to_rest and times < RECHECKS else self._plan()
         way.refuse(NoRoute(refusal))
         return None
 
@@ -353,8 +353,8 @@ class Navigator:
             return "it was called off"
         if isinstance(motion, HoldHere):
             return None
-        if self._context.interlocks.up(Doubt.FOREIGN_ORDER):
-            return "an order shows that is not ours"
+        if self._context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
+            return "a foreign command is active"
         return None if isinstance(motion, LandHere) else self._leg_refusal(motion, telemetry, now_s)
 
     def _leg_refusal(
@@ -367,7 +367,7 @@ class Navigator:
         moved = telemetry.home_moved
         if isinstance(motion, FlyToNode) and moved is not None and moved.changes_heights:
             return "home was moved, and the plan's items with it"
-        flies_it = [*self._gate.setpoints.all_known] == [motion]  # already, whatever is said
+        flies_it = [*self._gate.setpoints.all_known] == [motion]  # already, whatever is announced
         if not flies_it and not self.clear(telemetry, motion.position, age_s, unsent=motion):
             return "the leg was no longer clear in its turn"
         return None
@@ -383,7 +383,7 @@ class Navigator:
         """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance.
 
         However late the command arrives: until then it may fly all the rest of its present leg.
-        In `age_s` it has flown on from where it was when it said so. The motion that is to leave
+        In `age_s` the vehicle has flown on from the position it sent. The motion that is to leave
         only now, `unsent`, it does not fly yet: a leg out of a hover begins as it was planned.
         """
         momentum = self._gate.momentum(telemetry, age_s)
@@ -406,7 +406,7 @@ class Navigator:
         if refusal is not None:
             if not low(self._context.airspace.mission, telemetry):
                 return refusal
-            # Where it is low the gate has it climb instead, or says why it cannot.
+            # Where it is low the gate has it climb instead, or gives the reason it cannot.
             self._context.interlocks.climb_first()
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         brakes = self._context.task.way.braking

@@ -66,7 +66,7 @@ class PendingSetpoints:
         return self._sent if self._settled else ()
 
     def forget(self) -> None:
-        """The pilot or a ground station has told it something since."""
+        """The pilot or a ground station has commanded something since."""
         self._sent.clear()
         self._settled = False
 
@@ -131,7 +131,7 @@ def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
 
 
 def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
-    """Where the vehicle comes to rest if it is told now to brake."""
+    """Where the vehicle comes to rest if it is announced now to brake."""
     east_m_s, north_m_s = telemetry.velocity_m_s
     travel_s = reaction_s + math.hypot(east_m_s, north_m_s) / (2 * BRAKING_M_S2)
     east_m, north_m = telemetry.position

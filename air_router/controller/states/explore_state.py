@@ -34,10 +34,10 @@ class Exploration:
     Attributes:
         waypoints: All of them.
         left_out: Numbers of those that could not be visited.
-        here: Where the vehicle was last told to be; None before it flies.
-        began_s: When that was told first.
-        looked_from: Where it was looked last which waypoints are near.
-        alike_m: Nearer than this to that place the same ones are.
+        here: Where the vehicle was last sent; None before it flies.
+        began_s: When that was reported first.
+        checked_from: Where the program checked last which waypoints are near.
+        recheck_m: Nearer than this to that place the same ones are.
         explored_s: When no waypoint was left first, on the vehicle's clock; infinite: not yet.
     """
 
@@ -46,8 +46,8 @@ class Exploration:
     left_out: list[int] = field(default_factory=list)
     here: Point | None = None
     began_s: float | None = None
-    looked_from: Point = _NOWHERE
-    alike_m: float = 0.0
+    checked_from: Point = _NOWHERE
+    recheck_m: float = 0.0
     explored_s: float = math.inf
     _next: int = 0  # index of the next waypoint
     # when each waypoint was passed last; infinite: it is near now
@@ -117,21 +117,21 @@ class Exploration:
         self._next, left_out = mark
         del self.left_out[left_out:]
 
-    def look_around(self, here: Point, now_s: float) -> None:
-        """Note which waypoints are near; others are, or are not, only `alike_m` from here."""
-        self.looked_from, self.alike_m = here, math.inf
+    def note_nearby(self, here: Point, now_s: float) -> None:
+        """Note which waypoints are near; others are, or are not, only `recheck_m` from here."""
+        self.checked_from, self.recheck_m = here, math.inf
         if self.began_s is None:
             self.began_s = now_s
         for waypoint in self.waypoints:
             away_m = math.dist(here, waypoint.position)
-            self.alike_m = min(self.alike_m, abs(away_m - PASSING_M))
+            self.recheck_m = min(self.recheck_m, abs(away_m - PASSING_M))
             if away_m <= PASSING_M:
                 self._passed_s[waypoint.number] = math.inf
             elif self._passed_s.get(waypoint.number) == math.inf:
                 self._passed_s[waypoint.number] = now_s
 
     def longest_unseen(self) -> Goal:
-        """Where a robot may be that was never heard: the waypoint passed longest ago.
+        """Where a robot may be that was never received: the waypoint passed longest ago.
 
         Of those never passed the one farthest from all that were, in the middle of the unknown.
         """
@@ -163,7 +163,7 @@ class ExploreState(StateHandler):
     _reachability: HomeReachability
 
     def begin(self) -> Wanted:
-        """Fly to the waypoint whose turn it is, or say that none is left."""
+        """Fly to the waypoint whose turn it is, or report that none is left."""
         navigator, exploration = self._navigator, self._exploration
         if self._reachability.walls is not None:
             # What cannot be reached from home is skipped already.
@@ -187,7 +187,7 @@ class ExploreState(StateHandler):
             why = navigator.refusal
             return Hover(f"no waypoint can be reached from here: {why}", FLY_OUT_OR_RELOAD)
         for refusal in refusals:
-            self._context.say(refusal)
+            self._context.inform(refusal)
         if goal is not None:
             return Planned(motion)
         exploration.explored(self._context.now_s)
@@ -200,7 +200,7 @@ class ExploreState(StateHandler):
 
     def no_route(self, refusal: str) -> Wanted:
         """On to the next, without this one."""
-        self._context.say(self._left_out(refusal))
+        self._context.inform(self._left_out(refusal))
         return self.begin()
 
     def retry(self) -> Wanted:

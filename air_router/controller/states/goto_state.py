@@ -35,8 +35,8 @@ class GotoTask:
     Attributes:
         stops: Where to hover for each, in metres east/north.
         hold_s: How long to hover at the last.
-        by: Who asked.
-        notes: What is else than asked for, and why.
+        by: The requester.
+        notes: What is else than requested, and why.
         done: How many were reached, or left out.
     """
 
@@ -62,13 +62,13 @@ class GotoTask:
 class Accepted(NamedTuple):
     """What is done."""
 
-    what: str  # in words, for the answer
+    what: str  # as text, for the answer
     points: tuple[Point, ...] = ()  # where it flies, of a go-to
 
 
 @dataclass(slots=True, eq=False)
 class GotoValidator:
-    """Says whether the vehicle may be sent somewhere from where it is, and come home from there.
+    """Decides whether the vehicle may be sent somewhere, and come home from there.
 
     Args:
         context: The airspace, and the routes in it.
@@ -81,7 +81,7 @@ class GotoValidator:
     _gate: CommandGate
 
     def goto_task(self, points: Sequence[Point], hold_s: float, by: str) -> GotoTask:
-        """Look at every point, the ways between them, and what the way home then takes.
+        """Check every point, the ways between them, and what the way home then takes.
 
         Raises:
             RequestRefusedError: a point cannot be flown to, or the way home not after it.
@@ -98,8 +98,8 @@ class GotoValidator:
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, outside)
             hover, why = self._navigator.hover(point)
             if why:
-                beside_m = math.dist(point, hover)
-                notes.append(f"{name}: {why}, so {max(beside_m, 0.1):.1f} m beside it")
+                offset_m = math.dist(point, hover)
+                notes.append(f"{name}: {why}, so {max(offset_m, 0.1):.1f} m beside it")
             stops.append(hover)
         self.check_way([*map(Goal, stops)], hold_s)
         return GotoTask(tuple(stops), hold_s, by, tuple(notes))
@@ -182,7 +182,7 @@ class GotoState(StateHandler):
     _there_since_s: float | None = None  # at the point whose turn it is
 
     def set_out(self, goto_task: GotoTask, left_s: float | None = None) -> None:
-        """Fly a task, and hover for `left_s` at its end; None: as long as it says."""
+        """Fly a task, and hover for `left_s` at its end; None: for the task's own time."""
         self.goto_task = goto_task
         self._context.task.carry(goto_task.hold_s if left_s is None else left_s)
         self._context.signal(Signal.GOTO)
@@ -201,13 +201,13 @@ class GotoState(StateHandler):
         if self._next():
             return self.begin()
         self._context.start_timer()
-        self._context.say("at the last point")
+        self._context.inform("at the last point")
         return Rest("it hovers at the last point")
 
     def no_route(self, refusal: str) -> Wanted:
         """On to the next point, without this one."""
         if self.goto_task is not None:
-            self._context.say(f"point {self.goto_task.done + 1} left out: {refusal}")
+            self._context.inform(f"point {self.goto_task.done + 1} left out: {refusal}")
         return self.begin() if self._next() else Signal.NO_WAY
 
     def retry(self) -> Wanted:

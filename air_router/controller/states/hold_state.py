@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from air_router.controller.model import (
     OFF_PLAN,
-    Doubt,
+    Anomaly,
     FlyToNode,
     FlyToPoint,
     Hover,
@@ -23,12 +23,12 @@ from air_router.controller.motion import ALTITUDE_M, CommandGate, stopping_point
 from air_router.controller.states.goto_state import GotoState, GotoTask
 from air_router.controller.states.search_state import SearchState
 from air_router.routing import STANDING_M_S
-from air_router.vehicle import ASK_AGAIN
+from air_router.vehicle import REQUEST_AGAIN
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
-    """What the vehicle did before it was told to hold.
+class ResumePoint:
+    """What the vehicle did before it was commanded to hold.
 
     Attributes:
         state: The state of the mission.
@@ -60,19 +60,21 @@ class HoldState(StateHandler):
     _gate: CommandGate
     _goto_state: GotoState
     _search_state: SearchState
-    _held: Held | None = None
-    _altitude_m: float | None = None  # asked for since it stopped
+    _held: ResumePoint | None = None
+    _altitude_m: float | None = None  # requested since it stopped
 
     def stop(self, by: str) -> None:
-        """Hold, as `by` asked; what is done now is gone on with later, in the time it had left."""
+        """Hold, as `by` requested; what is done now is resumed later, in the time it had left."""
         context, goto_task = self._context, self._goto_state.goto_task
         task, explores = context.task, context.task.spec.explores
-        self._held = Held(context.task.state, explores, task.robot, goto_task, context.left_s)
-        context.say(f"holding, as {by} asked")
+        self._held = ResumePoint(
+            context.task.state, explores, task.robot, goto_task, context.left_s
+        )
+        context.inform(f"holding, as {by} asked")
         context.signal(Signal.HOLD)
 
     def go_on(self, by: str) -> str:
-        """Go on with what was held, as `by` asked: a robot is sought again; what, in words."""
+        """Go on with what was held, as `by` requested: a robot is sought again; what, as text."""
         held, context = self._held, self._context
         assert held is not None  # noqa: S101 - what HOLD is entered with
         if held.state is State.HOME:
@@ -104,12 +106,12 @@ class HoldState(StateHandler):
         if self._context.task.state is not State.HOLD:
             return Refusal.BUSY, "its altitude is changed where it hovers: have it hold first"
         context, gate = self._context, self._gate
-        if context.interlocks.up(Doubt.FOREIGN_ORDER):
+        if context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
             return Refusal.BUSY, "another's order seems to show; ask again in a moment"
         off = context.interlocks.words(*OFF_PLAN)
         if off is not None:
             return Refusal.BUSY, f"{off}; ask again once that is over"
-        telemetry = context.heard
+        telemetry = context.last_telemetry
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         if moves or gate.pending or gate.setpoints.open(telemetry):
             return Refusal.BUSY, "it does not hover yet; ask again in a moment"
@@ -129,11 +131,11 @@ class HoldState(StateHandler):
 
     def _level(self, altitude_m: float) -> FlyToPoint:
         """Straight up or down where it stops."""
-        place = stopping_point(self._context.heard, self._gate.reaction_s)
+        place = stopping_point(self._context.last_telemetry, self._gate.reaction_s)
         return FlyToPoint(place, altitude_m)
 
     def replan(self) -> Wanted:
-        """To the altitude, if one was asked for."""
+        """To the altitude, if one was requested."""
         if self._altitude_m is None:
             return Rest("it hovers here")
         return self._level(self._altitude_m)
@@ -145,7 +147,7 @@ class HoldState(StateHandler):
 
     def retry(self) -> Wanted:
         """On with a climb or descent that was held; one that it did not follow is over."""
-        altitude_m, here_m = self._altitude_m, self._context.heard.altitude_m
+        altitude_m, here_m = self._altitude_m, self._context.last_telemetry.altitude_m
         under_way = altitude_m is not None and abs(here_m - altitude_m) > ALTITUDE_M
         if under_way and self._gate.last is not None:
             return self.replan()
@@ -153,7 +155,7 @@ class HoldState(StateHandler):
             self._context.warn(
                 f"it holds at {here_m:.0f} m above home: the order to {altitude_m:g} m was not "
                 "followed, and is over",
-                ASK_AGAIN,
+                REQUEST_AGAIN,
             )
         return self.begin()
 

@@ -24,7 +24,7 @@ ALL_MET: Final = "everything is explored and every robot has been met"
 
 @dataclass(slots=True, eq=False)
 class IdleState(StateHandler):
-    """Waits until a robot is due for another visit, or comes home, as the mission says.
+    """Waits until a robot is due for another visit, or comes home, as set in the mission.
 
     Robots within reach of the radio go on exchanging data meanwhile, which puts their next visit
     off: a vehicle that reaches all of them stays where it is.
@@ -46,9 +46,9 @@ class IdleState(StateHandler):
         self._wait()
         goal = self._middle
         if goal is None:
-            context.say(f"waiting for the next visit to be due: {ALL_MET}")
+            context.inform(f"waiting for the next visit to be due: {ALL_MET}")
             return Hover(ALL_MET)
-        context.say(f"hovering in the middle of the robots: {ALL_MET}")
+        context.inform(f"hovering in the middle of the robots: {ALL_MET}")
         return goal
 
     def retry(self) -> Wanted:
@@ -76,7 +76,7 @@ class IdleState(StateHandler):
         return middle if math.dist(goal.position, middle.position) >= FOLLOW_M else goal
 
     def _wait(self) -> None:
-        """Look again when the next robot is due, or when the robots may have driven away."""
+        """Check again when the next robot is due, or when the robots may have driven away."""
         context = self._context
         due_s = max(0.0, self._search.next_due_s - context.now_s)
         context.retry_in(context.airspace.mission.timers.revisit_s if self._hovers_amid else due_s)

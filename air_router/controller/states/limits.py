@@ -5,7 +5,7 @@ from typing import Final
 # For explore_state.py
 
 PASSING_M: Final = 15.0
-"""Passing a waypoint so closely counts as having been there when we look for a lost robot."""
+"""Passing a waypoint so closely counts as having been there when we search for a lost robot."""
 
 # For goto_state.py
 
@@ -23,16 +23,16 @@ POSITION_S: Final = 1.0
 """A vehicle whose positions have been missing for longer is not known to be above home."""
 
 LANDING_M: Final = 1.0
-"""So much farther from home than the acceptance radius it may be when it is told to land."""
+"""So much farther from home than the acceptance radius it may be when it is commanded to land."""
 
 WIDEST_M: Final = 2.0
-"""A wider acceptance radius counts for no landing: what is below was looked at for home alone."""
+"""A wider acceptance radius counts for no landing: what is below was checked for home alone."""
 
-LOOK_S: Final = 5.0
-"""How often it is looked whether there is a way; at once after zones have changed."""
+CHECK_S: Final = 5.0
+"""How often the program checks whether there is a way; at once after zones have changed."""
 
-TOLD_S: Final = 30.0
-"""How often it is told again that there is none."""
+ANNOUNCE_AGAIN_S: Final = 30.0
+"""How often it is announced again that there is none."""
 
 NAMED: Final = 3
 """So many walls are named; more would not be read in the air."""

@@ -8,10 +8,10 @@ from enum import Enum
 from typing import Final
 
 from air_router.controller.model import (
-    Held,
+    HandoverHold,
     HoldHere,
     MissionContext,
-    OnBoard,
+    PlanOwner,
     Signal,
     StateHandler,
 )
@@ -36,8 +36,10 @@ class TakeOff(Enum):
 
 
 HELD: Final = {
-    TakeOff.MISPLACED: Held("Mission was chosen low and away from home", LAND_AND_START_AGAIN),
-    TakeOff.TOO_HIGH: Held("Mission was chosen in another UAV's layer", DESCEND),
+    TakeOff.MISPLACED: HandoverHold(
+        "Mission was chosen low and away from home", LAND_AND_START_AGAIN
+    ),
+    TakeOff.TOO_HIGH: HandoverHold("Mission was chosen in another UAV's layer", DESCEND),
 }
 """Take-offs that are not led on, and what the pilot does."""
 
@@ -83,7 +85,7 @@ class ReadyState(StateHandler):
             armed: It was armed by us.
         """
         context = self._context
-        if context.authority.on_board is not OnBoard.OURS:
+        if context.authority.on_board is not PlanOwner.OURS:
             return "a ground station has put another plan, or fence, on board"
         now = context.telemetry
         if now is None:
@@ -97,7 +99,7 @@ class ReadyState(StateHandler):
     def disarmed(self) -> None:
         """It was armed and disarmed on the ground, and the pilot may begin anew."""
         self._rise = ClimbWatch()
-        self._context.say("disarmed before take-off: waiting on")
+        self._context.inform("disarmed before take-off: waiting on")
 
     def watch(self, telemetry: Telemetry) -> None:
         """Go on with the mission at its altitude; hold where it does not begin like this."""

@@ -1,7 +1,7 @@
 """Coming home, where zones leave a way, and landing: the states HOME and LAND, PASSIVE and DONE.
 
 A mission is only flown where home can be reached from everywhere; zones that are drawn in flight
-may change that. Nothing is flown through them then: the operator is told until one acts.
+may change that. Nothing is flown through them then: the operator is announced until one acts.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from air_router.controller.model import (
 )
 from air_router.controller.motion import RETRY_S, CommandGate, stopping_point
 from air_router.controller.states.limits import (
+    ANNOUNCE_AGAIN_S,
+    CHECK_S,
     LANDING_M,
-    LOOK_S,
     NAMED,
     POSITION_S,
-    TOLD_S,
     WIDEST_M,
 )
 from air_router.mission import HOME_NODE, Mission
@@ -41,19 +41,19 @@ def landing_radius_m(mission: Mission) -> float:
 
 @dataclass(slots=True, eq=False)
 class HomeReachability:
-    """Looks for the way home among the zones of now.
+    """Searches for the way home among the zones of now.
 
     Attributes:
         walls: The zones (and the fence) between the vehicle and home; None while a way is clear.
-        among: The router among whose zones it was looked.
-        look_at_s: When it is looked again.
+        checked_router: The router that the way home was last planned with.
+        next_check_s: When the program checks again.
     """
 
     _context: MissionContext
     walls: tuple[str, ...] | None = None
-    among: Router | None = None
-    look_at_s: float = -math.inf
-    _tell_at_s: float = -math.inf  # when it is announced again
+    checked_router: Router | None = None
+    next_check_s: float = -math.inf
+    _announce_at_s: float = -math.inf  # when it is announced again
     _due: bool = False  # it should be on its way home, as announced
 
     @property
@@ -61,34 +61,34 @@ class HomeReachability:
         """Whether zones that were drawn in flight leave no clear way home from here."""
         return self.walls is not None
 
-    def look(self, telemetry: Telemetry, *, due: bool) -> None:
-        """Say whether a way leads home, where that is news, and now and then while none does.
+    def update(self, telemetry: Telemetry, *, due: bool) -> None:
+        """Announce whether a way leads home: when that changes, and at intervals while none does.
 
         Args:
             telemetry: where the vehicle is, in the air.
             due: it should be on its way home.
         """
-        if self.among is not self._context.airspace.router:
-            self.among = self._context.airspace.router
-            self.look_at_s = self._tell_at_s = -math.inf
-        if telemetry.time_s >= self.look_at_s:
+        if self.checked_router is not self._context.airspace.router:
+            self.checked_router = self._context.airspace.router
+            self.next_check_s = self._announce_at_s = -math.inf
+        if telemetry.time_s >= self.next_check_s:
             before = self.walls
-            self._look(telemetry)
+            self._plan_home(telemetry)
             if before is not None and self.walls is None:
-                self._tell_at_s = -math.inf
-                self._context.say("a clear way leads home again")
+                self._announce_at_s = -math.inf
+                self._context.inform("a clear way leads home again")
                 return
-        if self.walls is None or (telemetry.time_s < self._tell_at_s and due == self._due):
+        if self.walls is None or (telemetry.time_s < self._announce_at_s and due == self._due):
             return
-        self._tell_at_s, self._due = telemetry.time_s + TOLD_S, due
-        self._tell(telemetry, due=due)
+        self._announce_at_s, self._due = telemetry.time_s + ANNOUNCE_AGAIN_S, due
+        self._announce(telemetry, due=due)
 
-    def _look(self, telemetry: Telemetry) -> None:
+    def _plan_home(self, telemetry: Telemetry) -> None:
         mission, router = self._context.airspace.mission, self._context.airspace.router
         here, home = telemetry.position, mission.home
         if mission.airspace_at(telemetry.altitude_m).zones_at(here):
             return  # it leaves that first
-        self.look_at_s = telemetry.time_s + LOOK_S
+        self.next_check_s = telemetry.time_s + CHECK_S
         paths = router.graph.paths
         place = paths.nearest(here)
         if place is not None and paths.connected(home, place):
@@ -102,7 +102,7 @@ class HomeReachability:
             walls = barriers(airspace, place, home)
             self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
 
-    def _tell(self, telemetry: Telemetry, *, due: bool) -> None:
+    def _announce(self, telemetry: Telemetry, *, due: bool) -> None:
         context, walls = self._context, self.walls or ()
         named = names_of(walls[::-1][:NAMED]) or "zones"  # the newest are last
         more = f" and {len(walls) - NAMED} more" if len(walls) > NAMED else ""
@@ -129,20 +129,20 @@ class ReturnState(StateHandler):
 
     Args:
         context: Where it signals that the vehicle is above home.
-        gate: What the vehicle was told before.
+        gate: The motions commanded before.
     """
 
     _context: MissionContext
     _gate: CommandGate
 
     def begin(self) -> Wanted:
-        """Fly home along the graph, and say why."""
+        """Fly home along the graph, and announce why."""
         ending = self._context.task.ending
         text = f"coming home: {ending.why if ending else None}"
         if self._context.inputs.stopped:
             text = f"{text}; it holds until that is known again"
         if ending is None or ending.instruction is None:
-            self._context.say(text)
+            self._context.inform(text)
         else:
             self._context.warn(text, ending.instruction)
         return self.retry()
@@ -162,7 +162,7 @@ class ReturnState(StateHandler):
 
     def _above_home(self, home: Point) -> Wanted:
         """Land if it stays here, and no order from before may take it away: it would land there."""
-        telemetry = self._context.heard
+        telemetry = self._context.last_telemetry
         near_m = landing_radius_m(self._context.airspace.mission)
         under_way = set(self._gate.setpoints.open(telemetry)) - {home}
         places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
@@ -188,7 +188,7 @@ class LandState(StateHandler):
 
     def why_no_landing(self) -> str | None:
         """Why it may not land where it hovers; None if nothing is below, and it stays there."""
-        mission, telemetry = self._context.airspace.mission, self._context.heard
+        mission, telemetry = self._context.airspace.mission, self._context.last_telemetry
         drift_m = math.dist(telemetry.position, stopping_point(telemetry))
         gate = self._gate
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:
@@ -209,7 +209,7 @@ class LandState(StateHandler):
         return LandHere()
 
     def replan(self) -> Wanted:
-        """Descend, unless it does, or was told to and has not failed."""
+        """Descend, unless it does, or was commanded to and has not failed."""
         if not isinstance(self._gate.last, LandHere):
             return self.begin()
         return Rest("it descends")

@@ -24,7 +24,7 @@ class SearchPoint:
         robot: Its name.
         goal: Where to hover.
         reason: What is known there of the robot, and what keeps the vehicle beside it.
-        beside_m: How far from the robot's place the vehicle will hover.
+        offset_m: How far from the robot's place the vehicle will hover.
         over: Robots that are flown over before, in this order.
         along: Other places where it may be, that are flown over before the goal.
     """
@@ -32,7 +32,7 @@ class SearchPoint:
     robot: str
     goal: Goal
     reason: str
-    beside_m: float = 0.0
+    offset_m: float = 0.0
     over: tuple[str, ...] = ()
     along: tuple[Point, ...] = ()
 
@@ -43,14 +43,14 @@ class SearchPoint:
 
 
 class Search:
-    """Knows the robots, and the places from which to look for them.
+    """Knows the robots, and the places from which to search for them.
 
     Args:
         context: The airspace, and how long the vehicle would fly.
         navigator: Where to hover for a place.
         setup: Whom to seek, in order, and whether the vehicle explores between two searches.
         exploration: Where the vehicle is, and where a robot may be that was never heard.
-        policy: Whom to seek, and where; None: as the mission says.
+        policy: Whom to seek, and where; None: as set in the mission.
 
     Attributes:
         targets: The robots, and what is known of each.
@@ -84,7 +84,7 @@ class Search:
         """The robots that are due, in the order in which they are to be tried."""
         for place in self.policy.order(self.targets, self._seek_context(now_s)):
             if self._due_s(place.robot, now_s) <= now_s:
-                yield self._beside(place)
+                yield self._offset(place)
 
     @property
     def fault(self) -> str | None:
@@ -136,7 +136,7 @@ class Search:
 
     def search_point(self, robot: str, now_s: float) -> SearchPoint:
         """Where one of the robots would be sought now."""
-        return self._beside(self.policy.place(robot, self.targets, self._seek_context(now_s)))
+        return self._offset(self.policy.place(robot, self.targets, self._seek_context(now_s)))
 
     def _seek_context(self, now_s: float) -> SeekContext:
         exploration = self.exploration
@@ -168,12 +168,12 @@ class Search:
     def _leg_s(self, start: Point, end: Point) -> float:
         return self._context.pace.time_s(Way(math.dist(start, end), 1))
 
-    def _beside(self, place: SearchPlace) -> SearchPoint:
+    def _offset(self, place: SearchPlace) -> SearchPoint:
         robot, more = place.robot, (place.over, place.along)
         if place.position is None:
             goal = self.exploration.longest_unseen()
             return SearchPoint(robot, goal, place.reason, 0.0, *more)
         hover, why = self._navigator.hover(place.position)
-        beside_m = math.dist(place.position, hover)
-        reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
-        return SearchPoint(robot, Goal(hover), reason, beside_m, *more)
+        offset_m = math.dist(place.position, hover)
+        reason = place.reason + (f"; {why}, so {max(offset_m, 0.1):.1f} m beside it" if why else "")
+        return SearchPoint(robot, Goal(hover), reason, offset_m, *more)

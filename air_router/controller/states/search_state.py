@@ -43,12 +43,12 @@ from mocha_link.links import (
 )
 
 RadioEvent = ContactBegan | ContactEnded | SyncStarted | SyncEnded
-"""What tells that a robot's radio is heard where the vehicle is."""
+"""The event that a robot's radio is in range of the vehicle."""
 
 
 @dataclass(slots=True, eq=False)
 class SearchState(StateHandler):
-    """Chooses a robot, flies to where it should be, and follows what is heard of it.
+    """Chooses a robot, flies to where it should be, and follows what is received from it.
 
     Args:
         context: Where it signals that the robot was found, or that no robot can be sought.
@@ -60,7 +60,7 @@ class SearchState(StateHandler):
     _navigator: Navigator
     search: Search
     _wanted: str | None = None  # by a request, to be sought next
-    _asked_for: str | None = None  # by a request, sought now
+    _requested: str | None = None  # by a request, sought now
     _stops: deque[str] = field(default_factory=deque)  # robots still to be flown to, in order
     _places: deque[Goal] = field(default_factory=deque)  # where else the present one may be
     _over: str | None = None  # the present one: flown to last in this search
@@ -71,7 +71,7 @@ class SearchState(StateHandler):
     _jumpers: set[str] = field(default_factory=set)  # robots whose jumps were announced
 
     def seek(self, robot: str) -> None:
-        """The operator asks for this robot."""
+        """The operator requests this robot."""
         self._wanted = robot
         self._context.signal(Signal.SEEK)
 
@@ -79,11 +79,11 @@ class SearchState(StateHandler):
 
     def begin(self) -> Wanted:
         """Seek the requested robot, or else the robot whose turn it is."""
-        self._asked_for, self._wanted = self._wanted, None
+        self._requested, self._wanted = self._wanted, None
         self._over, self._began_s, self._waits_at = None, self._context.now_s, None
-        if self._asked_for is None and self._began_s < self.search.next_due_s:
+        if self._requested is None and self._began_s < self.search.next_due_s:
             return Signal.ALL_MET
-        return self._set_out(self._asked_for)
+        return self._set_out(self._requested)
 
     def _set_out(self, first: str | None) -> Wanted:
         """Seek this robot, if any, or the next one that there is a way to."""
@@ -99,9 +99,9 @@ class SearchState(StateHandler):
                 self._context.task.seek(point.robot)
                 self.search.targets.sought(point.robot)
                 self._try(over)
-                self._context.say(f"SEARCH {point.robot}: {point.reason}")
+                self._context.inform(f"SEARCH {point.robot}: {point.reason}")
                 return Planned(motion)
-            self._context.say(f"no way to {point.robot}: {self._navigator.refusal}")
+            self._context.inform(f"no way to {point.robot}: {self._navigator.refusal}")
         self._stops.clear()
         self._places.clear()
         return self._no_target()
@@ -122,14 +122,14 @@ class SearchState(StateHandler):
         self._waits_at = self._context.task.way.goal
         if self._context.task.ends_s is None:
             self._context.start_timer()
-            self._context.say(f"at the search position of {self._context.task.robot}")
+            self._context.inform(f"at the search position of {self._context.task.robot}")
         return Rest("it waits for the robot")
 
     def no_route(self, refusal: str) -> Wanted:
         """Give it up, or only those that were to be flown over on the way."""
         if self._more:
             return self.arrived()
-        self._context.say(f"no way to {self._context.task.robot}: {refusal}")
+        self._context.inform(f"no way to {self._context.task.robot}: {refusal}")
         return self._no_target()
 
     @property
@@ -200,10 +200,10 @@ class SearchState(StateHandler):
             return Rest("it is not known where the robot is, or others are flown over first")
         if searching and self.search.foresees:
             point = self._point(robot)
-            hover, beside_m = point.goal, point.beside_m
+            hover, offset_m = point.goal, point.offset_m
         else:
             place = self._navigator.hover_point(track.pose.position)
-            hover, beside_m = Goal(place), math.dist(track.pose.position, place)
+            hover, offset_m = Goal(place), math.dist(track.pose.position, place)
         goal = context.task.way.goal
         if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
             return Rest("the robot has not moved away")
@@ -211,57 +211,59 @@ class SearchState(StateHandler):
             if not self._follows.allows(context.now_s):
                 return Rest("it was followed just now: the robot's next pose, or path, does")
             self._follows.moved(context.now_s)
-        if beside_m > 0:
-            context.say(f"no hovering over {robot}: waiting {beside_m:.0f} m beside it")
+        if offset_m > 0:
+            context.inform(f"no hovering over {robot}: waiting {offset_m:.0f} m beside it")
         return hover
 
     # What is received of robots: what is wanted then, if anything.
 
-    def pose_heard(self, event: RobotPose) -> Wanted | None:
+    def pose_received(self, event: RobotPose) -> Wanted | None:
         """A robot is, or was, there; its own pose from itself means that it was found."""
         context, track = self._context, self.search.targets.tracks.get(event.robot)
         if track is None:
             return None
-        believed = track.pose_heard(event.position, event.stamp_s, context.now_s)
+        believed = track.pose_received(event.position, event.stamp_s, context.now_s)
         if track.verdict is PoseVerdict.OLD:
             return None
-        self._tell_jumps(track)
+        self._announce_jumps(track)
         if event.robot != context.task.robot:
             return None
         if context.task.state is State.SEARCH and event.peer == event.robot:
-            return Signal.FOUND  # wherever it says to be, its radio is heard here
+            return Signal.FOUND  # wherever its pose is, its radio is in range
         return self.follow() if context.task.spec.seeks and believed else None
 
-    def _tell_jumps(self, track: TargetTrack) -> None:
-        """Say once that a robot's position jumps, and that it is believed again."""
+    def _announce_jumps(self, track: TargetTrack) -> None:
+        """Announce once that a robot's position jumps, and that it is believed again."""
         robot, jump = track.robot, track.check.jump
         if track.verdict is PoseVerdict.JUMPED and jump is not None:
             if robot not in self._jumpers:
                 self._jumpers.add(robot)
                 self._context.warn(
                     f"the position of {robot} jumped {jump.metres:.0f} m in {jump.seconds:.1f} s: "
-                    "it is not followed there",
+                    "ignored for now",
                     CHECK_LOCALISATION,
                 )
         elif track.verdict is PoseVerdict.BACK:
             self._jumpers.discard(robot)
-            self._context.say(f"the position of {robot} counts again: it stayed where it jumped to")
+            self._context.inform(
+                f"the position of {robot} counts again: it stayed where it jumped to"
+            )
 
-    def path_heard(self, event: RobotPath) -> Wanted | None:
+    def path_received(self, event: RobotPath) -> Wanted | None:
         """A robot will drive there."""
         context, track = self._context, self.search.targets.tracks.get(event.robot)
-        if track is None or not track.path_heard(event.points, event.stamp_s, context.now_s):
+        if track is None or not track.path_received(event.points, event.stamp_s, context.now_s):
             return None
         searching = context.task.state is State.SEARCH and event.robot == context.task.robot
         return self.follow() if searching and self.search.foresees else None
 
-    def radio_heard(self, event: RadioEvent) -> Wanted | None:
-        """A robot's radio was heard: it is near."""
+    def radio_received(self, event: RadioEvent) -> Wanted | None:
+        """A robot's radio was received: it is near."""
         track, here = self.search.targets.tracks.get(event.peer), self.search.exploration.here
         if track is None:
             return None
         if here is not None:
-            track.radio_heard(here, self._context.now_s)
+            track.radio_received(here, self._context.now_s)
         if isinstance(event, SyncEnded) and event.complete:
             track.synced(event.direction, self._context.now_s)
             passes = self._context.task.state is State.SEARCH and self._stops
@@ -275,14 +277,14 @@ class SearchState(StateHandler):
         context, targets = self._context, self.search.targets
         news = targets.sought_by_other(event.by, event.robot, context.now_s)
         # A requested robot is not given up.
-        free = context.task.state is State.SEARCH and context.task.robot != self._asked_for
+        free = context.task.state is State.SEARCH and context.task.robot != self._requested
         ours = free and context.task.robot is not None and context.task.robot == event.robot
         # A repeated message, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self.search.name and targets.free(context.now_s):
             if not self._yields.allows(context.now_s):
                 return None  # two UAVs over one robot harm nothing
             self._yields.moved(context.now_s)
-            context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
+            context.inform(f"{event.by} seeks {event.robot} as well, and keeps it")
             return Signal.YIELDED
         return None
 
@@ -310,7 +312,7 @@ class CommState(StateHandler):
         self._synced.clear()
         context = self._context
         context.actions.append(PublishMap())
-        context.say(f"COMM {context.task.robot}: found")
+        context.inform(f"COMM {context.task.robot}: found")
         return self._search_state.follow(force=True)
 
     def retry(self) -> Wanted:
@@ -323,14 +325,14 @@ class CommState(StateHandler):
         """Data begin to flow."""
         if event.peer == self._context.task.robot:
             self._began.add(event.direction)
-        return self._search_state.radio_heard(event)
+        return self._search_state.radio_received(event)
 
     def sync_ended(self, event: SyncEnded) -> Wanted | None:
         """One direction has everything."""
         if event.peer == self._context.task.robot and event.direction in self._began:
             self._began.discard(event.direction)
             self._synced.add(event.direction)
-        wanted = self._search_state.radio_heard(event)
+        wanted = self._search_state.radio_received(event)
         if self._context.task.state is State.COMM and len(self._synced) == len(Direction):
             return Signal.SYNCED
         return wanted

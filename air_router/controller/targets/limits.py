@@ -40,10 +40,10 @@ RECENT_POSE_S = 60.0
 """A pose younger than this says where the robot is; an older one, only where it was."""
 
 LOST_AFTER_S = 1200.0
-"""A robot not heard of for so long counts as lost and is skipped while others are not."""
+"""A robot not received of for so long counts as lost and is skipped while others are not."""
 
 SOUGHT_BY_OTHER_S = 180.0
-"""What another UAV said of whom it seeks holds for so long: a search takes less, mostly."""
+"""A published search of another UAV counts for so long: a search takes less, mostly."""
 
 USUAL_SPEED_M_S: Final = 1.0
 """Of a ground robot, where no robot's speed is known."""
@@ -55,13 +55,13 @@ STRETCHES: Final = 12
 
 LEFT_M: Final = 15.0
 LEFT_S: Final = 60.0
-"""A pose so far off a path, and so much younger, says that the robot does not follow it."""
+"""A pose so far off a path, and so much younger, reports that the robot does not follow it."""
 
 SET_BACK: Final = 3
 """So many stamps in a row that keep step with our clock say what a robot's clock shows now."""
 
 BEFORE_S: Final = 30.0
-"""A pose so much older than a path does not say where on it the robot is."""
+"""A pose so much older than a path does not show where on it the robot is."""
 
 # For tour.py
 
@@ -69,7 +69,7 @@ MOST_STOPS: Final = 3
 """A search goes over so many robots at most: what it believes of later ones is too old by then."""
 
 VAIN_SHARE: Final = 0.25
-"""What remains of the chance to find a robot after a search in vain, until there is news of it."""
+"""The share of the chance to find a robot that is left after a search in vain."""
 
 SPREAD: Final = (0.7, 1.2)
 """A robot has driven between so much and so much of what its speed says."""

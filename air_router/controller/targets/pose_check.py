@@ -39,7 +39,7 @@ class Jump(NamedTuple):
 
 
 class _Claim(NamedTuple):
-    """Where a robot says to be, on its clock and on ours."""
+    """Where a robot is by its pose, on its clock and on ours."""
 
     position: Point
     stamp_s: float
@@ -86,7 +86,7 @@ class PoseCheck:
         return PoseVerdict.BACK
 
     def set_back(self) -> None:
-        """The robot's clock was set back: how long it drove cannot be told from it."""
+        """The robot's clock was set back: how long it drove cannot be determined from it."""
         self._believed = self._doubted = self._there = None
 
 

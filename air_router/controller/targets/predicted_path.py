@@ -1,4 +1,4 @@
-"""Where a robot will be, by the way that it said it takes."""
+"""Where a robot will be, by the path that it published."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from geo.frame import Point, off_line_m
 
 @dataclass(frozen=True, slots=True)
 class PredictedPath:
-    """Where a robot will be, if it does as it said; a single point is a robot that stands.
+    """Where a robot will be, if it does as it published; a single point is a robot that stands.
 
     Attributes:
         points: Its way.

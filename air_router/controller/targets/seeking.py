@@ -58,7 +58,7 @@ class Policy(Protocol):
         """
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
-        """Where to look for one robot."""
+        """Where to search for one robot."""
 
 
 class RoundRobin:
@@ -87,7 +87,7 @@ class _Candidate:
     benefit: float  # the greater, the sooner it is sought
 
 
-def told(place: SearchPlace, age_s: float, flight_s: float, oldest_s: float) -> SearchPlace:
+def with_reason(place: SearchPlace, age_s: float, flight_s: float, oldest_s: float) -> SearchPlace:
     """The place, with the reason why this robot: how old its data are, and how far it is."""
     oldest = "oldest data" if age_s >= oldest_s else "data"
     flight = f"{flight_s:.0f} s away" if math.isfinite(flight_s) else "no way there"
@@ -102,13 +102,13 @@ class Freshest:
         benefit = (held + given) * chance / (flight + round)
         chance  = round / (round + doubt) / (1 + tries)
 
-    held    age of what we hold of it: since its newest word, or since we had all from it;
+    held    age of what we hold of it: since its newest message, or since we had all from it;
     given   age of what it holds of us (and of what we carry from others): since it had all from
             us. Both count from the beginning while there was nothing;
     flight  time to the place along the router's way, at cruise speed;
     round   exploring, waiting and communicating, which every search costs beside the flight;
     doubt   for how long its path (or without one its last pose) has been over on our arrival;
-    tries   searches for it since the last news of it.
+    tries   searches for it since the last update from it.
 
     So it is the age of information that a search is expected to remove, per second spent. Ages of
     information are those of Kaul, Yates and Gruteser (Real-time status: how often should one
@@ -140,7 +140,7 @@ class Freshest:
         prospects = [prospect for group in groups for prospect in group]
         oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
         return tuple(
-            told(prospect.place, prospect.age_s, prospect.flight_s, oldest_s)
+            with_reason(prospect.place, prospect.age_s, prospect.flight_s, oldest_s)
             for prospect in prospects
         )
 
@@ -156,7 +156,7 @@ class Freshest:
     def held_s(self, robot: str, targets: TargetList, context: SeekContext) -> float:
         """How old what we hold of a robot is."""
         known = targets.tracks[robot]
-        return _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
+        return _since_s(context.now_s, context.began_s, known.newest_s, known.taken_s)
 
     def value(self, robot: str) -> float:
         """How much a robot's age counts."""

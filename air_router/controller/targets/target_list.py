@@ -46,7 +46,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """The path that a robot said it would take, and when it said so, in its Unix seconds."""
+    """The path that a robot published, and when, in its Unix seconds."""
 
     points: tuple[Point, ...]  # the last is its destination
     stamp_s: float
@@ -70,7 +70,7 @@ class _Stamps:
     _late: tuple[float, float] | None = None  # the last old stamp, and when it came
     _in_step: int = 0  # late stamps in a row that fit together
 
-    def news(self, stamp_s: float, now_s: float) -> bool:
+    def is_newer(self, stamp_s: float, now_s: float) -> bool:
         """Whether a message is newer than all before; `now_s` is our clock."""
         if not math.isfinite(stamp_s):
             return False
@@ -105,11 +105,11 @@ class TargetTrack:
         robot: Its name.
         pose: Its newest pose, at a time in the robot's Unix seconds.
         path: Its newest path, likewise.
-        news_s: When anything new about it arrived.
+        updated_s: When anything new about it arrived.
         radio: Where the vehicle was when it last heard the robot's radio, on the vehicle's clock.
         taken_s: When we last had everything from it.
         given_s: When it last had everything from us.
-        tries: How often the vehicle flew to where it should be since the last news.
+        tries: How often the vehicle flew to where it should be since the last update.
         check: Whether it can have driven to where its poses say.
         verdict: What became of its latest pose.
     """
@@ -117,7 +117,7 @@ class TargetTrack:
     robot: str
     pose: Sighting | None = None
     path: Intent | None = None
-    news_s: float | None = None
+    updated_s: float | None = None
     radio: Sighting | None = None
     taken_s: float | None = None
     given_s: float | None = None
@@ -133,13 +133,13 @@ class TargetTrack:
         """The vehicle flies to where it should be."""
         self.tries += 1
 
-    def radio_heard(self, here: Point, now_s: float) -> None:
+    def radio_received(self, here: Point, now_s: float) -> None:
         """The vehicle, which is there, hears its radio."""
         self.radio = Sighting(here, now_s)
 
-    def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
+    def pose_received(self, position: Point, stamp_s: float, now_s: float) -> bool:
         """Take its pose in; True if it is newer than the one before, and can be true."""
-        if not self._poses.news(stamp_s, now_s):
+        if not self._poses.is_newer(stamp_s, now_s):
             self.verdict = PoseVerdict.OLD
             return False
         if self.pose is not None and stamp_s <= self.pose.stamp_s:  # its clock was set back
@@ -153,15 +153,15 @@ class TargetTrack:
         self.pose = Sighting(position, stamp_s)
         if not self._marks or stamp_s - self._marks[-1].stamp_s >= STRETCH_S[0]:
             self._marks.append(self.pose)
-        self.news_s, self.tries = now_s, 0
+        self.updated_s, self.tries = now_s, 0
         return True
 
-    def path_heard(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
-        """Take the path that it published in; True if it is news."""
-        if not points or not self._paths.news(stamp_s, now_s):
+    def path_received(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
+        """Take the path that it published in; True if it is new."""
+        if not points or not self._paths.is_newer(stamp_s, now_s):
             return False
         self.path = Intent(points, stamp_s)
-        self.news_s, self.tries = now_s, 0
+        self.updated_s, self.tries = now_s, 0
         return True
 
     def synced(self, direction: Direction, now_s: float) -> None:
@@ -177,10 +177,12 @@ class TargetTrack:
         return min(-math.inf if at is None else at for at in (self.taken_s, self.given_s))
 
     @property
-    def word_s(self) -> float | None:
-        """When it said the newest that we know of it, on our clock; None: never heard of."""
-        said = [self.ours_s(word.stamp_s) for word in (self.pose, self.path) if word is not None]
-        return max(said, default=None)
+    def newest_s(self) -> float | None:
+        """When it published the newest that we know of it, on our clock; None: never received."""
+        stamps_s = [
+            self.ours_s(update.stamp_s) for update in (self.pose, self.path) if update is not None
+        ]
+        return max(stamps_s, default=None)
 
     @property
     def speed_m_s(self) -> float | None:
@@ -199,22 +201,22 @@ class TargetTrack:
         return stamp_s + min(self._poses.behind_s, self._paths.behind_s)
 
     def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> PredictedPath | None:
-        """Where it will be; None if it was never heard of.
+        """Where it will be; None if nothing was received from it.
 
-        From its newest pose on along its path; when that was over and its radio was heard, from
+        From its newest pose on along its path; when that was over and its radio was received, from
         there.
 
         Args:
             usual_m_s: How fast it drives if that is not known.
         """
         speed_m_s = self.speed_m_s or usual_m_s
-        said, radio = self._said(speed_m_s), self.radio
-        if radio is not None and (said is None or radio.stamp_s > said.end_s):
+        stamps_s, radio = self._published_path(speed_m_s), self.radio
+        if radio is not None and (stamps_s is None or radio.stamp_s > stamps_s.end_s):
             return PredictedPath((radio.position,), radio.stamp_s, speed_m_s)
-        return said
+        return stamps_s
 
-    def _said(self, speed_m_s: float) -> PredictedPath | None:
-        """Where it said that it will be.
+    def _published_path(self, speed_m_s: float) -> PredictedPath | None:
+        """Where it reported that it will be.
 
         A path that it has left counts no more, nor does a pose from long before the path.
         """
@@ -233,11 +235,11 @@ class TargetTrack:
 
 @dataclass(frozen=True, slots=True)
 class SearchPlace:
-    """Where to look for a robot, why there, and over whom on the way.
+    """Where to search for a robot, why there, and over whom on the way.
 
     Attributes:
         robot: Its name.
-        position: Where it is looked for; None: where the UAV passed longest ago, since nothing is
+        position: Where to search; None: where the UAV passed longest ago, since nothing is
             known of it.
         reason: In words, to be announced.
         over: Robots that are flown over before, in this order.
@@ -319,7 +321,7 @@ class TargetList:
         """
         record = self.tracks[robot]
         pose, path = record.pose, record.path
-        recent = record.news_s is not None and now_s - record.news_s <= RECENT_POSE_S
+        recent = record.updated_s is not None and now_s - record.updated_s <= RECENT_POSE_S
         if pose is not None and recent:
             return SearchPlace(robot, pose.position, "its last position")
         if path is not None and (pose is None or path.stamp_s >= pose.stamp_s - 60.0):
@@ -336,5 +338,5 @@ class TargetList:
         }
 
     def _is_lost(self, robot: str, now_s: float) -> bool:
-        news_s = self.tracks[robot].news_s
-        return news_s is not None and now_s - news_s > LOST_AFTER_S
+        updated_s = self.tracks[robot].updated_s
+        return updated_s is not None and now_s - updated_s > LOST_AFTER_S

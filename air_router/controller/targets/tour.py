@@ -11,13 +11,13 @@ from shapely import LineString
 
 from air_router.controller.targets.limits import MOST_STOPS, OFF_WAY_M, SPREAD, VAIN_SHARE
 from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.seeking import Rendezvous, SeekContext, told
+from air_router.controller.targets.seeking import Rendezvous, SeekContext, with_reason
 from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class TourStop:
     """A robot that a search could go over.
 
     Attributes:
@@ -55,7 +55,7 @@ class Tour(Rendezvous):
     foraging, the marginal value theorem, Theoretical Population Biology 9, 1976). The last robot of
     the tour is the one that is sought, over which the vehicle waits and hovers.
 
-    A robot that is still on the path that it published is looked for on all of the stretch on which
+    A robot that is still on its published path is searched for on all of the stretch on which
     it may be (`SPREAD`); one whose path is over, on all of the path, since it may have turned back,
     or gone round. Either is flown along. A robot without a path is where it was last.
 
@@ -73,7 +73,7 @@ class Tour(Rendezvous):
         over = tuple(stop.robot for stop in tour[:-1])
         place = replace(self.place(sought, targets, context), over=over)
         ages_s = {robot: self.held_s(robot, targets, context) for robot in targets.names}
-        place = told(place, ages_s[sought], flight_s, max(ages_s.values()))
+        place = with_reason(place, ages_s[sought], flight_s, max(ages_s.values()))
         if over:
             place = replace(place, reason=f"over {', '.join(over)}; {place.reason}")
         yield place
@@ -92,7 +92,9 @@ class Tour(Rendezvous):
             why = "along its path" if course.end_s > context.now_s else "along its path, now over"
         return SearchPlace(robot, last, why, along=tuple(before))
 
-    def _tour(self, targets: TargetList, context: SeekContext) -> tuple[tuple[Stop, ...], float]:
+    def _tour(
+        self, targets: TargetList, context: SeekContext
+    ) -> tuple[tuple[TourStop, ...], float]:
         """The tour that is flown, and the flight to its last robot; none if none brings anything.
 
         A way leads to each of its robots.
@@ -106,21 +108,21 @@ class Tour(Rendezvous):
             stops = [stop for stop in stops if stop.robot not in walled]
         return (), math.inf
 
-    def _best(self, stops: Sequence[Stop], context: SeekContext) -> tuple[Stop, ...]:
+    def _best(self, stops: Sequence[TourStop], context: SeekContext) -> tuple[TourStop, ...]:
         """The tour that is flown; none if none brings anything."""
         return best_tour(stops, context)
 
     def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
-        """Where a robot is looked for, in the order in which it is flown."""
+        """Where a robot is searched for, in the order in which it is flown."""
         return stretch(course, context)
 
-    def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
+    def _stops(self, targets: TargetList, context: SeekContext) -> list[TourStop]:
         """The robots that may be sought.
 
         Of those that were never heard one is enough: all of them would be sought at one place.
         """
         free, *_ = targets.groups(context.now_s)
-        stops: list[Stop] = []
+        stops: list[TourStop] = []
         unheard = False
         for robot in free:
             course = targets.course(robot)
@@ -135,7 +137,7 @@ class Tour(Rendezvous):
             chance *= VAIN_SHARE ** targets.tracks[robot].tries
             gain_s = self.ages_s(robot, targets, context) * self.value(robot) * chance
             along_s = sum(context.leg_s(a, b) for a, b in pairwise(places))
-            stops.append(Stop(robot, places, gain_s, flight_s, along_s))
+            stops.append(TourStop(robot, places, gain_s, flight_s, along_s))
         return stops
 
 
@@ -161,10 +163,10 @@ def along(
     return min(places, places[::-1], key=lambda way: context.straight_s(way[0]))
 
 
-def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
+def best_tour(stops: Iterable[TourStop], context: SeekContext) -> tuple[TourStop, ...]:
     """The stops in the order in which they are flown over; none if none brings anything."""
     left, best = list(stops), 0.0
-    tour: tuple[Stop, ...] = ()
+    tour: tuple[TourStop, ...] = ()
     while left and len(tour) < MOST_STOPS:
         longer = [
             (rate(way, context), way, stop)
@@ -180,7 +182,7 @@ def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
     return tour
 
 
-def rate(tour: Sequence[Stop], context: SeekContext) -> float:
+def rate(tour: Sequence[TourStop], context: SeekContext) -> float:
     """The age that a tour is expected to remove, per second."""
     legs_s = sum(context.leg_s(a.places[-1], b.places[0]) for a, b in pairwise(tour))
     along_s = sum(stop.along_s for stop in tour)

@@ -9,10 +9,10 @@ from itertools import pairwise
 
 from air_router.vehicle.px4.limits import (
     BOOT_CLOCK_WRAPS_WITHIN_MS,
+    TWIN_CLEARED_MESSAGES,
     TWIN_CLOCKS_APART_S,
-    TWIN_GONE_MESSAGES,
     TWIN_TURNS,
-    TWIN_TURNS_AMONG,
+    TWIN_TURNS_WINDOW,
 )
 from air_router.vehicle.px4.mavlink_values import BOOT_CLOCK_MS
 
@@ -26,48 +26,48 @@ class BootClock:
 
     def whole_ms(self, time_boot_ms: int) -> int:
         """Milliseconds since the vehicle booted, in more than 32 bits."""
-        told_ms = time_boot_ms + self._epoch * BOOT_CLOCK_MS
+        counted_ms = time_boot_ms + self._epoch * BOOT_CLOCK_MS
         last_ms = self._last_ms
         if last_ms is not None:
-            if 0 <= told_ms + BOOT_CLOCK_MS - last_ms <= BOOT_CLOCK_WRAPS_WITHIN_MS:
+            if 0 <= counted_ms + BOOT_CLOCK_MS - last_ms <= BOOT_CLOCK_WRAPS_WITHIN_MS:
                 self._epoch += 1
-                told_ms += BOOT_CLOCK_MS
-            elif self._epoch and told_ms - last_ms >= BOOT_CLOCK_MS - BOOT_CLOCK_WRAPS_WITHIN_MS:
-                return told_ms - BOOT_CLOCK_MS  # late: of before
-        self._last_ms = told_ms
-        return told_ms
+                counted_ms += BOOT_CLOCK_MS
+            elif self._epoch and counted_ms - last_ms >= BOOT_CLOCK_MS - BOOT_CLOCK_WRAPS_WITHIN_MS:
+                return counted_ms - BOOT_CLOCK_MS  # late: of before
+        self._last_ms = counted_ms
+        return counted_ms
 
 
 @dataclass(slots=True)
 class _Track:
-    """One clock: what it told last, and when that came on ours, seconds."""
+    """One clock: its newest time, and when that arrived on ours, seconds."""
 
     boot_s: float
     arrived_s: float
 
-    def told(self, boot_s: float, arrived_s: float) -> None:
+    def advance(self, boot_s: float, arrived_s: float) -> None:
         """It goes on."""
         self.boot_s, self.arrived_s = boot_s, arrived_s
 
 
 @dataclass(slots=True, eq=False)
 class TwinWatch:
-    """Looks whether two clocks tell the same message by turns.
+    """Checks whether two clocks stamp the same message by turns.
 
     Attributes:
         apart_s: How far the clocks of two autopilots are apart; None: there is one.
     """
 
     apart_s: float | None = None
-    _tracks: list[_Track] = field(default_factory=list)  # the one that was heard last is last
-    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=TWIN_TURNS_AMONG))
+    _tracks: list[_Track] = field(default_factory=list)  # the one that was received last is last
+    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=TWIN_TURNS_WINDOW))
     _alone: int = 0  # messages of one clock, one after the other
 
     def take(self, boot_s: float, arrived_s: float, rate: float) -> bool:
         """Take a position's time; whether there are two autopilots is other than before.
 
         Args:
-            boot_s: Since the boot, as told.
+            boot_s: Since the boot, as reported.
             arrived_s: On our clock.
             rate: Of the vehicle's time against ours.
         """
@@ -81,7 +81,7 @@ class TwinWatch:
             one, other = took[-2:]
             passed_s = (one.arrived_s - other.arrived_s) * rate
             self.apart_s = abs(one.boot_s - other.boot_s - passed_s)
-        elif self._alone >= TWIN_GONE_MESSAGES:
+        elif self._alone >= TWIN_CLEARED_MESSAGES:
             self.apart_s = None
         return (self.apart_s is None) != (before is None)
 
@@ -94,5 +94,5 @@ class TwinWatch:
             track = _Track(boot_s, arrived_s)
             self._tracks = [*self._tracks[-1:], track]
         else:
-            track.told(boot_s, arrived_s)
+            track.advance(boot_s, arrived_s)
         return track

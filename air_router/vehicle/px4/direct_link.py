@@ -42,7 +42,7 @@ class DirectLink:
 
     Raises:
         OSError: it cannot be opened.
-        ValueError: the URL is none of these; the message says why.
+        ValueError: the URL is none of these; the message gives the reason.
     """
 
     def __init__(self, url: str, receive: Callable[[bytes], None], signer: MavlinkSigner) -> None:

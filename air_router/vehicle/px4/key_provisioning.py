@@ -13,7 +13,7 @@ with needs_extra("a flight", "fly", "air-router"):
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.errors import NotConfirmedError, NoVehicleError, RefusedError
-from air_router.vehicle.px4.limits import KEY_ANSWER_S, KEY_STORED_S
+from air_router.vehicle.px4.limits import KEY_RESPONSE_S, KEY_STORED_S
 from air_router.vehicle.px4.mavlink_signing import timestamp_of
 from air_router.vehicle.px4.mavlink_values import ARMED, AUTOPILOT, KEY_BYTES, MavCmd, MessageId
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
@@ -102,7 +102,7 @@ async def _is_armed(plugins: Plugins, system_id: int) -> bool:
 
     subscribe(plugins.direct, "HEARTBEAT", take)
     try:
-        async with asyncio.timeout(KEY_ANSWER_S):
+        async with asyncio.timeout(KEY_RESPONSE_S):
             fields = await first
     except TimeoutError:
         raise NoVehicleError("the vehicle has stopped sending HEARTBEAT") from None
@@ -119,7 +119,7 @@ async def _obeys(url: str, system_id: int, key: Path | None) -> bool:
         target = {"target_system": system_id, "target_component": AUTOPILOT}
         fields = {"command": MavCmd.REQUEST_MESSAGE, "confirmation": 0, **target, **params}
         asked = message("COMMAND_LONG", fields, system_id)
-        result, _ = await call(plugins.direct.send_command_async, asked, timeout_s=KEY_ANSWER_S)
+        result, _ = await call(plugins.direct.send_command_async, asked, timeout_s=KEY_RESPONSE_S)
     except (TimeoutError, SignedVehicleError):
         return False
     finally:

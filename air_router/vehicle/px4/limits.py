@@ -17,11 +17,11 @@ TWIN_CLOCKS_APART_S: Final = 15.0
 are late by less, and what a socket has kept does not take turns with what is new."""
 
 TWIN_TURNS: Final = 4
-TWIN_TURNS_AMONG: Final = 60
+TWIN_TURNS_WINDOW: Final = 60
 """Two clocks that have taken so many turns among the latest messages are two vehicles'."""
 
-TWIN_GONE_MESSAGES: Final = 100
-"""The other is gone after so many messages without it: ten seconds of positions, at 10 Hz."""
+TWIN_CLEARED_MESSAGES: Final = 100
+"""The other is lost after so many messages without it: ten seconds of positions, at 10 Hz."""
 
 # For direct_link.py
 
@@ -42,7 +42,7 @@ READ_BYTES: Final = 65535
 KEY_STORED_S: Final = 1.0
 """How long the link is kept that a key left by, until PX4's other links have read it."""
 
-KEY_ANSWER_S: Final = 5.0
+KEY_RESPONSE_S: Final = 5.0
 """Wall-clock limit for a HEARTBEAT, which comes at 1 Hz, and for the answer to a command."""
 
 # For mavlink_signing.py
@@ -97,7 +97,8 @@ MODE_POLL_S: Final = 0.1
 """How often the vehicle's mode is requested while it is waited for; HEARTBEAT comes at 1 Hz."""
 
 ORDER_ACTS_S: Final = 0.2
-"""So long after its acknowledgement the mode of an order is that of the vehicle: within 20 ms."""
+"""Vehicle's time after its acknowledgement by which the mode of an order shows: PX4 changes it
+within 20 ms. Not our time: a simulation, or a computer under load, may run slower."""
 
 SAME_TARGET_M: Final = 1.0
 """A target nearer than this to a place is that place: PX4 reports it to a centimetre."""
@@ -113,36 +114,36 @@ FIND_OTHERS_S: Final = 1.5
 FIND_ELSEWHERE_S: Final = 1.5
 """For how long other ports are listened on, at last, when nothing is received: one HEARTBEAT."""
 
-FIND_LOOK_S: Final = 0.05
-"""How often it is looked whether the wanted vehicle is among those that MAVSDK has found."""
+FIND_POLL_S: Final = 0.05
+"""How often the program checks whether the wanted vehicle is among those that MAVSDK has found."""
 
 FIND_DATAGRAMS: Final = 100
-"""So many datagrams of a port are looked at: a busy stranger must not keep the search."""
+"""So many datagrams of a port are checked: a busy stranger must not keep the search."""
 
 # For px4_link.py
 
 PEER_PORT_ANEW_S: Final = 5.0
 """A peer that was silent for so long may come back on another port of the same host."""
 
-SOCKET_KEPT_S: Final = 20.0
+SOCKET_BUFFER_S: Final = 20.0
 """For so long a full link is kept while this program stands still, where the kernel allows it."""
 
 LINK_DATAGRAMS_HZ: Final = 410
 """Datagrams of a PX4 1.17 on its companion's link, as measured."""
 
-DATAGRAM_KEPT_BYTES: Final = 832
+DATAGRAM_BUFFER_BYTES: Final = 832
 """What Linux counts for one of them: 256 fill its default of 212992."""
 
 # For px4_messages.py
 
 LINK_SILENT_S: Final = 3.0
-"""A vehicle that is not heard for so long, wall-clock time, counts as silent: three HEARTBEATs."""
+"""A vehicle that is silent for so long, wall-clock time, counts as silent: three HEARTBEATs."""
 
-LINK_SILENT_LOOKS: Final = 3
-"""How often within that time it is looked: silence is reported no later than by a third of it."""
+LINK_SILENT_CHECKS: Final = 3
+"""How often within that time the link is checked: silence is reported late by a third at most."""
 
 TEXTS_KEPT: Final = 3
-"""So many of PX4's latest words are added to an error: a refusal has a line or two."""
+"""So many of PX4's latest texts are added to an error: a refusal has a line or two."""
 
 LINK_GAP_S: Final = 0.2
 """After a longer gap in what comes the first messages may be of its beginning, if this program
@@ -165,14 +166,14 @@ BACKLOG_LIVE: Final = 0.7
 
 # For px4_mode_check.py
 
-MODE_ANSWER_S: Final = 3.0
+MODE_RESPONSE_S: Final = 3.0
 """Wall-clock limit for the answer: a PX4 answers within 15 ms, a slow radio within a second."""
 
 MODE_REQUESTED_AGAIN_S: Final = 0.25
 """How often the request leaves, until one is answered: one that is lost costs no more."""
 
-STOOD_STILL_LOOK_S: Final = 0.05
-"""How often it is looked whether this program stood still since the request: well within
+STOOD_STILL_CHECK_S: Final = 0.05
+"""How often the program checks whether this program stood still since the request: well within
 `LINK_GAP_S`."""
 
 # For px4_motions.py
@@ -196,7 +197,7 @@ PLAN_FEASIBLE_S: Final = 5.0
 """Wall-clock limit for PX4 to judge a mission: it does within a second."""
 
 PLAN_CHECKS_S: Final = 15.0
-"""Wall-clock limit for its arming checks to say that a mission can be flown."""
+"""Wall-clock limit for its arming checks to report that a mission can be flown."""
 
 PLAN_RELOAD_S: Final = 6.0
 """Vehicle's time after which its arming checks are of what is on board now: PX4 1.15 and 1.16 judge
@@ -210,7 +211,7 @@ PLAN_BUSY_S: Final = 5.5
 """PX4 ignores uploads for five seconds after a transfer that was not finished
 (MAVLINK_MISSION_PROTOCOL_TIMEOUT_DEFAULT); another ground station may begin one meanwhile."""
 
-PLAN_TOLD_S: Final = 5.0
+PLAN_REPORTED_S: Final = 5.0
 """Wall-clock limit for PX4 to say which plan is on board, which it does once a second."""
 
 # For px4_requests.py
@@ -223,8 +224,8 @@ STREAM_RATES_HZ: Final[Mapping[str, float]] = {
 }
 """How often we want what PX4 sends so often that reading it takes our time."""
 
-FIRST_ANSWER_S: Final = 1.5
-"""Wall-clock limit for what is asked for at the beginning, and can be done without."""
+FIRST_RESPONSE_S: Final = 1.5
+"""Wall-clock limit for what is requested at the beginning, and can be done without."""
 
 STREAM_MISSING_S: Final = 2.0
 STREAM_REQUESTED_EVERY_S: Final = 5.0
@@ -237,7 +238,7 @@ INSPECTION_HEALTH_S: Final = 4.0
 ARMING_REPORT_S: Final = 1.0
 """Wall-clock limit for the health and arming report, once it was requested."""
 
-PARAMETER_ANSWER_S: Final = 0.5
+PARAMETER_RESPONSE_S: Final = 0.5
 PARAMETER_ATTEMPTS: Final = 5
 """Wall-clock time for what was requested at once, and how often what is missing is requested again.
 MAVSDK would wait three seconds for each that PX4 does not have."""

@@ -77,7 +77,7 @@ def is_intact(frame: bytes, crc_extra: int) -> bool:
 
 
 def flagged(frame: bytes) -> bytes:
-    """A MAVLink 2 frame without a signature that says that it has one: what is signed."""
+    """A MAVLink 2 frame without a signature that reports that it has one: what is signed."""
     return _flipped(frame)
 
 

@@ -86,7 +86,7 @@ class MavlinkSigner:
 
     Attributes:
         counts: Frames by verdict.
-        posing: Those that say that they are the vehicle's, and that the key does not vouch for.
+        posing: Those that report that they are the vehicle's, and that the key does not vouch for.
         stale_heartbeat: The latest datagram had an old HEARTBEAT that was signed with the key: its
             sender has restarted, and goes by our time as soon as it gets a message of ours.
     """

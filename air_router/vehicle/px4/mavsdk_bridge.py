@@ -55,18 +55,18 @@ async def call(method: Callable[..., None], *arguments: Any, timeout_s: float) -
         TimeoutError: no answer in time; a late one is ignored.
     """
     loop = asyncio.get_running_loop()
-    answer: asyncio.Future[tuple[Any, ...]] = loop.create_future()
+    result: asyncio.Future[tuple[Any, ...]] = loop.create_future()
 
-    def settle(values: tuple[Any, ...]) -> None:
-        if not answer.done():
-            answer.set_result(values)
+    def resolve(values: tuple[Any, ...]) -> None:
+        if not result.done():
+            result.set_result(values)
 
-    def on_answer(*values: Any) -> None:  # on MAVSDK's thread
-        _from_thread(loop, settle, values[:-1])
+    def on_result(*values: Any) -> None:  # on MAVSDK's thread
+        _from_thread(loop, resolve, values[:-1])
 
-    method(*arguments, on_answer)
+    method(*arguments, on_result)
     async with asyncio.timeout(timeout_s):
-        return await answer
+        return await result
 
 
 class Received(NamedTuple):

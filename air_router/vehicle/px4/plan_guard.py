@@ -14,14 +14,14 @@ from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY
 
 
 class PlanIds(NamedTuple):
-    """By which a PX4 tells one plan on board from another; 0: not told, or none."""
+    """By which a PX4 distinguishes plans on board; 0: not reported, or none."""
 
     mission_id: int
     fence_id: int
     rally_points_id: int
 
     @property
-    def told(self) -> bool:
+    def reported(self) -> bool:
         """Whether the autopilot has ids, and a plan."""
         return any(self)
 
@@ -35,7 +35,7 @@ class PlanGuard:
     """Follows the ids of one PX4.
 
     Attributes:
-        newest: The ids as they were told last; None before.
+        newest: The ids as they were reported last; None before.
         changed: The lists that another sender has changed since `begin`.
     """
 
@@ -43,17 +43,17 @@ class PlanGuard:
     changed: frozenset[int] = frozenset()
     _known: dict[int, int] = field(default_factory=dict)  # by list: its id; none: the next told is
     _under_way: int | None = None  # the list that we transfer
-    _answered: bool = False  # the autopilot has said that it is stored
+    _acknowledged: bool = False  # the autopilot has reported that it is stored
     _perhaps: dict[int, int] = field(default_factory=dict)  # by list: what a refusal named of ours
 
     def begin(self, known: PlanIds | None) -> None:
-        """From now on what is another than this is a change; None: than what is told next."""
+        """From now on what is another than this is a change; None: than what is announced next."""
         self._known = {} if known is None else dict(zip(LISTS, known, strict=True))
         self.changed = frozenset()
 
     def transfer_begins(self, kind: int) -> None:
         """We send a list, or clear it."""
-        self._under_way, self._answered = kind, False
+        self._under_way, self._acknowledged = kind, False
 
     def stored(self, kind: int, identifier: int | None) -> None:
         """The autopilot has stored our list, under this id; None: it does not say which.
@@ -61,7 +61,7 @@ class PlanGuard:
         That is addressed to us, and may be received after the transfer is known to be over:
         MAVSDK passes its own result on first.
         """
-        self._answered |= kind == self._under_way
+        self._acknowledged |= kind == self._under_way
         self._perhaps.pop(kind, None)
         if identifier is None:
             self._known.pop(kind, None)
@@ -69,22 +69,22 @@ class PlanGuard:
             self._known[kind] = identifier
 
     def refused(self, kind: int, identifier: int | None) -> None:
-        """The autopilot says that it has not; where it names the list, it may have."""
+        """The autopilot reports that it has not; where it names the list, it may have."""
         if identifier:
             self._perhaps[kind] = identifier
 
     def clear_refused(self, kind: int) -> None:
-        """The autopilot says that it has not cleared our list; it may be empty all the same."""
+        """The autopilot reports that it has not cleared our list; it may be empty all the same."""
         self._perhaps[kind] = 0
 
     def transfer_ends(self, *, perhaps_stored: bool = False) -> None:
-        """It is over; `perhaps_stored`: our list may be there, whatever was heard of its id."""
-        if perhaps_stored and self._under_way is not None and not self._answered:
+        """It is over; `perhaps_stored`: our list may be there, whatever was received of its id."""
+        if perhaps_stored and self._under_way is not None and not self._acknowledged:
             self._known.pop(self._under_way, None)
         self._under_way = None
 
-    def told(self, ids: PlanIds) -> frozenset[int]:
-        """The autopilot tells its ids; which lists another sender has changed since the last."""
+    def reported(self, ids: PlanIds) -> frozenset[int]:
+        """The autopilot reports its ids; which lists another sender has changed since the last."""
         self.newest = ids
         found = set()
         for kind, identifier in zip(LISTS, ids, strict=True):

@@ -27,9 +27,9 @@ from air_router.vehicle import (
 from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.limits import (
     ARMING_HEALTH_S,
-    FIRST_ANSWER_S,
     FIRST_POSITIONS_S,
-    LINK_SILENT_LOOKS,
+    FIRST_RESPONSE_S,
+    LINK_SILENT_CHECKS,
     LINK_SILENT_S,
     SPOOFED_MESSAGES,
 )
@@ -46,17 +46,17 @@ _log = logging.getLogger(__name__)
 _MAV_SEVERITY: Final = {Severity.INFO: 6, Severity.WARNING: 4, Severity.ALARM: 2}
 """INFO, WARNING ("a possible future error if this is not resolved") and CRITICAL ("action must be
 taken immediately") of common.xml. QGroundControl lists all of them, and reads aloud NOTICE (5) and
-what is graver (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): what asks for nothing is read,
-what asks for something is heard as well."""
+what is more severe (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): INFO is shown,
+the others are spoken as well."""
 
 
 class Px4Vehicle(Px4Motions, Vehicle):
     """Flies one PX4.
 
     Args:
-        mission: Its local frame and speed; the vehicle is told WGS-84 degrees.
+        mission: Its local frame and speed; commands carry WGS-84 degrees.
         url: MAVSDK connection URL, such as `udpin://127.0.0.1:14540`.
-        clock: Told the vehicle's time.
+        clock: Set by the vehicle's time.
         system_id: The vehicle's MAVLink system id; ours must be the same.
         connection: What opens the link; a rehearsal's leads to a vehicle in the same process.
     """
@@ -76,17 +76,17 @@ class Px4Vehicle(Px4Motions, Vehicle):
         self._onboard: OnboardPlan  # from `connect` on
         self._texts_sent = 0  # id of a text in pieces
         self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
-        self._catching_up: asyncio.Task[bool] | None = None  # asks for the mode after a gap
-        self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
-        self._spoofs_told = False  # that another sender poses as the vehicle
+        self._catching_up: asyncio.Task[bool] | None = None  # requests the mode after a gap
+        self._callback: Callable[[VehicleEvent], None] | None = None  # receives vehicle events
+        self._spoofing_announced = False  # that another sender poses as the vehicle
 
     @property
     def telemetry(self) -> Px4Telemetry:
-        """What the vehicle said last."""
+        """What the vehicle reported last."""
         return self._telemetry
 
     async def connect(self) -> VehicleInfo:
-        """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
+        """See `Vehicle.connect`; also requests the positions often enough to fly by them."""
         plugins = await self._connection.open()
         telemetry = self._telemetry
         self._onboard = OnboardPlan(
@@ -102,8 +102,8 @@ class Px4Vehicle(Px4Motions, Vehicle):
                 f"{FIRST_POSITIONS_S:.0f} s; is its GPS ready, and is the link set to "
                 "MAVLink mode 'Onboard'?"
             )
-        if not await telemetry.shows(telemetry.introduced, FIRST_ANSWER_S) and telemetry.in_air:
-            await px4_requests.ask_since_when_it_flies(telemetry)
+        if not await telemetry.shows(telemetry.introduced, FIRST_RESPONSE_S) and telemetry.in_air:
+            await px4_requests.request_flight_information(telemetry)
         if telemetry.identity.version is None:
             _log.warning(
                 "%s: PX4 does not answer; has it a signing key? Then say --signing-key FILE",
@@ -153,7 +153,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         if not await telemetry.shows(lambda: telemetry.status.health_good, ARMING_HEALTH_S):
             raise ArmingRefusedError(
                 f"not ready to arm after {ARMING_HEALTH_S:.0f} s{telemetry.reports.words}"
-                f"{telemetry.said()}; see the arming checks in the ground station"
+                f"{telemetry.texts()}; see the arming checks in the ground station"
             )
         if telemetry.armed or telemetry.mode not in {before, FlightMode.HOLD, FlightMode.MISSION}:
             raise ArmingRefusedError(
@@ -200,7 +200,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             self._catching_up.cancel()
         if self._watches:
             self._onboard.close()
-        self.stop_telling()
+        self.stop_sending_speed()
         await self._connection.close()
 
     def _on_event(self, event: VehicleEvent) -> None:
@@ -210,7 +210,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             self._catching_up is None or self._catching_up.done()
         ):
             # What a pilot chose in the gap is known within milliseconds, and not with the next
-            # HEARTBEAT; until then the controller's `heard_again` lets nothing begin.
+            # HEARTBEAT; until then the controller's `link_restored` lets nothing begin.
             check = self._commands.check
             self._catching_up = asyncio.get_running_loop().create_task(check.received())
 
@@ -220,10 +220,14 @@ class Px4Vehicle(Px4Motions, Vehicle):
             event = PlanCompared(self._telemetry.time_s, difference)
             asyncio.get_running_loop().call_soon(self._callback, event)
 
-    def _tell_spoofs(self) -> None:
+    def _announce_spoofing(self) -> None:
         count = self._connection.posing
-        if count >= SPOOFED_MESSAGES and not self._spoofs_told and self._callback is not None:
-            self._spoofs_told = True
+        if (
+            count >= SPOOFED_MESSAGES
+            and not self._spoofing_announced
+            and self._callback is not None
+        ):
+            self._spoofing_announced = True
             event = MavlinkSpoofed(self._telemetry.time_s, count)
             asyncio.get_running_loop().call_soon(self._callback, event)
 
@@ -231,10 +235,10 @@ class Px4Vehicle(Px4Motions, Vehicle):
         loop = asyncio.get_running_loop()
         while True:
             began_s = loop.time()
-            await asyncio.sleep(LINK_SILENT_S / LINK_SILENT_LOOKS)
-            self._tell_spoofs()
+            await asyncio.sleep(LINK_SILENT_S / LINK_SILENT_CHECKS)
+            self._announce_spoofing()
             if loop.time() - began_s > LINK_SILENT_S:
-                continue  # this program stood still, and what was said meanwhile waits
+                continue  # this program stood still, and the messages sent meanwhile wait
             silent_s = self._telemetry.silent_s()
             if silent_s > LINK_SILENT_S and self._callback is not None:
                 # Not from here: an error in what it leads to would end this watch, unseen.

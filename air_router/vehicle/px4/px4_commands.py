@@ -1,6 +1,6 @@
 """Commands that move a PX4 or change its mode: each leaves once, and is believed when it shows.
 
-Each leaves in the moment in which the vehicle has said that it is in a mode which the command may
+Each leaves in the moment in which the vehicle has reported a mode that the command may
 end: a mode that was received before may be another by now (`px4_mode_check`). There is one door,
 `Px4Commands._look`, and nothing that moves the vehicle leaves beside it.
 
@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 
 
 class NotShownError(NotConfirmedError):
-    """Nothing was heard that would show what became of an order: it may be followed."""
+    """Nothing was received that would show what became of an order: it may be followed."""
 
 
 class Result(IntEnum):
@@ -81,7 +81,7 @@ class ObservedState(NamedTuple):
 
     @classmethod
     def of(cls, telemetry: Px4Telemetry | Telemetry) -> Self:
-        """As the vehicle said last; item and target where they are chosen, and not followed."""
+        """As the vehicle reported last; item and target where they are chosen, and not followed."""
         mode = telemetry.mode
         return cls(
             mode,
@@ -91,8 +91,8 @@ class ObservedState(NamedTuple):
             telemetry.target if mode is FlightMode.HOLD and telemetry.in_air else None,
         )
 
-    def told_since(self, sent_s: float, telemetry: Px4Telemetry) -> bool:
-        """Whether item or target, where one is chosen, were told again since then."""
+    def reported_since(self, sent_s: float, telemetry: Px4Telemetry) -> bool:
+        """Whether item or target, where one is chosen, were reported again since then."""
         if self.mode is FlightMode.MISSION:
             return telemetry.arrived_s("MISSION_CURRENT") > sent_s
         if self.mode is FlightMode.HOLD and telemetry.in_air:
@@ -112,14 +112,15 @@ class SentOrder:
     """An order that has left, and what was answered; times are of the monotonic clock.
 
     Attributes:
-        order: What the vehicle was told.
-        before: What the vehicle had been told, by any sender, when it left.
+        order: What the vehicle was reported.
+        before: What the vehicle had been reported, by any sender, when it left.
         plan: What was on board then.
         first_s: When it left.
         last_s: When it left last.
-        heard_s: When the vehicle said last that it is about it.
-        accepted: The vehicle acknowledged this very order, as far as can be told.
+        in_progress_s: When the vehicle reported last that it is about it.
+        accepted: The vehicle acknowledged this very order, as far as can be determined.
         acked_s: When an acknowledgement came that may also be that of an order from before.
+        acked_boot_s: The vehicle's time since boot that it had reported last by then.
         refusal: The result with which it refused it, None if it did not.
     """
 
@@ -128,24 +129,27 @@ class SentOrder:
     plan: PlanIds | None
     first_s: float
     last_s: float = -math.inf
-    heard_s: float = -math.inf
+    in_progress_s: float = -math.inf
     accepted: bool = False
     acked_s: float = math.inf
+    acked_boot_s: float = math.inf
     refusal: int | None = None
 
     def leaves(self, now_s: float) -> None:
         """It leaves, perhaps again."""
         self.last_s = now_s
         if self.refusal is not None:  # what was answered was about the time before
-            self.refusal, self.accepted, self.acked_s = None, False, math.inf
+            self.refusal, self.accepted = None, False
+            self.acked_s = self.acked_boot_s = math.inf
 
-    def answered(self, result: int, now_s: float, *, this: bool) -> None:
-        """The vehicle says what has become of it; `this`: of this order, and of none before it."""
+    def acknowledged(self, result: int, now_s: float, boot_s: float, *, this: bool) -> None:
+        """The vehicle acknowledged; `this`: this very order, and none before it."""
         if result == Result.IN_PROGRESS:
-            self.heard_s = now_s
+            self.in_progress_s = now_s
         elif result == Result.ACCEPTED:
             self.accepted |= this
             self.acked_s = min(self.acked_s, now_s)
+            self.acked_boot_s = min(self.acked_boot_s, boot_s)
         else:
             self.refusal = result
 
@@ -185,16 +189,16 @@ class Px4Commands:
     """Sends orders, one of each kind at a time.
 
     Args:
-        telemetry: What the vehicle says, and what sends to it.
+        telemetry: The vehicle's messages, and what sends to it.
 
     Attributes:
-        check: Asks for the mode that the vehicle has now.
+        check: Requests the mode that the vehicle has now.
     """
 
     def __init__(self, telemetry: Px4Telemetry) -> None:
         self._telemetry = telemetry
         self.check = ModeCheck(telemetry)
-        self._looked_s = -math.inf  # when the mode of now was received, loop's clock
+        self._mode_received_s = -math.inf  # when the mode of now was received, loop's clock
         self._tried: dict[int, _Attempts] = defaultdict(_Attempts)  # by MAV_CMD
         self._unfollowed: deque[SentOrder] = deque()  # may show yet, since the last that was
 
@@ -203,7 +207,7 @@ class Px4Commands:
         self._telemetry.take({"COMMAND_ACK": self._on_ack})
         self.check.listen()
 
-    async def look(
+    async def recheck(
         self,
         words: str,
         out_of: Modes = None,
@@ -217,17 +221,17 @@ class Px4Commands:
             words: What is to leave.
             out_of: The modes that it may end; None: the one of the call.
             objection: Why it must not leave, after all.
-            anew: Also where the mode was looked at a moment ago.
+            anew: Also where the mode was checked a moment ago.
 
         Raises:
             NotSentError: no mode of now was received, a failsafe acts, or there is an objection.
             TakenOverError: the vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
-        if anew or loop_s() - self._looked_s > MODE_FRESH_S:
+        if anew or loop_s() - self._mode_received_s > MODE_FRESH_S:
             if not await self.check.received():
                 raise NotSentError(f"{words} was not sent: no flight mode of now was received")
-            self._looked_s = loop_s()
+            self._mode_received_s = loop_s()
         if (taken := self.taken(modes)) is not None:
             text = f"{words} was not sent: the pilot chose {taken.value} mode"
             raise TakenOverError(text, taken, sent=False)
@@ -254,13 +258,13 @@ class Px4Commands:
         Args:
             wire: Its name and fields.
             words: What it is.
-            out_of: See `look`, which raises as well.
-            objection: See `look`.
+            out_of: See `recheck`, which raises as well.
+            objection: See `recheck`.
 
         Raises:
-            NotConfirmedError: the link is gone.
+            NotConfirmedError: the link is lost.
         """
-        await self.look(words, out_of, objection)
+        await self.recheck(words, out_of, objection)
         self._send(wire, words)
 
     def _send(self, wire: tuple[str, dict[str, Any]], words: str) -> None:
@@ -268,7 +272,7 @@ class Px4Commands:
         if fault is not None:
             raise NotConfirmedError(f"{words} was not sent: {fault}")
 
-    async def tell(
+    async def execute(
         self,
         order: Px4Order,
         shown: Shown,
@@ -283,15 +287,15 @@ class Px4Commands:
             order: What it is to do.
             shown: Whether it follows.
             attempts: How often it may leave at most, each time if no other order came.
-            out_of: See `look`, which raises as well.
-            objection: See `look`.
+            out_of: See `recheck`, which raises as well.
+            objection: See `recheck`.
 
         Raises:
-            NotShownError: nothing was heard that shows whether it follows.
+            NotShownError: nothing was received that shows whether it follows.
             NotConfirmedError: it does not follow, with the reason where there is one.
             TakenOverError: a pilot chose another mode before it was followed.
         """
-        await self.look(order.words, out_of, objection)
+        await self.recheck(order.words, out_of, objection)
         telemetry = self._telemetry
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan.ids, loop_s())
         tried = self._tried[order.command]
@@ -300,15 +304,15 @@ class Px4Commands:
         for attempt in range(attempts):
             if attempt:
                 try:
-                    await self.look(order.words, {sent.before.mode, order.leads_to})
+                    await self.recheck(order.words, {sent.before.mode, order.leads_to})
                 except NotSentError:
                     verdict = None  # it has left before, and what became of that is not known
                     break
                 if not self._unchanged(sent):  # it follows just now, perhaps, or is about it
-                    verdict = await self._settled(sent, shown, more=False)
+                    verdict = await self._outcome(sent, shown, more=False)
                     break
             self._leave(sent, attempt)
-            verdict = await self._settled(sent, shown, more=attempt + 1 < attempts)
+            verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
             if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
@@ -317,8 +321,8 @@ class Px4Commands:
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
-            heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
-            unseen = verdict is None and heard_s < sent.last_s + ORDER_SETTLED_S
+            in_progress_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
+            unseen = verdict is None and in_progress_s < sent.last_s + ORDER_SETTLED_S
             error = NotShownError if unseen else NotConfirmedError
             raise error(self._why_not(sent, verdict))
         if order.moves:  # what left before it is void, on a link in order
@@ -332,7 +336,7 @@ class Px4Commands:
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self._send(sent.order.wire(attempt), sent.order.words)
 
-    async def _settled(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
+    async def _outcome(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
         """What became of it, None if nothing can be said in time."""
         verdict: OrderOutcome | None = None
 
@@ -342,7 +346,7 @@ class Px4Commands:
             return verdict is not None
 
         while True:
-            latest_s = max(sent.last_s, sent.heard_s)
+            latest_s = max(sent.last_s, sent.in_progress_s)
             end_s = min(latest_s + ORDER_CONFIRM_S, sent.first_s + ORDER_LONGEST_S)
             left_s = end_s - loop_s()
             # Whatever ends the wait: it may have said meanwhile that it is about it, or done it.
@@ -378,7 +382,8 @@ class Px4Commands:
             return False
         changes = sent.order.leads_to is not sent.before.mode
         accepted = sent.accepted and sent.refusal is None
-        return changes and accepted and loop_s() >= sent.acked_s + ORDER_ACTS_S
+        reported_s = self._telemetry.clock.reported_s
+        return changes and accepted and reported_s >= sent.acked_boot_s + ORDER_ACTS_S
 
     def late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
@@ -386,29 +391,29 @@ class Px4Commands:
         return {sent.order.leads_to for sent in self._unfollowed if sent.last_s >= since_s}
 
     def _no_other_chose(self, sent: SentOrder) -> bool:
-        """Whether the vehicle says just now that everything is as it was before the order."""
+        """Whether the vehicle reports just now that everything is as it was before the order."""
         heartbeat_s = self._telemetry.arrived_s("HEARTBEAT")
         just_now = loop_s() - heartbeat_s <= HEARTBEAT_FRESH_S
         return heartbeat_s >= sent.last_s + ORDER_SETTLED_S and just_now and self._unchanged(sent)
 
     def _unchanged(self, sent: SentOrder) -> bool:
-        """Whether all is as it was before the order, by what the vehicle said last."""
+        """Whether all is as it was before the order, by what the vehicle reported last."""
         telemetry = self._telemetry
         return (
-            sent.heard_s < sent.last_s
-            and sent.before.told_since(sent.last_s, telemetry)
+            sent.in_progress_s < sent.last_s
+            and sent.before.reported_since(sent.last_s, telemetry)
             and sent.before.same(ObservedState.of(telemetry))
             # Mission mode would fly what a ground station has put on board meanwhile.
             and (sent.order.leads_to is not FlightMode.MISSION or sent.plan == telemetry.plan.ids)
         )
 
     def _why_not(self, sent: SentOrder, verdict: OrderOutcome | None) -> str:
-        words, mode, said = sent.order.words, self._telemetry.mode.value, self._telemetry.said()
+        words, mode, texts = sent.order.words, self._telemetry.mode.value, self._telemetry.texts()
         if verdict is OrderOutcome.TAKEN:
             return f"{words} was asked for, and the pilot chose {mode} mode"
         if sent.refusal is not None:
-            return f"{words}: {_name(sent.refusal)}{said}"
-        return f"{words} was asked for and does not show; the vehicle is in {mode} mode{said}"
+            return f"{words}: {_name(sent.refusal)}{texts}"
+        return f"{words} was asked for and does not show; the vehicle is in {mode} mode{texts}"
 
     def _on_ack(self, fields: dict[str, Any]) -> None:
         """An acknowledgement; PX4 1.16 and 1.17 send two for a mode, the second says how it is."""
@@ -421,18 +426,18 @@ class Px4Commands:
         ):
             return
         now_s, newest = self._telemetry.arrived_s("COMMAND_ACK"), tried.newest
-        result = fields["result"]
+        result, boot_s = fields["result"], self._telemetry.clock.reported_s
         if result == Result.IN_PROGRESS:
-            newest.answered(result, now_s, this=True)
+            newest.acknowledged(result, now_s, boot_s, this=True)
             return
         while tried.unanswered and tried.unanswered[0][0] < now_s - ACK_LATE_S:
             tried.unanswered.popleft()
         # They have no numbers: on a link in order the first answers what left first.
-        answered = None
+        acknowledged = None
         if tried.unanswered and tried.unanswered[0][0] <= now_s:
-            _, answered = tried.unanswered.popleft()
+            _, acknowledged = tried.unanswered.popleft()
         if newest.first_s <= now_s:
-            newest.answered(result, now_s, this=answered is newest)
+            newest.acknowledged(result, now_s, boot_s, this=acknowledged is newest)
 
 
 def _name(result: int) -> str:

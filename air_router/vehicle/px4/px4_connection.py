@@ -31,8 +31,8 @@ from air_router.vehicle.px4.direct_link import DirectLink
 from air_router.vehicle.px4.limits import (
     FIND_DATAGRAMS,
     FIND_ELSEWHERE_S,
-    FIND_LOOK_S,
     FIND_OTHERS_S,
+    FIND_POLL_S,
     FIND_S,
     READ_BYTES,
 )
@@ -151,7 +151,7 @@ class Px4Connection:
             raise self._in_use(error) from None
 
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
-        """The system that was asked for, where several send here."""
+        """The requested system, where several send here."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + FIND_OTHERS_S
         if first.get_system_id() == self.system_id:
@@ -160,7 +160,7 @@ class Px4Connection:
             for other in mavsdk.get_systems():
                 if other.get_system_id() == self.system_id and other.has_autopilot():
                     return other
-            await asyncio.sleep(FIND_LOOK_S)
+            await asyncio.sleep(FIND_POLL_S)
         found_id = first.get_system_id()
         raise NoVehicleError(
             f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
@@ -169,7 +169,7 @@ class Px4Connection:
 
     @property
     def posing(self) -> int:
-        """Messages that say that they are the vehicle's, and that the key does not vouch for."""
+        """Messages that claim to be the vehicle's, and that the key does not vouch for."""
         return 0 if self._signer is None else self._signer.posing
 
     async def close(self) -> None:
@@ -225,12 +225,12 @@ class Px4Connection:
         loop = asyncio.get_running_loop()
         found: asyncio.Future[System | None] = loop.create_future()
 
-        def settle(system: System | None) -> None:
+        def resolve(system: System | None) -> None:
             if not found.done():
                 found.set_result(system)
 
         handle = mavsdk.first_autopilot_async(
-            FIND_S, lambda system: loop.call_soon_threadsafe(settle, system)
+            FIND_S, lambda system: loop.call_soon_threadsafe(resolve, system)
         )
         elsewhere = asyncio.create_task(self._elsewhere())
         try:
@@ -262,8 +262,8 @@ class Px4Connection:
         if not self._url.startswith("udpin://"):
             return ""
         here = int(self._url.rpartition(":")[2])
-        await asyncio.sleep(FIND_S - FIND_ELSEWHERE_S)  # nothing was heard so far
-        found = await heard_elsewhere(here, FIND_ELSEWHERE_S)
+        await asyncio.sleep(FIND_S - FIND_ELSEWHERE_S)  # nothing was received so far
+        found = await traffic_elsewhere(here, FIND_ELSEWHERE_S)
         return f" ({found})" if found else ""
 
 
@@ -286,7 +286,7 @@ def _serial_fault(url: str) -> str | None:
     return None
 
 
-async def heard_elsewhere(here: int, limit_s: float) -> str:
+async def traffic_elsewhere(here: int, limit_s: float) -> str:
     """What arrives at others of PX4's ports, as the end of a sentence; empty if nothing does.
 
     It only listens: a PX4 keeps to the first partner that talks to it, and that must not be us on
@@ -296,7 +296,7 @@ async def heard_elsewhere(here: int, limit_s: float) -> str:
         here: The port that is ours already.
         limit_s: For how long, wall-clock time.
     """
-    said, taken = [], []
+    found, taken = [], []
     with contextlib.ExitStack() as stack:
         listeners = {}
         for port in USUAL_PORTS:
@@ -317,7 +317,7 @@ async def heard_elsewhere(here: int, limit_s: float) -> str:
                 for _ in range(FIND_DATAGRAMS):
                     systems |= {system for system, _, _ in frames(listener.recv(READ_BYTES))}
             if systems:
-                said.append(f"system {', '.join(map(str, sorted(systems)))} sends to port {port}")
+                found.append(f"system {', '.join(map(str, sorted(systems)))} sends to port {port}")
     if taken:
-        said.append(f"another program has port {', '.join(taken)}")
-    return "; ".join(said)
+        found.append(f"another program has port {', '.join(taken)}")
+    return "; ".join(found)

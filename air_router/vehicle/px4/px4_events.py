@@ -1,4 +1,4 @@
-"""What PX4 says in EVENT messages, in plain words.
+"""What PX4 says in EVENT messages, as plain text.
 
 A companion computer gets no STATUSTEXT from PX4 (those go to ground stations only): why a mission
 is refused or arming denied reaches it as EVENT (message 410) with a number and packed arguments.
@@ -118,7 +118,7 @@ class ArmingReports:
     """Puts health and arming reports together from the events between two summaries.
 
     Attributes:
-        problems: What stands in the way of arming, in words, by the newest complete report.
+        problems: What stands in the way of arming, as text, by the newest complete report.
         warnings: What does not, but was found.
         mission_can_run: Whether Mission mode can run, by the newest complete report: PX4 has what
             that needs, a mission on board that it found feasible among it. None: no report has
@@ -160,7 +160,7 @@ class ArmingReports:
 
 
 def _mission_can_run(arguments: bytes) -> bool | None:
-    """What the summary at the beginning of a report says of Mission mode."""
+    """What the summary at the beginning of a report reports about Mission mode."""
     if len(arguments) < _SUMMARY.size:
         return None
     *_, can_run = _SUMMARY.unpack_from(arguments)

@@ -15,11 +15,11 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from air_router.vehicle.px4.limits import (
-    DATAGRAM_KEPT_BYTES,
+    DATAGRAM_BUFFER_BYTES,
     LINK_DATAGRAMS_HZ,
     PEER_PORT_ANEW_S,
     READ_BYTES,
-    SOCKET_KEPT_S,
+    SOCKET_BUFFER_S,
 )
 from air_router.vehicle.px4.mavlink_frame import Header, frames_of, header_of, is_signed
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
@@ -28,8 +28,8 @@ from air_router.vehicle.px4.mavlink_values import AUTOPILOT, SO_RCVBUFFORCE, Mes
 _log = logging.getLogger(__name__)
 
 
-RECEIVE_BYTES: Final = round(SOCKET_KEPT_S * LINK_DATAGRAMS_HZ * DATAGRAM_KEPT_BYTES)
-"""Of the receive buffer, as Linux counts them; half of that is asked for, which it doubles."""
+RECEIVE_BYTES: Final = round(SOCKET_BUFFER_S * LINK_DATAGRAMS_HZ * DATAGRAM_BUFFER_BYTES)
+"""Of the receive buffer, as Linux counts them; half of that is requested, which it doubles."""
 
 
 Address = tuple[str, int]
@@ -41,10 +41,10 @@ def frames(datagram: bytes) -> Iterator[Header]:
 
 
 def widen(bound: socket.socket) -> float:
-    """Have a socket keep the datagrams of `SOCKET_KEPT_S`; returns for how many seconds it does.
+    """Have a socket keep the datagrams of `SOCKET_BUFFER_S`; returns for how many seconds it does.
 
     A socket that is full drops the newest, in which a pilot's mode may be. What the kernel does not
-    grant is logged: a flight asks for the mode before each order, and needs no buffer for that, but
+    grant is logged: a flight requests the mode before each order, and needs no buffer for that, but
     what was announced in a long standstill may be lost.
     """
     for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
@@ -52,23 +52,23 @@ def widen(bound: socket.socket) -> float:
             bound.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BYTES // 2)
         granted = bound.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         if granted >= RECEIVE_BYTES // 2 * 2:
-            return SOCKET_KEPT_S
-    kept_s = granted / DATAGRAM_KEPT_BYTES / LINK_DATAGRAMS_HZ
+            return SOCKET_BUFFER_S
+    buffered_s = granted / DATAGRAM_BUFFER_BYTES / LINK_DATAGRAMS_HZ
     _log.warning(
         "the kernel keeps %.1f s of the vehicle's messages while this program stands still, not "
         "%.0f s: allow more with `sudo sysctl -w net.core.rmem_max=%d`",
-        kept_s,
-        SOCKET_KEPT_S,
+        buffered_s,
+        SOCKET_BUFFER_S,
         RECEIVE_BYTES // 2,
     )
-    return kept_s
+    return buffered_s
 
 
 class PeerFilter:
     """Which datagrams are the vehicle's. Has no socket and no clock.
 
     Attributes:
-        peer: The vehicle's address, None before it was heard.
+        peer: The vehicle's address, None before it was received.
         refused: How many datagrams from elsewhere were left out.
         signs: The vehicle signed its first heartbeat.
     """
@@ -78,16 +78,16 @@ class PeerFilter:
         self.refused = 0
         self.signs = False
         self._system_id = system_id
-        self._heard_s = 0.0  # when the peer was heard last
+        self._received_s = 0.0  # when the peer was received last
 
     def takes(self, datagram: bytes, source: Address, now_s: float) -> bool:
         """Whether a datagram is listened to; before the vehicle is known all are."""
         if source == self.peer:
-            self._heard_s = now_s
+            self._received_s = now_s
             return True
         if (peer := self.peer) is None or self.may_be_at(source, now_s):
             if Header(self._system_id, AUTOPILOT, MessageId.HEARTBEAT) in frames(datagram):
-                self.peer, self._heard_s = source, now_s
+                self.peer, self._received_s = source, now_s
                 self.signs = any(map(is_signed, frames_of(datagram)))
                 _log.info("the vehicle is at %s:%d", *source)
                 return True
@@ -106,7 +106,7 @@ class PeerFilter:
         """Whether the vehicle may be at this address, if its heartbeat comes from there."""
         if self.peer is None or source == self.peer:
             return True
-        return source[0] == self.peer[0] and now_s - self._heard_s > PEER_PORT_ANEW_S
+        return source[0] == self.peer[0] and now_s - self._received_s > PEER_PORT_ANEW_S
 
 
 class Px4Link:

@@ -40,7 +40,7 @@ _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_in
 
 
 MODES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE"})
-"""The messages that tell the flight mode."""
+"""The messages that carry the flight mode."""
 
 _ONCE: Final = frozenset(
     {
@@ -94,8 +94,8 @@ class Backlog:
             boot_s, self._boot_at_s = boot_ms / 1e3, arrived_s
             self._boot_s = boot_s
             self._first = self._first or (boot_s, arrived_s)
-            told_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
-            if boot_s >= self._fresh_s or took_s >= BACKLOG_LIVE * told_s > 0.0:
+            elapsed_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
+            if boot_s >= self._fresh_s or took_s >= BACKLOG_LIVE * elapsed_s > 0.0:
                 self.is_read()
             elif self._suspected_s > 0.0:
                 self._begin(arrived_s)
@@ -127,9 +127,9 @@ class Px4Messages:
         clock: The same, which any thread may read.
         system_id: The vehicle's, and ours; 0 until `listen`.
         reports: Its health and arming checks.
-        refusals: Why it did not take a plan, in its words, since `forget_words`.
+        refusals: Why it did not take a plan, in its words, since `forget_texts`.
         parameters: Those heard so far, by name.
-        absent_parameters: Those of which the autopilot says that it does not have them.
+        absent_parameters: Those of which the autopilot reports that it does not have them.
     """
 
     def __init__(self, clock: VehicleClock) -> None:
@@ -140,10 +140,10 @@ class Px4Messages:
         self.parameters: dict[str, float] = {}
         self.absent_parameters: set[str] = set()
         self._direct: MavlinkDirect  # from `listen` on
-        self._news = asyncio.Event()  # set by every message, then replaced
-        self._heard_s = loop_s()  # when anything came last, loop's clock
+        self._arrival = asyncio.Event()  # set by every message, then replaced
+        self._received_s = loop_s()  # when anything came last, loop's clock
         self._arrived_s: dict[str, float] = {}  # by message, monotonic
-        self._watchers: list[Watcher] = []  # of all that is said, in order
+        self._watchers: list[Watcher] = []  # of all messages, in order
         self._backlog = Backlog()
         self._boot_clock = BootClock()
         self._texts: deque[str] = deque(maxlen=TEXTS_KEPT)  # newest STATUSTEXTs
@@ -161,7 +161,7 @@ class Px4Messages:
         )
 
     def take(self, handlers: Mapping[str, Handler]) -> None:
-        """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
+        """Hand messages of the autopilot, by name, to others as well; then waiters check again."""
         for name, handler in handlers.items():
             subscribe(self._direct, name, self._only_autopilot(name, handler))
 
@@ -178,7 +178,7 @@ class Px4Messages:
             return str(error.result.name)
         return None
 
-    async def ask(self, command: int, *params: float, limit_s: float) -> int | None:
+    async def request_result(self, command: int, *params: float, limit_s: float) -> int | None:
         """Send a COMMAND_LONG, which MAVSDK repeats until it is answered.
 
         Args:
@@ -197,29 +197,29 @@ class Px4Messages:
             "confirmation": 0,
             **{f"param{n}": value for n, value in enumerate(values, start=1)},
         }
-        asked = message("COMMAND_LONG", fields, self.system_id)
+        request = message("COMMAND_LONG", fields, self.system_id)
         try:
-            result, answer = await call(self._direct.send_command_async, asked, timeout_s=limit_s)
+            result, reply = await call(self._direct.send_command_async, request, timeout_s=limit_s)
         except TimeoutError:
             return None
         if result != MavlinkDirectResult.SUCCESS:
             return None
-        return int(json.loads(answer.fields_json)["result"])
+        return int(json.loads(reply.fields_json)["result"])
 
     def silent_s(self) -> float:
-        """Wall-clock seconds since anything was heard."""
-        return loop_s() - self._heard_s
+        """Wall-clock seconds since anything was received."""
+        return loop_s() - self._received_s
 
     def arrived_s(self, *names: str) -> float:
         """When the newest message of these names came, on the monotonic clock; long ago if none."""
         return max(self._arrived_s.get(name, -math.inf) for name in names)
 
-    def said(self) -> str:
-        """The autopilot's last words, to add to an error."""
+    def texts(self) -> str:
+        """The autopilot's last texts, to add to an error."""
         return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
 
-    def forget_words(self) -> None:
-        """Something new is asked of the autopilot: what it said before is not about that."""
+    def forget_texts(self) -> None:
+        """A new request goes to the autopilot: earlier texts are not about it."""
         self._texts.clear()
         self.refusals.clear()
 
@@ -229,11 +229,11 @@ class Px4Messages:
         self.absent_parameters.clear()
 
     async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
-        """Whether `condition`, looked at after every message, holds within so much wall time."""
+        """Whether `condition`, checked after every message, holds within so much wall time."""
         try:
             async with asyncio.timeout(limit_s):
                 while not condition():
-                    await self._news.wait()
+                    await self._arrival.wait()
         except TimeoutError:
             return False
         return True
@@ -242,20 +242,20 @@ class Px4Messages:
         def on_message(received: Received) -> None:
             if received.sender != (self.system_id, AUTOPILOT):
                 return
-            if (told_ms := received.fields.get("time_boot_ms")) is not None:
-                whole_ms = self._boot_clock.whole_ms(told_ms)
+            if (counted_ms := received.fields.get("time_boot_ms")) is not None:
+                whole_ms = self._boot_clock.whole_ms(counted_ms)
                 fields = {**received.fields, "time_boot_ms": whole_ms}
                 received = received._replace(fields=fields)
             old = self._is_old(name, received)
             if old and name not in _ONCE:
                 return
-            self._heard_s = loop_s()
+            self._received_s = loop_s()
             self._arrived_s[name] = received.arrived_s
             self._handed(name, received, handler, old=old)
             for watcher in self._watchers:
                 watcher(name, received.fields)
-            self._news.set()
-            self._news = asyncio.Event()
+            self._arrival.set()
+            self._arrival = asyncio.Event()
 
         return on_message
 

@@ -50,7 +50,7 @@ class Px4Motions:
 
     Args:
         mission: Its local frame and speed.
-        telemetry: What the vehicle says.
+        telemetry: The vehicle's messages.
         commands: What takes orders to it.
     """
 
@@ -62,7 +62,7 @@ class Px4Motions:
         self._armed_in: FlightMode | None = None  # any other was chosen by the pilot since
         self._late: Point | None = None  # where it was sent and may yet begin to fly
         self._speed_known = True  # the plan sets it
-        self._telling_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
+        self._sending_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
 
     async def arm(self) -> None:
         """See `Vehicle.arm`.
@@ -72,25 +72,25 @@ class Px4Motions:
 
         Raises:
             ArmingRefusedError: it was disarmed again at once.
-            NotConfirmedError: it does not arm, or says nothing.
+            NotConfirmedError: it does not arm, or is silent.
         """
         telemetry = self._telemetry
         if telemetry.mode in _BEGIN_AT_ONCE:
             await self._choose(choose(FlightMode.HOLD), attempts=ORDER_ATTEMPTS)
 
         def shown(sent: SentOrder) -> bool:
-            told_s = telemetry.arrived_s("HEARTBEAT")
-            done = told_s > sent.acked_s + ORDER_DONE_S
-            return (telemetry.armed and told_s > sent.first_s) or done
+            reported_s = telemetry.arrived_s("HEARTBEAT")
+            done = reported_s > sent.acked_s + ORDER_DONE_S
+            return (telemetry.armed and reported_s > sent.first_s) or done
 
         self._armed_in = telemetry.mode
-        await self._tell(arm(telemetry.mode), shown)
+        await self._execute(arm(telemetry.mode), shown)
         self._check_armed()
 
     async def start(self) -> None:
         """See `Vehicle.start`.
 
-        Where nothing is heard of it any more it may climb: what it says next shows that.
+        Where nothing is received from it any more it may climb: what it says next shows that.
 
         Raises:
             PlanRefusedError: another plan came on board meanwhile, so it was not asked again.
@@ -99,7 +99,7 @@ class Px4Motions:
         telemetry = self._telemetry
         mode, plan = telemetry.mode, telemetry.plan.ids
         self._check_armed()
-        await self._commands.look("Mission mode", {mode})
+        await self._commands.recheck("Mission mode", {mode})
         self._check_armed()
         try:
             await self._choose(choose(FlightMode.MISSION), attempts=ORDER_ATTEMPTS)
@@ -164,7 +164,7 @@ class Px4Motions:
             self._speed_known = False
         self._late = None
         if not self._speed_known:
-            self._tell_speed()
+            self._send_speed()
 
     async def reposition(
         self,
@@ -180,7 +180,7 @@ class Px4Motions:
         target is the present altitude corrected by what is missing, both of one message. A home
         that a ground station moved changes neither: heights count from that of the take-off.
         """
-        await self._commands.look("a reposition", out_of, objection)
+        await self._commands.recheck("a reposition", out_of, objection)
         telemetry, before = self._telemetry, self._telemetry.target
         latitude_deg, longitude_deg = self._frame.to_geodetic(point)
         self._late = point
@@ -188,22 +188,22 @@ class Px4Motions:
 
         def shown(sent: SentOrder) -> bool:
             there = _near(telemetry.target, point)
-            new = there and (not _near(before, point) or self._told_after(sent))
+            new = there and (not _near(before, point) or self._reported_after(sent))
             return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
 
         place = latitude_deg, longitude_deg, amsl_m, self._speed_m_s
         in_hold = self._px4_decides()
-        await self._tell(reposition(*place, change_mode=not in_hold), shown, in_hold=in_hold)
+        await self._execute(reposition(*place, change_mode=not in_hold), shown, in_hold=in_hold)
         self._late = None
 
     async def hold(self, *, out_of: Modes = None) -> None:
         """See `Vehicle.hold`.
 
-        A vehicle that flies to a point is in Hold mode already: asked for again it changes nothing
+        A vehicle that flies to a point is in Hold mode already: requested again it changes nothing
         (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all. So one that was
         told to fly to a point, and has not shown it, is stopped: it may be about to begin.
         """
-        await self._commands.look("a hold", out_of)
+        await self._commands.recheck("a hold", out_of)
         if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
             await self._stop_here()
         else:
@@ -214,10 +214,10 @@ class Px4Motions:
         """See `Vehicle.land`."""
         await self._choose(land(), attempts=ORDER_ATTEMPTS, out_of=out_of)
 
-    def stop_telling(self) -> None:
-        """The speed is told no more."""
-        if self._telling_speed is not None:
-            self._telling_speed.cancel()
+    def stop_sending_speed(self) -> None:
+        """The speed is announced no more."""
+        if self._sending_speed is not None:
+            self._sending_speed.cancel()
 
     async def _choose(
         self,
@@ -231,11 +231,11 @@ class Px4Motions:
         telemetry = self._telemetry
 
         def shown(sent: SentOrder) -> bool:
-            told_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
-            return telemetry.mode is order.leads_to and told_s > sent.first_s
+            reported_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
+            return telemetry.mode is order.leads_to and reported_s > sent.first_s
 
-        await self._commands.look(order.words, out_of, objection)
-        await self._tell(order, shown, attempts=attempts)
+        await self._commands.recheck(order.words, out_of, objection)
+        await self._execute(order, shown, attempts=attempts)
 
     async def _stop_here(self) -> None:
         """Stop a vehicle that is in Hold mode, perhaps, already: only its target can show that."""
@@ -248,11 +248,13 @@ class Px4Motions:
             if sent.accepted or target is None or here is None:
                 return sent.accepted
             other = before is not None and not _near(target, before)
-            return math.dist(target, here) <= STOP_TARGET_M and (other or self._told_after(sent))
+            return math.dist(target, here) <= STOP_TARGET_M and (
+                other or self._reported_after(sent)
+            )
 
         in_hold = self._px4_decides()
         order = stop(change_mode=not in_hold)
-        await self._tell(order, shown, attempts=ORDER_ATTEMPTS, in_hold=in_hold)
+        await self._execute(order, shown, attempts=ORDER_ATTEMPTS, in_hold=in_hold)
 
     def _px4_decides(self) -> bool:
         """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode.
@@ -266,38 +268,38 @@ class Px4Motions:
         holds = self._telemetry.mode is FlightMode.HOLD
         return holds and self._commands.late_modes() <= {FlightMode.HOLD}
 
-    def _told_after(self, sent: SentOrder) -> bool:
-        """Whether the target was told since an acknowledgement, which may be of an order before.
+    def _reported_after(self, sent: SentOrder) -> bool:
+        """Whether the target was received after an acknowledgement that may be of an older order.
 
         That order would show in the target then: it is done as soon as it is acknowledged.
         """
         return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + ORDER_DONE_S
 
-    async def _tell(
+    async def _execute(
         self, order: Px4Order, shown: Shown, *, attempts: int = 1, in_hold: bool = False
     ) -> None:
         """Send an order; `in_hold`: it changes no mode, and where it is refused the mode has."""
-        self.stop_telling()  # the speed was for what ends now
+        self.stop_sending_speed()  # the speed was for what ends now
         try:
-            await self._commands.tell(order, shown, attempts=attempts)
+            await self._commands.execute(order, shown, attempts=attempts)
         except NotConfirmedError:
             if in_hold:  # raises for a pilot who chose another mode
-                await self._commands.look(order.words, {FlightMode.HOLD}, anew=True)
+                await self._commands.recheck(order.words, {FlightMode.HOLD}, anew=True)
             raise
 
-    def _tell_speed(self) -> None:
-        """A mode change sets PX4's speed back to its parameter: say the mission's again.
+    def _send_speed(self) -> None:
+        """A mode change sets PX4's speed back to its parameter: send the mission's again.
 
         Beside whatever is commanded next, which must not wait for it.
         """
-        self.stop_telling()
-        self._telling_speed = asyncio.create_task(self._set_speed())
+        self.stop_sending_speed()
+        self._sending_speed = asyncio.create_task(self._set_speed())
 
     async def _set_speed(self) -> None:
         order, mission = change_speed(self._speed_m_s), {FlightMode.MISSION}
         try:
-            await self._commands.look(order.words, mission)
-            await self._commands.tell(order, lambda sent: sent.accepted, attempts=ORDER_ATTEMPTS)
+            await self._commands.recheck(order.words, mission)
+            await self._commands.execute(order, lambda sent: sent.accepted, attempts=ORDER_ATTEMPTS)
         except NotConfirmedError as error:
             _log.warning("%s", error)
         else:

@@ -1,4 +1,4 @@
-"""What a PX4 can be told to do, as the commands of MAVLink that say it."""
+"""What a PX4 can be commanded to do, as MAVLink commands."""
 
 import math
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Px4Order:
     """One command.
 
     Attributes:
-        words: What is asked for, at the beginning of a message.
+        words: What is requested, at the beginning of a message.
         leads_to: The mode in which the vehicle is when it follows.
         command: MAV_CMD.
         params: param1 to param4, and to param7 where it has no target.

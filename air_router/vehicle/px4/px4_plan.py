@@ -26,7 +26,7 @@ from air_router.vehicle.px4.limits import (
     PLAN_CHECKS_S,
     PLAN_FEASIBLE_S,
     PLAN_RELOAD_S,
-    PLAN_TOLD_S,
+    PLAN_REPORTED_S,
     PLAN_TRANSFER_S,
 )
 from air_router.vehicle.px4.mavlink_values import (
@@ -68,7 +68,7 @@ def _none() -> str | None:
 class _ItemList(NamedTuple):
     """One of the lists of items on board, and what transfers it."""
 
-    what: str  # in words
+    what: str  # as text
     kind: int  # MAV_MISSION_TYPE
     upload: Callable[..., None]
     download: Callable[..., None]
@@ -79,8 +79,8 @@ class OnboardPlan:
 
     Args:
         plugins: Of MAVSDK; what they have no call for is sent as a message.
-        telemetry: What the vehicle says, and what sends to it.
-        received: Asks for the flight mode of now; whether it was received.
+        telemetry: The vehicle's messages, and what sends to it.
+        received: Requests the flight mode of now; whether it was received.
         report: Told what is different each time that a plan of another sender was compared with
             ours; None: it flies the same.
 
@@ -102,7 +102,7 @@ class OnboardPlan:
         self.lock = asyncio.Lock()
         self._plan: FlightPlan | None = None  # what we put, or found, on board last
         self._objection: Callable[[], str | None] = _none  # why nothing more is put on board
-        self._kept: dict[int, Sequence[PlanItem]] = {}  # what we put on board last, by list
+        self._uploaded: dict[int, Sequence[PlanItem]] = {}  # what we put on board last, by list
         self._once_more = False  # it changed while it was compared
         self._comparing: asyncio.Task[None] | None = None  # reads and compares
         self.mission = _ItemList(
@@ -121,7 +121,7 @@ class OnboardPlan:
     async def upload(self, plan: FlightPlan) -> None:
         """Put a plan on board, and notice from now on when it is another. See `Vehicle.upload`."""
         async with self.lock:
-            self._kept.clear()  # whatever is on board, we replace it
+            self._uploaded.clear()  # whatever is on board, we replace it
             self._telemetry.plan.guard.begin(self._telemetry.plan.ids)
             try:
                 await self.put(plan)
@@ -143,7 +143,7 @@ class OnboardPlan:
                 raise PlanRefusedError(why)
             if self._telemetry.plan.guard.changed:
                 # Known, and told, by now: what is there is replaced because the operator wants it.
-                self._kept.clear()
+                self._uploaded.clear()
                 self._telemetry.guard_plan(self._telemetry.plan.ids)
             self._objection = objection
             try:
@@ -173,7 +173,7 @@ class OnboardPlan:
 
     def _keep(self, plan: FlightPlan) -> None:
         self._plan = plan
-        self._kept = dict(zip(LISTS, (plan.items, plan.fence, plan.rally), strict=True))
+        self._uploaded = dict(zip(LISTS, (plan.items, plan.fence, plan.rally), strict=True))
 
     async def _compare_until_same(self) -> None:
         difference: str | None = "no plan is ours"
@@ -200,10 +200,10 @@ class OnboardPlan:
             await self._clear_fence()
         if not plan.rally:
             await self._clear_rally_points()
-        if self._telemetry.plan.count > 0 and not self._tells_state:
+        if self._telemetry.plan.count > 0 and not self._reports_state:
             # What its arming checks say next is of this mission, and not of the one before.
             await self._clear_mission()
-        self._telemetry.forget_words()
+        self._telemetry.forget_texts()
         for places, items in ((self.fence, plan.fence), (self.rally, plan.rally)):
             if items:
                 await self._upload(places, items)
@@ -211,7 +211,7 @@ class OnboardPlan:
         try:
             await self._feasible(len(plan.items), cleared=True)
         except PlanRefusedError:
-            if self._telemetry.refusals or not self._tells_state:
+            if self._telemetry.refusals or not self._reports_state:
                 raise
             await self.compare(plan)  # it has all that was sent
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
@@ -231,7 +231,7 @@ class OnboardPlan:
         flies_it = bool(telemetry.in_air) and telemetry.mode is FlightMode.MISSION
         if not plan.rally:
             await self._clear_rally_points()
-        self._telemetry.forget_words()
+        self._telemetry.forget_texts()
         items = await self.download(self.mission)
         if len(items) != len(plan.items) or not all(map(PlanItem.same_as, plan.items, items)):
             if flies_it:
@@ -261,16 +261,16 @@ class OnboardPlan:
     async def compare(self, plan: FlightPlan) -> PlanIds | None:
         """Read fence, rally points and items back.
 
-        Returns which plan the vehicle said that it had before: what comes on board while it is read
+        Returns which plan the vehicle reported before: what comes on board while it is read
         is another. Raises PlanRefusedError: it is another plan.
         """
-        said = self._telemetry.plan.ids
+        ids = self._telemetry.plan.ids
         for places, sent in ((self.fence, plan.fence), (self.rally, plan.rally)):
             found = await self.download(places)
             _compare(places.what, [_place(v) for v in sent], [_place(v) for v in found])
         items = await self.download(self.mission)
         _compare(self.mission.what, list(plan.items), items)
-        return said
+        return ids
 
     async def _clear_mission(self) -> None:
         """Take the mission off board, so that the one that follows is judged anew."""
@@ -290,8 +290,8 @@ class OnboardPlan:
             self._telemetry.plan.guard.clear_refused(FENCE)
         self._put(FENCE, () if result == GeofenceResult.SUCCESS else None)
         if result != GeofenceResult.SUCCESS:
-            said = self._telemetry.said()
-            raise PlanRefusedError(f"the fence on board stays: {result.name}{said}")
+            texts = self._telemetry.texts()
+            raise PlanRefusedError(f"the fence on board stays: {result.name}{texts}")
 
     async def _clear_rally_points(self) -> None:
         """Take rally points of an earlier mission off board: a return would go there.
@@ -307,23 +307,23 @@ class OnboardPlan:
             if fault is not None:
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
         if await self.download(self.rally):
-            said = self._telemetry.said()
-            raise PlanRefusedError(f"rally points of another mission stay on board{said}")
+            texts = self._telemetry.texts()
+            raise PlanRefusedError(f"rally points of another mission stay on board{texts}")
 
     async def _may_change(self, kind: int) -> None:
         """Have PX4 say what is on board, and begin to change a list if that is what we know of.
 
         Raises:
-            PlanRefusedError: it is not, or PX4 does not say so, or nothing more is to be put there.
+            PlanRefusedError: it is not, or PX4 does not report it, or no transfer is allowed.
         """
         self._object()
         telemetry = self._telemetry
         fresh = telemetry.plan.count + 1
-        if not await telemetry.shows(lambda: telemetry.plan.count >= fresh, PLAN_TOLD_S):
+        if not await telemetry.shows(lambda: telemetry.plan.count >= fresh, PLAN_REPORTED_S):
             raise PlanRefusedError("PX4 does not say which plan is on board")
         ids = telemetry.plan.ids
-        if ids is None or not ids.told:  # an older PX4, or an empty one
-            await self._look_whether_kept()
+        if ids is None or not ids.reported:  # an older PX4, or an empty one
+            await self._check_still_stored()
         if not await self._received():  # of what a pilot flies nothing is changed
             raise PlanRefusedError("nothing is put on board: no flight mode of now was received")
         self._object()
@@ -335,20 +335,20 @@ class OnboardPlan:
         if self._telemetry.plan.guard.changed:
             raise PlanRefusedError(REPLACED)
 
-    async def _look_whether_kept(self) -> None:
+    async def _check_still_stored(self) -> None:
         """Read back what we have put there. Raises PlanRefusedError: it is another now."""
         for of in (self.mission, self.fence, self.rally):
-            if of.kind not in self._kept:
+            if of.kind not in self._uploaded:
                 continue
-            kept, found = list(self._kept[of.kind]), await self.download(of)
+            uploaded, found = list(self._uploaded[of.kind]), await self.download(of)
             if of.kind != MISSION:
-                kept, found = [*map(_place, kept)], [*map(_place, found)]
-            _compare(of.what, kept, found)
+                uploaded, found = [*map(_place, uploaded)], [*map(_place, found)]
+            _compare(of.what, uploaded, found)
 
     def _put(self, kind: int, items: Sequence[PlanItem] | None, *, lost: bool = False) -> None:
         """A transfer of ours is over; None: PX4 has not taken it; `lost`: it may have."""
         if items is not None:
-            self._kept[kind] = items
+            self._uploaded[kind] = items
         self._telemetry.plan.guard.transfer_ends(perhaps_stored=lost or items is not None)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
@@ -372,8 +372,8 @@ class OnboardPlan:
         if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and to.kind == FENCE:
             count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
             hint = f"; {count}: draw it simpler"
-        said = self._telemetry.said()
-        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{said}{hint}")
+        texts = self._telemetry.texts()
+        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{texts}{hint}")
 
     async def download(self, of: _ItemList) -> list[PlanItem]:
         """What is on board of one list. Raises PlanRefusedError: it cannot be read."""
@@ -381,13 +381,13 @@ class OnboardPlan:
         if result == MissionRawResult.NO_MISSION_AVAILABLE:
             return []
         if result != MissionRawResult.SUCCESS:
-            said = self._telemetry.said()
-            raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{said}")
+            texts = self._telemetry.texts()
+            raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{texts}")
         return [from_raw(of.what, item) for item in items]
 
     @property
-    def _tells_state(self) -> bool:
-        """Whether MISSION_CURRENT says whether the mission can be flown: from PX4 1.17 on."""
+    def _reports_state(self) -> bool:
+        """Whether MISSION_CURRENT reports that the mission can be flown: from PX4 1.17 on."""
         return self._telemetry.plan.mission_state != MISSION_UNKNOWN
 
     async def _feasible(self, total: int, *, cleared: bool = False) -> None:
@@ -401,7 +401,7 @@ class OnboardPlan:
             PlanRefusedError: it finds that it is not, or does not say.
         """
         telemetry = self._telemetry
-        # What was said last may be of the plan before; the next report may have been on its way.
+        # The last report may be of the plan before; the next one may have been on its way.
         fresh = telemetry.plan.count + 2
 
         def judged() -> bool:
@@ -413,10 +413,10 @@ class OnboardPlan:
         if telemetry.plan.item_total == total:
             if telemetry.plan.mission_state > MISSION_INVALID:
                 return
-            if not self._tells_state and await self._can_run(cleared=cleared):
+            if not self._reports_state and await self._can_run(cleared=cleared):
                 return
         reasons = "; ".join(dict.fromkeys(telemetry.refusals))
-        why = f": {reasons}" if reasons else telemetry.said()
+        why = f": {reasons}" if reasons else telemetry.texts()
         raise PlanRefusedError(
             f"PX4 stored the mission but finds that it cannot be flown{why}"
             + ("" if why else "; its reason is in the ground station's messages")
@@ -427,7 +427,7 @@ class OnboardPlan:
 
         PX4 judges a mission only once it has read the fence on board.
 
-        Raises PlanRefusedError: PX4 does not say that either.
+        Raises PlanRefusedError: PX4 does not report that either.
         """
         telemetry, reports = self._telemetry, self._telemetry.reports
         if not cleared:  # until then they may be of the plan before
@@ -455,9 +455,9 @@ class OnboardPlan:
 async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
     """A transfer that is begun again where another is under way, or too many packets were lost."""
     for _ in range(PLAN_BUSY_ATTEMPTS - 1):
-        answer = await _transfer(what, method, *arguments)
-        if answer[0] not in _PASSING:
-            return answer
+        reply = await _transfer(what, method, *arguments)
+        if reply[0] not in _PASSING:
+            return reply
         await asyncio.sleep(PLAN_BUSY_S)
     return await _transfer(what, method, *arguments)
 

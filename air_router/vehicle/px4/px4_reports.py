@@ -40,7 +40,7 @@ class PositionReport:
         altitude_amsl_m: As the autopilot says.
         velocity_m_s: East, north.
         heading_deg: Clockwise from north; None: unknown.
-        home: Of the autopilot, in the mission frame; None before it said so.
+        home: Of the autopilot, in the mission frame; None before it published this.
         home_altitude_amsl_m: The same, its altitude.
     """
 
@@ -184,9 +184,9 @@ class PlanReport:
         self.count += 1
         self.item = fields["seq"]
         self.ids = PlanIds(*(fields.get(name, 0) for name in PlanIds._fields))
-        return self.guard.told(self.ids)
+        return self.guard.reported(self.ids)
 
-    def take_answer(self, fields: _Fields) -> None:
+    def take_ack(self, fields: _Fields) -> None:
         """Take a MISSION_ACK that is addressed to us."""
         stored = fields["type"] == MISSION_ACCEPTED
         take = self.guard.stored if stored else self.guard.refused
@@ -207,7 +207,7 @@ class GpsReport:
     """Its satellite receiver: GPS_RAW_INT.
 
     Attributes:
-        fix: None until it was heard.
+        fix: None until it was received.
     """
 
     def __init__(self) -> None:
@@ -267,7 +267,7 @@ class Identity:
     """Which vehicle it is, and whether it is one: AUTOPILOT_VERSION, HEARTBEAT, clocks.
 
     Attributes:
-        airframes: Which vehicle it says that it is.
+        airframes: Which vehicle it reports that it is.
         version: Of PX4, once it was asked.
     """
 

@@ -59,19 +59,19 @@ class ModeState:
     """Mode, arming and failsafe, from HEARTBEAT and CURRENT_MODE as they come.
 
     PX4 falls back to the mode from before a landing when it disarms. CURRENT_MODE, which knows
-    nothing of arming, may tell that up to a second before HEARTBEAT: until then `told` stays Land,
-    and another mode intended than Land is no failsafe.
+    nothing of arming, may report that up to a second before HEARTBEAT: until then `reported` stays
+    Land, and another mode intended than Land is no failsafe.
 
     Attributes:
-        mode: As told last by either.
-        told: The same, but Land until it is known whether it was left by disarming.
-        armed, terminated: As HEARTBEAT said last.
+        mode: As reported last by either.
+        reported: The same, but Land until it is known whether it was left by disarming.
+        armed, terminated: As HEARTBEAT reported last.
         failsafe: As the newer of the two says: critical, or in another mode than intended.
         known: Whether a HEARTBEAT came.
     """
 
     mode: FlightMode = FlightMode.OTHER
-    told: FlightMode = FlightMode.OTHER
+    reported: FlightMode = FlightMode.OTHER
     armed: bool = False
     terminated: bool = False
     failsafe: bool = False
@@ -87,7 +87,7 @@ class ModeState:
         self.terminated = fields["system_status"] == TERMINATED
         before, self.mode = self.mode, flight_mode(fields["custom_mode"])
         self._landing_left_s, self._overruled = None, False
-        self.told = self.mode
+        self.reported = self.mode
         return self.mode is not before
 
     def current_mode(self, fields: _Fields, now_s: float) -> bool:
@@ -98,17 +98,17 @@ class ModeState:
         landed = before is FlightMode.LAND and (self._overruled or self.mode is not before)
         if landed and self._landing_left_s is None:
             self._landing_left_s = now_s
-        self.settle(now_s)
+        self.expire(now_s)
         return self.mode is not before
 
-    def settle(self, now_s: float) -> None:
-        """Time goes on: a mode whose HEARTBEAT does not come is told all the same."""
+    def expire(self, now_s: float) -> None:
+        """Time goes on: a mode whose HEARTBEAT does not come is announced all the same."""
         since_s = self._landing_left_s
-        in_doubt = self._overruled or self.mode is not self.told
+        in_doubt = self._overruled or self.mode is not self.reported
         if since_s is not None and now_s - since_s < MODE_SETTLED_S and in_doubt:
             return
         self._landing_left_s = None
-        self.told = self.mode
+        self.reported = self.mode
         self.failsafe = self.failsafe or self._overruled
 
 
@@ -124,14 +124,14 @@ _AGES: Final[Mapping[str, str]] = {
 
 
 class Streams:
-    """Counts the vehicle's time while anything is heard of it.
+    """Counts the vehicle's time while anything is received from it.
 
     Attributes:
-        heard_s: How long that was.
+        received_s: How long that was.
     """
 
     def __init__(self) -> None:
-        self.heard_s = 0.0
+        self.received_s = 0.0
         self._targets_from_s = 0.0  # earlier ones, on the vehicle's clock, are another mode's
         self._last_s: float | None = None  # when anything came last, monotonic
         self._at_s: dict[str, tuple[float, float]] = {}  # by message: newest, and the one before
@@ -149,29 +149,29 @@ class Streams:
         """
         if self._last_s is not None:
             passed_s = max(0.0, arrived_s - self._last_s) * rate
-            self.heard_s += min(passed_s, most_s, STREAM_PAUSE_S)
+            self.received_s += min(passed_s, most_s, STREAM_PAUSE_S)
         self._last_s = max(arrived_s, self._last_s or arrived_s)
 
-    def news(self, name: str, fields: _Fields, *, armed: bool) -> bool:
-        """Whether a message says anything: it is not late, frozen, or against all appearance."""
+    def is_new(self, name: str, fields: _Fields, *, armed: bool) -> bool:
+        """Whether a message counts: it is not late, frozen, or against all appearance."""
         match name:
             case "GLOBAL_POSITION_INT":
-                news = self._is_position(fields)
+                is_new = self._is_position(fields)
             case "GPS_RAW_INT":
                 before_us, self._gps_us = self._gps_us, fields.get("time_usec", 0)
-                news = self._gps_us == 0 or self._gps_us != before_us
+                is_new = self._gps_us == 0 or self._gps_us != before_us
             case "EXTENDED_SYS_STATE":
-                news = not (
+                is_new = not (
                     fields["landed_state"] == ON_GROUND and armed and self.moves_above(FLYING_M)
                 )
             case "POSITION_TARGET_GLOBAL_INT":
-                news = fields["time_boot_ms"] / 1e3 >= self._targets_from_s
+                is_new = fields["time_boot_ms"] / 1e3 >= self._targets_from_s
             case _:
-                news = True
-        if news:
-            before_s, _ = self._at_s.get(name, (self.heard_s, 0.0))
-            self._at_s[name] = (self.heard_s, before_s)
-        return news
+                is_new = True
+        if is_new:
+            before_s, _ = self._at_s.get(name, (self.received_s, 0.0))
+            self._at_s[name] = (self.received_s, before_s)
+        return is_new
 
     def void_targets_before(self, time_s: float) -> None:
         """A target that was reported before this time of the vehicle is another mode's."""
@@ -198,8 +198,8 @@ class Streams:
         return self._age_s("CURRENT_MODE") if "CURRENT_MODE" in self._at_s else math.inf
 
     def _age_s(self, name: str) -> float:
-        at_s, _ = self._at_s.get(name, (self.heard_s, 0.0))
-        return round(self.heard_s - at_s, 1)
+        at_s, _ = self._at_s.get(name, (self.received_s, 0.0))
+        return round(self.received_s - at_s, 1)
 
     def _is_position(self, fields: _Fields) -> bool:
         """No late one, nor one that repeats the last although its velocity is not zero."""
@@ -228,23 +228,23 @@ class Streams:
         """Above the autopilot's home, by its last position; 0 before the first."""
         return 0.0 if self._position is None else float(self._position["relative_alt"]) / 1e3
 
-    def in_air(self, word: bool, *, armed: bool) -> bool:
+    def in_air(self, landed_state: bool, *, armed: bool) -> bool:
         """Whether it is in the air: as it reports, and by its height where that is missing."""
         if self._age_s("EXTENDED_SYS_STATE") <= LANDED_STATE_S:
-            return word
+            return landed_state
         high = self._position is not None and self._position["relative_alt"] >= FLYING_M * 1e3
-        return armed and (word or high)
+        return armed and (landed_state or high)
 
 
 class ReportedPosition(NamedTuple):
-    """What a position message says: seconds since boot; metres east/north of the origin."""
+    """A position message: seconds since boot; metres east/north of the origin."""
 
     boot_s: float
     position: Point
 
 
 class Continuity:
-    """Says of each position in turn whether it is believed. Has no clock of its own."""
+    """Decides for each position in turn whether it is believed. Has no clock of its own."""
 
     def __init__(self) -> None:
         self._last: ReportedPosition | None = None  # the newest believed
@@ -252,21 +252,21 @@ class Continuity:
         self._doubted: ReportedPosition | None = None  # the newest that was not
         self._count = 0  # of these that agree
 
-    def believes(self, heard: ReportedPosition, now_s: float, rate: float) -> bool:
+    def believes(self, position: ReportedPosition, now_s: float, rate: float) -> bool:
         """Whether a message is believed that came at `now_s` of our monotonic clock.
 
         `rate` is how many seconds of the vehicle a second of ours is: 1 outside of simulations.
         """
         rate = max(rate, 1.0)
-        if self._last is None or _follows(self._last, heard, rate):
+        if self._last is None or _follows(self._last, position, rate):
             self._doubted, self._count = None, 0
         else:
-            agrees = self._doubted is not None and _follows(self._doubted, heard, rate)
-            self._doubted, self._count = heard, self._count + 1 if agrees else 1
+            agrees = self._doubted is not None and _follows(self._doubted, position, rate)
+            self._doubted, self._count = position, self._count + 1 if agrees else 1
             if self._count < POSITIONS_AGREEING or now_s - self._last_s < POSITIONS_QUIET_S / rate:
                 return False
             self._doubted, self._count = None, 0
-        self._last, self._last_s = heard, now_s
+        self._last, self._last_s = position, now_s
         return True
 
 

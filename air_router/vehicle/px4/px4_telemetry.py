@@ -1,4 +1,4 @@
-"""What a PX4 says of itself, put together from its messages into `Telemetry` and events."""
+"""What a PX4 reports about itself, put together from its messages into `Telemetry` and events."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -39,7 +39,7 @@ TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
 
 
 class Px4Telemetry(Px4Messages):
-    """Listens to a PX4 and keeps what it said last; all of it on the event loop.
+    """Listens to a PX4 and keeps what it reported last; all of it on the event loop.
 
     Args:
         frame: The mission's.
@@ -51,15 +51,15 @@ class Px4Telemetry(Px4Messages):
         gps: Its satellite receiver.
         status: Its charge and health.
         identity: Which vehicle it is.
-        in_air: As its landed state says; None until it was heard.
+        in_air: As its landed state says; None until it was received.
         wind_m_s: East, north; None: unknown.
-        told_flight: FLIGHT_INFORMATION has come.
+        flight_info_received: FLIGHT_INFORMATION has come.
         took_off_s: Since boot, as it says; None: it does not fly, or has not said so.
     """
 
     def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
         super().__init__(clock)
-        self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
+        self._callbacks: list[Callable[[VehicleEvent], None]] = []  # receive telemetry and events
         self.place = PositionReport(frame)
         self.plan = PlanReport()
         self.gps = GpsReport()
@@ -68,11 +68,11 @@ class Px4Telemetry(Px4Messages):
         self._target = TargetReport(frame)
         self._mode = ModeState()
         self._streams = Streams()
-        self._told_s = 0.0  # vehicle time of the latest telemetry
+        self._snapshot_s = 0.0  # vehicle time of the latest telemetry
         self._unix: tuple[float, float] | None = None  # Unix time, when heard
         self.in_air: bool | None = None
         self.wind_m_s: tuple[float, float] | None = None
-        self.told_flight = False
+        self.flight_info_received = False
         self.took_off_s: float | None = None
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
@@ -104,24 +104,24 @@ class Px4Telemetry(Px4Messages):
             callback(self._wrong_vehicle())
 
     def complete(self) -> bool:
-        """Whether everything that a flight rests on was heard once."""
+        """Whether everything that a flight rests on was received once."""
         return self.place.point is not None and self._mode.known and self.in_air is not None
 
     def introduced(self) -> bool:
-        """Whether what is asked for once has come: version, home, since when it flies."""
+        """Whether what is requested once has come: version, home, since when it flies."""
         home, version = self.place.home, self.identity.version
-        return version is not None and home is not None and self.told_flight
+        return version is not None and home is not None and self.flight_info_received
 
     def missing(self, age_s: float) -> list[str]:
         """Messages that have not come for so long while others do, seconds of the vehicle's."""
         return self._streams.missing(age_s)
 
     def unix_s(self) -> float | None:
-        """The vehicle's own Unix time now, None until it told it."""
+        """The vehicle's own Unix time now, None until it was received."""
         if self._unix is None:
             return None
-        unix_s, heard_s = self._unix
-        return unix_s + loop_s() - heard_s
+        unix_s, received_s = self._unix
+        return unix_s + loop_s() - received_s
 
     @property
     def time_s(self) -> float:
@@ -180,7 +180,7 @@ class Px4Telemetry(Px4Messages):
             heading_deg=place.heading_deg,
             armed=self.armed,
             in_air=self._streams.in_air(bool(self.in_air), armed=self.armed),
-            mode=self._mode.told,
+            mode=self._mode.reported,
             failsafe=self.failsafe,
             battery=self.status.battery,
             item=self.item,
@@ -209,16 +209,16 @@ class Px4Telemetry(Px4Messages):
 
     def _handed(self, name: str, received: Received, handler: Handler, *, old: bool) -> None:
         """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""
-        if old:  # a mode that a pilot chose is told at once all the same
+        if old:  # a mode that a pilot chose is reported at once all the same
             handler(received.fields)
             return
         self.clock.alive()
         clock = self.clock
         self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)
-        if self._streams.news(name, received.fields, armed=self.armed):
+        if self._streams.is_new(name, received.fields, armed=self.armed):
             handler(received.fields)
-        self._mode.settle(received.arrived_s)
-        if self._streams.heard_s - self._told_s >= TELEMETRY_EVERY_S:
+        self._mode.expire(received.arrived_s)
+        if self._streams.received_s - self._snapshot_s >= TELEMETRY_EVERY_S:
             self._emit_snapshot()
 
     def _emit(self, event: VehicleEvent) -> None:
@@ -227,7 +227,7 @@ class Px4Telemetry(Px4Messages):
 
     def _emit_snapshot(self) -> None:
         snapshot = self.snapshot()
-        self._told_s = self._streams.heard_s
+        self._snapshot_s = self._streams.received_s
         if snapshot is not None:
             self._emit(snapshot)
 
@@ -264,7 +264,7 @@ class Px4Telemetry(Px4Messages):
         if not self.place.believes(reported, loop_s(), rate):
             self._streams.void("GLOBAL_POSITION_INT")
             return
-        self.clock.heard(boot_s)
+        self.clock.received(boot_s)
         lifted = self._streams.moves_above(LIFTED_M)  # or falls, disarmed, which counts as landed
         in_air = self.in_air is not False or lifted  # it may be met in the air
         self.place.take(fields, reported, armed=self.armed, in_air=in_air)
@@ -283,9 +283,9 @@ class Px4Telemetry(Px4Messages):
         boot_s = fields["time_boot_ms"] / 1e3
         near = -REBOOT_S <= boot_s - self.clock.boot_s() <= SYSTEM_TIME_NEAR_S
         if near:  # else it is another's: by positions
-            self.clock.heard(boot_s)
+            self.clock.received(boot_s)
         if fields["time_unix_usec"] > 0:
-            self.clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
+            self.clock.received_unix(fields["time_unix_usec"] / 1e6, boot_s)
             self._unix = (fields["time_unix_usec"] / 1e6, loop_s())
 
     def _on_mission_current(self, fields: dict[str, Any]) -> None:
@@ -296,7 +296,7 @@ class Px4Telemetry(Px4Messages):
     def _on_mission_ack(self, fields: dict[str, Any]) -> None:
         sender = fields["target_system"], fields["target_component"]
         if sender in {(self.system_id, COMPANION_COMPONENT), (0, 0)}:
-            self.plan.take_answer(fields)
+            self.plan.take_ack(fields)
         elif fields["type"] != MISSION_ACCEPTED:
             self._emit(PlanTried(self.time_s, f"ground station {sender[0]}"))
 
@@ -314,7 +314,7 @@ class Px4Telemetry(Px4Messages):
         since_boot_s = fields["takeoff_time_utc"] / 1e6
         flies = 0.0 < since_boot_s <= fields["time_boot_ms"] / 1e3
         self.took_off_s = since_boot_s if flies else None
-        self.told_flight = True
+        self.flight_info_received = True
 
     def _on_version(self, fields: dict[str, Any]) -> None:
         if self.identity.take_version(fields):

@@ -2,7 +2,7 @@
 
 A flight goes by what a PX4 says and not by its number wherever it can: with one acknowledgement of
 a mode and with two, with a MISSION_CURRENT that says whether the mission can be flown and without.
-The number decides which parameters are looked at, and what the pre-flight card says.
+The number decides which parameters are checked, and what the pre-flight card says.
 """
 
 import re
@@ -136,7 +136,7 @@ FACTS: Final = (
 
 
 def version_of(words: str) -> Version | None:
-    """From "1.17.0"; None where no version is told."""
+    """From "1.17.0"; None where no version is announced."""
     match = re.match(r"(\d+)\.(\d+)", words)
     return None if match is None else (int(match[1]), int(match[2]))
 

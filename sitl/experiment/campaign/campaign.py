@@ -120,11 +120,11 @@ class Campaign:
                         self._take(outcome, keep, status)
                     status.show(partial(progress, done, count, time.monotonic() - began_s))
                     if len(self.failed) == done >= _MOST_FAILURES:
-                        status.say("every run fails; the rest is not begun")
+                        status.print_line("every run fails; the rest is not begun")
                         break
             finally:
                 status.end()
-        status.say(f"{counted(done, 'runs')} in {duration_text(time.monotonic() - began_s)}")
+        status.print_line(f"{counted(done, 'runs')} in {duration_text(time.monotonic() - began_s)}")
 
     def _take(
         self, outcome: RunOutcome, keep: Callable[[Record], None], status: StatusLine
@@ -138,7 +138,7 @@ class Campaign:
             text += "; it is begun again"
         else:
             self.failed.append(outcome)
-        status.say(text)
+        status.print_line(text)
 
 
 def progress(done: int, count: int, elapsed_s: float) -> str:

@@ -200,7 +200,7 @@ class SeekEnvironment(ParallelEnv):  # type: ignore[misc]  # PettingZoo is typed
             held_s, given_s = (
                 context.now_s - max(at for at in moments if at is not None)
                 for moments in (
-                    (context.began_s, track.word_s, track.taken_s),
+                    (context.began_s, track.newest_s, track.taken_s),
                     (context.began_s, track.given_s),
                 )
             )

@@ -300,7 +300,7 @@ def test_a_track_becomes_waypoints_where_it_turns(tmp_path):
         (["flight.mcap", "./flight.mcap", "--force"], 2, "is the file that is read"),
         (["town.yaml", "x.kml", "--altitude", "9"], 2, "--altitude is for a FROM in GPX"),
         (["walk.gpx", "x.yaml"], 2, "add --altitude M, above home"),
-        (["walk.gpx", "x.yaml", "--altitude", "0"], 2, "0 is not an altitude above 0 metres"),
+        (["walk.gpx", "x.yaml", "--altitude", "0"], 2, "0 is not an altitude above 0 meters"),
         (["zones.kml", "x.plan"], 2, "give the mission as FROM and these with --zones"),
         (["town.yaml", "no/x.kml"], 1, "No such file or directory"),
         (["nowhere.yaml", "x.kml"], 3, "cannot read the file"),

@@ -12,7 +12,7 @@ from air_router.controller.model.actions import (
     Refusal,
 )
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.requests import ChangeAltitude, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
@@ -157,7 +157,7 @@ def test_while_another_order_seems_to_show_no_other_altitude_is_taken(holding):
     """It hovers at the end of its leg in Mission mode, and one report is of another item."""
     holding.shown["item"] = holding.plan.item_of(holding.motions[-1].node) + 1
     holding.step()
-    assert holding.controller.context.interlocks.up(Doubt.FOREIGN_ORDER)
+    assert holding.controller.context.interlocks.is_raised(Anomaly.FOREIGN_ORDER)
     refused = holding.operator_asks(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
     assert refused.why == "another's order seems to show; ask again in a moment"
@@ -171,7 +171,7 @@ def test_while_its_altitude_has_jumped_no_other_one_is_taken(holding):
     before_m = holding.altitude_m
     holding.altitude_m = 90.0
     holding.step()
-    assert holding.controller.context.interlocks.up(Doubt.ALTITUDE_JUMP)
+    assert holding.controller.context.interlocks.is_raised(Anomaly.ALTITUDE_JUMP)
     refused = holding.operator_asks(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
     assert refused.why == "the altitude has jumped; ask again once that is over"

@@ -15,7 +15,7 @@ from air_router.controller.model.actions import (
     Refusal,
 )
 from air_router.controller.model.events import AirspaceChanged, PeerFault, RobotPose
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.requests import GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
@@ -262,9 +262,9 @@ def test_a_motion_that_waited_is_not_sent_over_an_order_that_is_not_ours(away, k
     }[kind]
     controller.gate.send(motion)
     assert controller.navigator.objection(motion, flight.now_s) is None
-    controller.context.interlocks.put(Doubt.FOREIGN_ORDER, raised=True)
+    controller.context.interlocks.put(Anomaly.FOREIGN_ORDER, raised=True)
     objection = controller.navigator.objection(motion, flight.now_s)
-    assert objection == (None if kind == "hold" else "an order shows that is not ours")
+    assert objection == (None if kind == "hold" else "a foreign command is active")
 
 
 def test_where_the_vehicle_flies_already_it_may_be_sent_once_more(away):

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from air_router.controller.airspace_change import among, counted
+from air_router.controller.airspace_change import counted, plans_for
 from air_router.controller.envelope import ClearanceWatch, ReturnMonitor
 from air_router.controller.limits import OFF_ALTITUDE_HOME_S, OFF_ALTITUDE_S, OVERSPEED_S
 from air_router.controller.model.actions import (
@@ -183,8 +183,8 @@ def test_a_zone_far_above_counts_once_it_has_climbed_there(pennovation):
     high = Zone("high", outline, band=Band(70.0, math.inf))
     mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, high))
     watch = ClearanceWatch(MissionContext(mission, None))
-    assert watch.look(Telemetry(1.0, home, 60.0)) is None
-    found = watch.look(Telemetry(2.0, home, 75.0))
+    assert watch.update(Telemetry(1.0, home, 60.0)) is None
+    found = watch.update(Telemetry(2.0, home, 75.0))
     assert found is not None
     assert "too near to no-fly zone 'high'" in found.words
 
@@ -520,7 +520,7 @@ def test_a_router_among_zones_of_other_heights_is_another_though_they_count_at_a
     above, below = drawn(ABOVE), drawn(BELOW)
     assert above.zones == below.zones
     router = Router(WaypointGraph(above))
-    assert (among(router, above), among(router, below)) == (True, False)
+    assert (plans_for(router, above), plans_for(router, below)) == (True, False)
     assert counted(below, all_zones=False).zones[-1].band == BELOW
 
 

@@ -7,7 +7,7 @@ import pytest
 from air_router.controller.limits import SETS_OUT_S, STANDS_FOR_PLAN_S, STANDS_IN_ZONE_S, STANDS_S
 from air_router.controller.model.actions import Announce, FlyToPoint
 from air_router.controller.model.airspace_in_force import ZoneChange
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.controller.model.requests import ComeHome, HoldNow, LandNow
 from air_router.controller.model.states import State
@@ -199,7 +199,7 @@ def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
     assert cause_of(context) == UNKNOWN
     context.airspace.change = ZoneChange.UPLOADING
     assert cause_of(context) == ZoneChange.UPLOADING.value
-    context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
+    context.interlocks.put(Anomaly.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
     assert cause_of(context) == "the altitude has jumped"
     assert len(CAUSES) > 5
 

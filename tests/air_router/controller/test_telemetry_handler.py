@@ -1,13 +1,13 @@
 """The tables that say what follows from a telemetry: in the docs as they decide."""
 
-from air_router.controller.telemetry_handler import MATTERS, STEPS
+from air_router.controller.telemetry_handler import FINDINGS, STEPS
 from tests.printed import assert_printed
 
 
 def matters():
-    yield "| | a telemetry shows that | so | why here |"
+    yield "| | condition | reaction | why here |"
     yield "|---|---|---|---|"
-    for matter in MATTERS:
+    for matter in FINDINGS:
         yield f"| `{matter.name}` | {matter.shows} | {matter.does} | {matter.why} |"
 
 
@@ -25,5 +25,5 @@ def test_the_tables_in_the_docs_are_those_that_decide():
 
 
 def test_each_row_says_why_it_stands_where_it_stands():
-    assert all(row.why for row in (*MATTERS, *STEPS))
-    assert len({row.name for row in (*MATTERS, *STEPS)}) == len(MATTERS) + len(STEPS)
+    assert all(row.why for row in (*FINDINGS, *STEPS))
+    assert len({row.name for row in (*FINDINGS, *STEPS)}) == len(FINDINGS) + len(STEPS)

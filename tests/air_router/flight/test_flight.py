@@ -491,7 +491,7 @@ def test_what_the_vehicle_says_while_it_is_left_is_not_listened_to(rig):
     close = vehicle.close
 
     async def talk_and_close():
-        vehicle.callback(vehicle.airframe.telemetry())  # Alone.tell() would object
+        vehicle.callback(vehicle.airframe.telemetry())  # Alone.publish_telemetry() would object
         told.append(True)
         await close()
 
@@ -692,7 +692,7 @@ def sends_a_hold(flight, then):
 
 
 def ask_for_it(flight):
-    flight.flight.commands.ask(HoldNow())
+    flight.flight.commands.submit(HoldNow())
 
 
 def replace_the_fence(flight):  # hands off, and a hold before

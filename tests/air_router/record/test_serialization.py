@@ -31,7 +31,7 @@ from air_router.controller.model.actions import (
     Refusal,
 )
 from air_router.controller.model.airspace_in_force import ZoneChange
-from air_router.controller.model.authority import OnBoard
+from air_router.controller.model.authority import PlanOwner
 from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoTo
@@ -344,7 +344,7 @@ def test_the_whole_status_comes_back():
         alarms={"link": alarm},
         need_home=0.25,
         in_charge=True,
-        plan_owner=OnBoard.REPLACED,
+        plan_owner=PlanOwner.REPLACED,
         airspace=AirspaceStatus(2, 5, ZoneChange.UPLOADING),
         silent_s=0.0,
         missing_inputs=("GPS has no fix",),

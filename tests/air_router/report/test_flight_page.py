@@ -210,7 +210,7 @@ def test_what_is_named_in_figures(text):
     wide, narrow = pictures(text, "timeline")
     assert {"mission", "io", "phantom", "INIT", "SEARCH io", "HOME"} <= {*words_in(wide)}
     for picture in (wide, narrow):
-        assert "SEARCH io, 0:30: the state's time is over" in tooltips(picture)
+        assert "SEARCH io, 0:30: the state's time has expired" in tooltips(picture)
         assert "io in range for 0:07" in tooltips(picture)
         assert "sync from io, complete: 3 messages, 4,000 bytes" in tooltips(picture)
         assert "sync to io, broken off: 0 messages, 0 bytes" in tooltips(picture)

@@ -62,7 +62,7 @@ class FakeClient(ControlClient):
         stats = FlightStats.of(flight.mission, self.mapper, ROBOTS)
         view = FlightView(flight.mission, self.status, lambda: flight.controller.router, stats)
         self.commands = CommandService(
-            flight.mission.frame, self.status, flight.deliver, view=view.tell
+            flight.mission.frame, self.status, flight.deliver, view=view.fields_for
         )
         self.stats, self.told, self._by = stats, 0, "ROS 2"
 
@@ -380,7 +380,7 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
     assert goto.go(four, NEAR)
     flight.operator_asks(ExploreNow())
     bridge.poll()
-    assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: asked to explore", "")
+    assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: exploration requested", "")
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
 
 

@@ -57,10 +57,10 @@ def told(flight, *words):
 def test_what_is_missing_is_told_at_its_limit_and_not_before(away, age):
     flight, limit = away(), INPUTS[age]
     Missing(flight, age)
-    flight.fly_for(limit.told_s - 0.5)
+    flight.fly_for(limit.announce_s - 0.5)
     assert not told(flight, "not heard")
     flight.fly_for(1.0)
-    assert told(flight, limit.words, "not heard", limit.then(limit.told_s))
+    assert told(flight, limit.words, "not heard", limit.then(limit.announce_s))
 
 
 @pytest.mark.parametrize("age", [age for age, limit in INPUTS.items() if limit.home_s])
@@ -80,12 +80,12 @@ def test_the_mission_ends_for_what_is_missing_too_long(away, age):
 
 
 def test_the_table_is_in_the_documents():
-    head = "missing | in | announced after | no leg begins after | the mission ends after | because"
+    head = "missing | message | announced after | no legs after | the mission ends after | because"
     lines = [f"| {head} |", "|---|---|---|---|---|---|"]
     for limit in LIMITS:
         stop = "" if limit.stop_s is None else f"{limit.stop_s:.0f} s: {limit.stop.value}"
         home = "" if limit.home_s is None else f"{limit.home_s:.0f} s"
-        row = (limit.words, limit.message, f"{limit.told_s:.0f} s", stop, home, limit.why)
+        row = (limit.words, limit.message, f"{limit.announce_s:.0f} s", stop, home, limit.why)
         lines.append(f"| {' | '.join(row)} |")
     assert_printed("vehicle.md", "input limits", lines)
 
