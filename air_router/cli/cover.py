@@ -167,7 +167,7 @@ def run(arguments: Options) -> int:
             swath,
             bearing_deg=arguments.angle,
             start=field.home,
-            stop_m=field.draft.speed_m_s**2 / _ACCELERATION_M_S2,
+            stop_m=field.placed.form.speed_m_s**2 / _ACCELERATION_M_S2,
         )
     except CoverageError as error:
         raise CoverError(f"{arguments.area}: {error}") from None

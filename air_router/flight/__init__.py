@@ -1,4 +1,4 @@
-"""One flight: the asyncio shell around controller, vehicle and gossip."""
+"""One flight: connects controller, vehicle and gossip node on the asyncio event loop."""
 
 from mocha_link.lazy import door
 

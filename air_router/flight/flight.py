@@ -1,7 +1,7 @@
-"""One flight, from connecting to the vehicle to the last report: the shell around the controller.
+"""One flight, from connecting to the vehicle to the final report.
 
-It feeds the controller with what the vehicle, the gossip node and the operator say, carries out
-what it answers, and decides nothing itself.
+It passes events of the vehicle, the gossip node and the operator to the controller, carries out the
+controller's actions, and decides nothing itself.
 """
 
 from __future__ import annotations
@@ -54,37 +54,37 @@ from air_router.vehicle import (
 )
 
 _EarlyEvent = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
-"""What comes before the vehicle is admitted, and is checked then."""
+"""Events received before the vehicle is admitted; they are checked then."""
 
 
 class Flight:
     """Flies a mission once.
 
     Args:
-        mission: What to fly.
+        mission: The mission to fly.
         vehicle: A vehicle that is not yet connected.
         clock: The vehicle's clock, set by its messages.
         gossip: The UAV's node, not yet started.
         mapper: The map that `gossip` publishes.
         seek: The robots to seek, in order.
-        recorder: Where every event and decision goes.
-        status: What the operator sees.
+        recorder: Records every event and action.
+        status: The operator's status line.
         camera: Endpoint of the camera's patches, None without a camera.
-        control: Endpoint at which other programs may request something, None for none.
-        arm: Arm and start; otherwise wait for the pilot to do it.
-        survey: Checks everything before the flight; None: nothing but the mission's router.
-        resume: Go on with a flight that is under way, instead of beginning one.
+        control: Endpoint for requests of other programs; None: none.
+        arm: Arm and start; else wait for the pilot.
+        survey: The pre-flight checks; None: a survey of mission and router only.
+        resume: Resume a flight in progress instead of starting one.
 
     Attributes:
         router: Plans the mission's routes.
-        controller: Decides.
-        status: Gives the flight's status, for all that show it.
-        stats: Counts for the flight result.
-        loop: Brings events to the controller, and carries out what it decides.
-        commands: Takes requests.
+        controller: Decides; see `Controller`.
+        status: Returns the flight's status, for displays.
+        stats: Statistics for the flight result.
+        loop: Passes events to the controller, and carries out its actions.
+        commands: Handles requests.
     """
 
-    def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
+    def __init__(  # noqa: PLR0913 - the parts of a flight
         self,
         mission: Mission,
         vehicle: Vehicle,
@@ -111,7 +111,7 @@ class Flight:
         self._camera = camera
         self._arm = arm
         self._resume = resume
-        self._plan = FlightPlan.of(mission)  # what goes on board
+        self._plan = FlightPlan.of(mission)  # the plan to upload
         self.router = Router(WaypointGraph(mission))
         self._survey = (survey or partial(PreflightSurvey, mission))(self.router)
         setup = FlightSetup(
@@ -147,18 +147,18 @@ class Flight:
             None if control is None else ControlServer(control, self.commands.execute, gossip.node)
         )
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
-        self._newest: Telemetry  # before anything is decided
+        self._newest: Telemetry  # before the vehicle is admitted
         self._early: list[_EarlyEvent] = []  # likewise
-        self._starts: FlightMode | None = None  # of before, once it was commanded to take off
+        self._starts: FlightMode | None = None  # the mode before the take-off command
         self._interrupted = False  # by a signal of the operating system
-        self._admitted = False  # the vehicle may be flown: decisions begin
-        self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
+        self._admitted = False  # the vehicle may be flown: decisions start
+        self._vehicle_s = -math.inf  # latest telemetry; inf: the vehicle restarted
 
     async def run(self, page: Page | None = None) -> FlightResult:
         """Fly.
 
         Args:
-            page: Receives every event, and is served meanwhile.
+            page: Receives every event, and is served during the flight.
 
         Raises:
             NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
@@ -212,16 +212,16 @@ class Flight:
             self._status.print_line(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         try:
-            # wait_for of 3.11 may swallow that it is cancelled
+            # wait_for of 3.11 may swallow a cancellation
             async with asyncio.timeout(VEHICLE_LOST_S):
                 telemetry = await self._first
         except TimeoutError:
             raise NoVehicleError(
-                f"it answered, but told no position in {VEHICLE_LOST_S:.0f} s"
+                f"it answered, but sent no position in {VEHICLE_LOST_S:.0f} s"
             ) from None
         if telemetry.in_air:
             if (why_not := info.airframe.why_not_flown) is not None:
-                raise RefusedError(f"{why_not}; it flies, and is left as it is: {SET_UP}")
+                raise RefusedError(f"{why_not}; it is flying, and nothing is sent to it: {SET_UP}")
             await self._find_flight(info, telemetry)
             return
         if self._resume:
@@ -238,10 +238,10 @@ class Flight:
         if self._control is not None:
             self._control.open()
             self.loop.start(self._control.run())
-            self._status.print_line(f"requests are taken at {self._control.endpoint}")
+            self._status.print_line(f"requests are accepted at {self._control.endpoint}")
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
-        """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
+        """Handle a vehicle found in the air, perhaps flying this mission without a companion."""
         found = await recognised(self._vehicle, self._plan, telemetry, resume=self._resume)
         self._status.print_line(found)
         self._take_card(await self._survey.card_in_the_air(self._vehicle, info), in_air=True)
@@ -258,13 +258,15 @@ class Flight:
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
-            return  # in Mission mode it was found to be on its way
+            return  # in Mission mode the flight continues already
         ack = self.commands.submit(GoOn())
         if not ack.accepted:
-            raise RefusedError(f"the flight is not resumed, and left as it is: {ack.why}")
+            raise RefusedError(
+                f"the flight is not resumed, and nothing is sent to the vehicle: {ack.why}"
+            )
 
     def _take_card(self, card: Card, *, in_air: bool = False) -> None:
-        """Say what was checked; refuse what cannot become a safe flight, unless it is one."""
+        """Print the card; refuse an unsafe flight, unless it is in the air already."""
         self._recorder.note(Recorder.PREFLIGHT, self._clock.boot_s(), card.as_json())
         if not (card.ready or in_air):
             raise PreflightRefusedError(card)
@@ -273,7 +275,7 @@ class Flight:
             self._status.print_line(line)
 
     def _check_still(self, *, armed: bool = False) -> None:
-        """Refuse to start what the pilot has started while we got ready."""
+        """Refuse to start if the pilot has taken the vehicle meanwhile."""
         why = self.controller.why_not_started(self._first.result(), armed=armed)
         if why is not None:
             raise RefusedError(f"{why}; it is left to the pilot")
@@ -282,7 +284,7 @@ class Flight:
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
         if self.loop.leaving:
-            return  # what still comes while the link is closed
+            return  # late messages while the link closes
         if isinstance(event, Telemetry) and self._restarted(event):
             self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
             return
@@ -302,7 +304,7 @@ class Flight:
             self._status.show(lambda: flight_line(self.status()))
 
     def _before_admission(self, event: VehicleEvent) -> None:
-        """Nothing is decided on a vehicle that may be refused."""
+        """Store events of a vehicle that may still be refused."""
         if isinstance(event, Telemetry):
             self._newest = event
             if not self._first.done():
@@ -314,21 +316,21 @@ class Flight:
             self.loop.end(f"refused: {event.why_not}; {do}", ExitCode.REFUSED)
 
     def _too_late(self, telemetry: Telemetry) -> bool:
-        """Whether it did not take off while its zones were the right ones; ends then."""
+        """Whether the take-off is too late for the zones' active hours; ends the flight then."""
         waits = self.controller.state is State.READY and not telemetry.armed
         latest = self.controller.mission.latest_start if waits else None
         if latest is None or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
             f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
-            "apply at certain times; start it anew",
+            "apply at certain times; start it again",
             ExitCode.REFUSED,
         )
         return True
 
     def _restarted(self, telemetry: Telemetry) -> bool:
-        """Whether its clock began anew: then neither timers nor what was read back are good."""
-        anew = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S  # and remains it
+        """Whether the vehicle's clock restarted: timers and the verified plan are void then."""
+        anew = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S  # and stays restarted
         self._vehicle_s = math.inf if anew else telemetry.time_s
         return anew
 
@@ -336,15 +338,15 @@ class Flight:
         if self._mapper.paint(patch):
             self._recorder.patch(patch, self._clock.boot_s())
 
-    # Ends.
+    # The end.
 
     def _on_interrupt(self) -> None:
-        """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
+        """First signal: hold (if the vehicle is ours) and end. Second: leave at once."""
         if self._interrupted:
             self._recorder.close()
             os._exit(ExitCode.INTERRUPTED)
         self._interrupted = True
-        self._status.print_line("interrupted; once more to leave at once")
+        self._status.print_line("interrupted; interrupt again to leave at once")
         self.loop.end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
@@ -355,8 +357,7 @@ class Flight:
         try:
             if ours and self.loop.may_be_taken():
                 await self._final_announcement(
-                    "the companion stops; the vehicle is left as it is, its flight mode was not "
-                    "heard",
+                    "the companion stops without a hold: the flight mode was not received",
                     TAKE_OVER,
                 )
             elif ours:
@@ -366,13 +367,13 @@ class Flight:
                 )
         except AirRouterError as error:
             await self._final_announcement(
-                f"the companion stops; the vehicle was told to hold and did not confirm: {error}",
+                f"the companion stops; the vehicle did not confirm the hold command: {error}",
                 TAKE_OVER,
             )
         finally:
             self._status.end()
             if self._control is not None:
-                self._control.close()  # serves the node, which closes behind it
+                self._control.close()  # it serves the node, which is closed after it
             self._gossip.close()
             await self._vehicle.close()
 

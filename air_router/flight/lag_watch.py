@@ -1,7 +1,7 @@
-"""Whether this program stands still, or is short of processor time: its event loop's own lag.
+"""Detects that this program stalls or lacks processor time, by the lag of its event loop.
 
-A starved companion decides on what was, answers late, and counts as missing what waits in its own
-sockets. It measures that by itself, and says it: nothing else on the link does.
+A starved companion decides on old data, answers late, and takes inputs for missing that wait in its
+own sockets. Only the program itself can detect and report this.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from air_router.vehicle import loop_s
 
 @dataclass(slots=True, eq=False)
 class LagWatch:
-    """Adds up how late the turns of the event loop come. Pure; times on the loop's clock."""
+    """Adds up the lag of the event loop's turns. Pure; times are on the loop's clock."""
 
     _late: deque[tuple[float, float]] = field(default_factory=deque)  # when, how late
-    _announced_s: float | None = None  # when it was announced last
+    _announced_s: float | None = None  # last announcement
 
     def take(self, late_s: float, now_s: float) -> CompanionLagged | None:
-        """Take a turn in that came so late; returns the announcement."""
+        """Add a turn's lag; return the event to report, if any."""
         if late_s > 0.0:
             self._late.append((now_s, late_s))
         while self._late and self._late[0][0] < now_s - LAG_STARVED_WITHIN_S:
@@ -50,7 +50,7 @@ class LagWatch:
 
 
 async def watch_lag(deliver: Callable[[CompanionLagged], None]) -> None:
-    """Check as long as the flight lasts, and report to the flight."""
+    """Measure the lag during the flight, and report it."""
     watch = LagWatch()
     while True:
         due_s = loop_s() + LAG_CHECK_S

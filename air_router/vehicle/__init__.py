@@ -1,4 +1,4 @@
-"""The port through which a flight sees and commands its vehicle."""
+"""The interface through which a flight observes and commands its vehicle."""
 
 from mocha_link.lazy import door
 

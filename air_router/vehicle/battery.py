@@ -1,7 +1,7 @@
-"""Whether a battery report is believed: one message with 0 % ends no mission.
+"""Filters battery reports, so a single message with 0 % ends no mission.
 
-Pure. A charge that falls as batteries do is believed at once. One that jumps is believed once it
-has said so for some seconds, or where the voltage has jumped with it.
+Pure. A charge that falls at a normal rate is accepted at once. A charge that jumps is accepted
+after some seconds, or if the voltage has dropped with it.
 """
 
 import math
@@ -13,20 +13,20 @@ from air_router.vehicle.vehicle import Telemetry
 
 @dataclass(slots=True, eq=False)
 class BatteryWatch:
-    """Takes the charge of every telemetry update in.
+    """Filters the charge of every telemetry update.
 
     Attributes:
-        charge: As it is believed, 0 to 1; None: unknown.
-        doubted: What it says instead, since its jump; None: nothing is doubted.
+        charge: The accepted charge, 0 to 1; None: unknown.
+        doubted: The reported charge after a jump that is not accepted yet; None: there is none.
     """
 
     charge: float | None = None
     doubted: float | None = None
-    _since_s: float = 0.0  # of the jump, vehicle's clock
-    _voltage_v: float | None = None  # with the last charge that was believed
+    _since_s: float = 0.0  # time of the jump, vehicle's clock
+    _voltage_v: float | None = None  # at the last accepted charge
 
     def take(self, telemetry: Telemetry) -> float | None:
-        """Take the next telemetry in; the charge that is believed."""
+        """Handle the next telemetry; return the accepted charge."""
         reported, now_s = telemetry.battery, telemetry.received_s
         if reported is None:
             self.charge = self.doubted = None

@@ -1,7 +1,7 @@
-"""The companion's own clock, and the vehicle's as the companion reads it between two messages.
+"""The companion's own clock, and the vehicle's clock, extrapolated between two messages.
 
-Every timer of a mission runs on it, so that a simulation at ten times real time (or one that
-stops and goes on) behaves as the real flight does.
+Every timer of a mission runs on the vehicle's clock, so a simulation at ten times real time (or one
+that pauses) behaves like a real flight.
 """
 
 import asyncio
@@ -40,9 +40,10 @@ class VehicleClock:
     """Seconds since the vehicle booted, and Unix seconds; any thread may read it.
 
     Args:
-        monotonic: The companion's own clock; tests pass another.
-        unix: Unix time to start from until the vehicle tells its own (it does so with GPS).
-        ceiling: Of a simulation that waits for us (`air_router.vehicle.pace`): its rate at most.
+        monotonic: The companion's own clock; tests inject another.
+        unix: Unix time until the vehicle reports its own (it does with GPS).
+        ceiling: Highest rate of a simulation that waits for this program
+            (`air_router.vehicle.pace`).
     """
 
     def __init__(
@@ -56,30 +57,30 @@ class VehicleClock:
         self._unix = unix
         self._ceiling = ceiling
         self._lock = threading.Lock()
-        self._boot_s: float | None = None  # the newest time received
-        self._alive_s = 0.0  # when it was received, monotonic
-        self._extrapolated_s = 0.0  # for so long messages came without a newer time
+        self._boot_s: float | None = None  # newest received time
+        self._alive_s = 0.0  # its time of reception, monotonic
+        self._extrapolated_s = 0.0  # duration of messages without a newer time
         self._rate: float | None = None  # vehicle's seconds per second of ours; None: not measured
-        self._window_rate = 0.0  # what the last window alone told
-        self._mark: tuple[float, float] | None = None  # both clocks where the rate was measured
+        self._window_rate = 0.0  # rate of the last window alone
+        self._mark: tuple[float, float] | None = None  # both clocks at the start of the window
         self._epoch_s: float | None = None  # Unix time at boot
         self._last_unix = (
             0.0,
             math.inf,
         )  # time since boot, and Unix time at boot, as reported last
-        self._synchronised = False  # the vehicle told it
-        self._last_s = 0.0  # the latest answer: never runs back
+        self._synchronised = False  # the vehicle reported Unix time
+        self._last_s = 0.0  # the last returned time: never decreases
 
     def received(self, boot_s: float) -> None:
-        """A message reported that the vehicle has been up for `boot_s`."""
+        """Handle a message with the vehicle's time since boot."""
         with self._lock:
             wall_s = self._monotonic()
             if self._boot_s is not None and boot_s < self._boot_s - REBOOT_S:
-                self._mark = None  # it rebooted: start anew
+                self._mark = None  # it rebooted: start over
                 self._last_s = 0.0
                 self._synchronised = False
             elif self._boot_s is not None and boot_s <= self._boot_s:
-                self._extrapolate(wall_s)  # late, or a clock that stands while the vehicle talks
+                self._extrapolate(wall_s)  # late, or the clock stands still
                 return
             self._boot_s, self._alive_s, self._extrapolated_s = boot_s, wall_s, 0.0
             if self._mark is None:
@@ -90,7 +91,7 @@ class VehicleClock:
                 self._mark = (boot_s, wall_s)
 
     def _measured(self, rate: float) -> None:
-        """A window measured a rate. On a link that stalls, then delivers at once, two differ."""
+        """Note a measured rate. Windows differ on a link that stalls and then delivers at once."""
         consistent = abs(rate - self._window_rate) <= CLOCK_RATE_TOLERANCE * max(
             rate, self._window_rate
         )
@@ -99,7 +100,7 @@ class VehicleClock:
         self._window_rate = rate
 
     def alive(self) -> None:
-        """A message without a time came: the clock is extrapolated."""
+        """Handle a message without a time: extrapolate the clock."""
         with self._lock:
             self._extrapolate(self._monotonic())
 
@@ -108,12 +109,11 @@ class VehicleClock:
         self._alive_s = wall_s
 
     def received_unix(self, unix_s: float, boot_s: float) -> None:
-        """A message reported that it is `unix_s` on the vehicle's GPS clock.
+        """Handle a message with the Unix time of the vehicle's GPS.
 
         The first one counts: from then on both clocks run together, whatever a simulated GPS
-        says (PX4's tells the wall's time, also at ten times real time). But a clock that was set
-        ahead since, as it is once GPS knows the time, and runs with the vehicle's, is the right
-        one.
+        reports (PX4's reports wall time, even at ten times real time). A later clock that was set
+        ahead, as happens once GPS knows the time, and that runs with the vehicle's, replaces it.
         """
         epoch_s = unix_s - boot_s
         with self._lock:
@@ -126,7 +126,7 @@ class VehicleClock:
             self._last_unix = (boot_s, epoch_s)
 
     def boot_s(self) -> float:
-        """Seconds since the vehicle booted, never running backwards; 0 before it was received."""
+        """Seconds since the vehicle booted; never decreases; 0 before the first message."""
         with self._lock:
             if self._boot_s is None:
                 return 0.0
@@ -136,8 +136,8 @@ class VehicleClock:
             rate = 1.0 if self._rate is None else self._rate
             ahead_s = min(since_s, CLOCK_EXTRAPOLATED_S) * rate
             if self._ceiling is not None:
-                ahead_s = min(ahead_s, PACE_ALLOWANCE_S)  # farther it does not go without us
-            # For long it is carried on at our pace at most: ahead of the vehicle it would wait.
+                ahead_s = min(ahead_s, PACE_ALLOWANCE_S)  # the simulation waits for us beyond that
+            # A long extrapolation runs at our own rate at most, so it cannot get far ahead.
             ahead_s += max(0.0, since_s - CLOCK_EXTRAPOLATED_S) * min(rate, 1.0)
             self._last_s = max(self._last_s, self._boot_s + ahead_s)
             return self._last_s
@@ -150,17 +150,17 @@ class VehicleClock:
 
     @property
     def rate(self) -> float:
-        """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation.
+        """The vehicle's seconds per second of ours: 1 in reality, more in a fast simulation.
 
-        Where the simulation waits for us it changes all the time: then what it is at most. 1 until
-        it was measured.
+        If the simulation waits for this program the rate varies: then its maximum. 1 until it is
+        measured.
         """
         with self._lock:
             measured = self._rate if self._ceiling is None else self._ceiling
             return 1.0 if measured is None else measured
 
     async def measured_rate(self) -> float:
-        """The rate, once it was measured; a vehicle that says no time is not waited for."""
+        """Wait until the rate is measured, unless the vehicle sends no time."""
         for _ in range(CLOCK_RATE_SAMPLES):
             if self._rate is not None or self._ceiling is not None:
                 break
@@ -169,11 +169,11 @@ class VehicleClock:
 
     @property
     def most_ahead_s(self) -> float:
-        """How far the vehicle's time goes on at most while nothing of it is taken in."""
+        """How far the vehicle's time advances at most while none of its messages is handled."""
         return math.inf if self._ceiling is None else PACE_ALLOWANCE_S
 
     def now_s(self) -> float:
-        """Unix seconds: the vehicle's, or the companion's own until the vehicle told its time."""
+        """Unix seconds: the vehicle's, or the companion's until the vehicle reports its time."""
         boot_s = self.boot_s()
         with self._lock:
             if self._epoch_s is None:

@@ -1,6 +1,6 @@
-"""What follows when one input is missing while the vehicle says other things: one table.
+"""The responses to a missing input while others are received, as one table.
 
-Pure: ages come with the telemetry, the time with the event.
+Pure: ages are part of the telemetry.
 """
 
 import math
@@ -23,7 +23,7 @@ NO_FIX: Final = "GPS has no fix"
 
 
 class InputResponse(Enum):
-    """What is done about the flight while an input is missing for too long."""
+    """The response while an input has been missing for too long."""
 
     NONE = "the mission goes on"
     HOLD = "holding"
@@ -35,15 +35,15 @@ class InputLimit:
     """One row of the table; times in seconds on the vehicle's clock.
 
     Attributes:
-        words: What is missing, for pilots.
-        message: In which MAVLink messages it comes.
-        age: The field of `Ages` that counts it.
-        announce_s: It is announced.
-        stop_s: No leg begins any more, and what `stop` says is done; None: never.
-        home_s: The mission ends; None: never.
-        home_without: Home is flown though it is still missing.
-        instruction: What the pilot or the operator does.
-        why: Why so.
+        words: The input's name, for pilots.
+        message: The MAVLink messages that carry it.
+        age: Its field in `Ages`.
+        announce_s: Age at which it is announced.
+        stop_s: Age at which no further leg starts and the response is `stop`; None: never.
+        home_s: Age at which the mission ends; None: never.
+        home_without: The vehicle comes home even if it is still missing.
+        instruction: Action of the pilot or the operator.
+        why: The reason for this response.
     """
 
     words: str
@@ -58,17 +58,17 @@ class InputLimit:
     home_without: bool = True
 
     def ends(self, age_s: float) -> bool:
-        """Whether the mission ends for it."""
+        """Whether the mission ends at this age."""
         return self.home_s is not None and age_s >= self.home_s
 
     def stop_at(self, age_s: float) -> InputResponse:
-        """What is done at this age."""
+        """The response at this age."""
         if self.stop_s is None or age_s < self.stop_s:
             return InputResponse.NONE
         return InputResponse.NONE if self.home_without and self.ends(age_s) else self.stop
 
     def then(self, age_s: float) -> str:
-        """What is done, or comes next, as text."""
+        """The current or next response, as text."""
         stop = self.stop_at(age_s)
         if stop is not InputResponse.NONE:
             return str(stop.value)
@@ -90,7 +90,7 @@ LIMITS: Final = (
         home_s=30.0,
         home_without=False,
         instruction=TAKE_OVER_BLIND,
-        why="legs are checked from the vehicle's position; it comes home once that is known again",
+        why="legs are checked from the vehicle's position: it comes home once that is known again",
     ),
     InputLimit(
         "flight mode",
@@ -101,7 +101,7 @@ LIMITS: Final = (
         stop_s=FLIGHT_MODE_S,
         home_s=None,
         instruction=CHECK_LINK,
-        why="a pilot may have taken the vehicle",
+        why="a pilot may have taken over",
     ),
     InputLimit(
         "heartbeat",
@@ -110,7 +110,7 @@ LIMITS: Final = (
         announce_s=5.0,
         home_s=30.0,
         instruction=CHECK_STREAMS,
-        why="disarming and failsafes are not visible; on the ground it counts as disarmed",
+        why="disarming or a failsafe may go unnoticed; a landed vehicle counts as disarmed",
     ),
     InputLimit(
         "GPS status",
@@ -121,7 +121,7 @@ LIMITS: Final = (
         stop_s=10.0,
         home_s=30.0,
         instruction=TAKE_OVER_BLIND,
-        why="the fix may be lost; it comes home by the positions, which still arrive",
+        why="the fix may be lost; positions are still received, so the vehicle comes home by them",
     ),
     InputLimit(
         "battery",
@@ -139,7 +139,7 @@ LIMITS: Final = (
         announce_s=5.0,
         home_s=60.0,
         instruction=CHECK_STREAMS,
-        why="MISSION_SET_CURRENT is not confirmed: after four, legs are flown by DO_REPOSITION",
+        why="a jump cannot be confirmed: after four, legs are flown by position setpoints",
     ),
     InputLimit(
         "landed state",
@@ -148,29 +148,29 @@ LIMITS: Final = (
         announce_s=5.0,
         home_s=60.0,
         instruction=CHECK_STREAMS,
-        why="armed and 5 m above home it counts as in the air, disarmed as on the ground",
+        why="armed and 5 m above home counts as in the air, disarmed as on the ground",
     ),
 )
-"""Every input that a flight rests on; the most severe first."""
+"""Every input that a flight depends on; the most severe first."""
 
-INPUT_ALARMS: Final = frozenset({NO_FIX, *(f"{limit.words} not heard" for limit in LIMITS)})
-"""What is alarmed of while it stops the vehicle."""
+INPUT_ALARMS: Final = frozenset({NO_FIX, *(f"{limit.words} not received" for limit in LIMITS)})
+"""Subjects of the alarms while an input stops the vehicle."""
 
 _ages = attrgetter(*(limit.age for limit in LIMITS))
 _ANNOUNCE_S: Final = tuple(limit.announce_s for limit in LIMITS)
-"""From which age on an input is missing at all; the other limits are no lower."""
+"""The age from which an input is missing; the other limits are no lower."""
 
 
 class InputAnnouncement(NamedTuple):
     """What to announce.
 
     Attributes:
-        what: Is missing, or is back.
-        then: What is done about it; empty: nothing.
-        instruction: What the pilot or the operator does; None: it is back.
-        alarms: The pilot has to act now: the vehicle waits for it.
-        about: What is alarmed of, as in `InputWatch.stopped`.
-        age_s: For how long it has been missing.
+        what: The input that is missing or received again.
+        then: The response; empty: none.
+        instruction: Action of the pilot or the operator; None: it is received again.
+        alarms: The pilot has to act now: the vehicle waits for the input.
+        about: Subject of the alarm, as in `InputWatch.stopped`.
+        age_s: How long it has been missing.
     """
 
     what: str
@@ -185,10 +185,10 @@ class InputStatus(NamedTuple):
     """What the inputs allow now.
 
     Attributes:
-        stop: What is done meanwhile, and `why`.
-        back: Legs may begin again, just now.
-        home_why: Why the mission ends, if it does for that.
-        announcements: What to announce.
+        stop: The response meanwhile, with `why`.
+        back: Legs may start again from now on.
+        home_why: Why the mission ends for a missing input; None: it does not.
+        announcements: Announcements that are due.
     """
 
     stop: InputResponse
@@ -205,23 +205,23 @@ INPUTS_NOMINAL: Final = InputStatus(
 
 @dataclass(slots=True, eq=False)
 class InputWatch:
-    """Checks the ages in every telemetry update, and at whether GPS has a fix.
+    """Checks the ages and the GPS fix in every telemetry update.
 
     Attributes:
-        stopped: What no leg begins without, and is missing or not back for long enough.
-        silent: Nothing is commanded meanwhile: a pilot may have taken the vehicle.
+        stopped: Inputs that are missing, or not yet back for long enough, and stop legs.
+        silent: Nothing is commanded meanwhile: a pilot may have taken over.
     """
 
     stopped: dict[str, InputResponse] = field(default_factory=dict)
     silent: bool = False
-    # by what is missing: announced, when
+    # by input: whether it stops the vehicle, time announced
     _announced: dict[str, tuple[bool, float]] = field(default_factory=dict)
-    _good_since_s: float | None = None  # since when the fix is good again
-    _no_fix_since_s: float = 0.0  # since when it has none, as announced
-    _alarmed_of_fix: bool = False  # of this loss
+    _good_since_s: float | None = None  # the fix is good again since
+    _no_fix_since_s: float = 0.0  # without a fix since, as announced
+    _alarmed_of_fix: bool = False  # alarm raised for this loss
 
     def update(self, telemetry: Telemetry) -> InputStatus:
-        """Take the next telemetry in."""
+        """Check the next telemetry."""
         waits = not telemetry.fix or self.stopped or self._announced
         if not waits and all(map(lt, _ages(telemetry.ages), _ANNOUNCE_S)):
             return INPUTS_NOMINAL
@@ -234,18 +234,18 @@ class InputWatch:
         stopped = tuple(self.stopped)
         for limit in LIMITS:
             age_s = getattr(telemetry.ages, limit.age)
-            words = f"{limit.words} not heard"
+            words = f"{limit.words} not received"
             if limit.ends(age_s):
                 home_why = home_why or f"{words} for {age_s:.0f} s"
             stop = limit.stop_at(age_s)
             if stop is not InputResponse.NONE:
                 missing[words] = stop
             elif age_s >= limit.announce_s:
-                self.stopped.pop(words, None)  # home is flown without it
+                self.stopped.pop(words, None)  # the vehicle comes home without it
             announcements += self._announce_missing(limit, age_s, telemetry.received_s)
         back = self._back(missing, telemetry.received_s) and bool(stopped)
         if back and home_why is None:
-            fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is heard again"
+            fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is received again"
             announcements.append(InputAnnouncement(fix, "going on"))
         self.silent = InputResponse.SILENT in self.stopped.values()
         stop = (
@@ -259,7 +259,7 @@ class InputWatch:
         return InputStatus(stop, why, back, home_why, tuple(announcements))
 
     def _back(self, missing: dict[str, InputResponse], now_s: float) -> bool:
-        """Whether nothing stops it any more: what did has come again for some time."""
+        """Whether all inputs have been received again for some time."""
         if missing or not self.stopped:
             self._good_since_s = None
             self.stopped.update(missing)
@@ -274,33 +274,33 @@ class InputWatch:
     def _announce_missing(
         self, limit: InputLimit, age_s: float, now_s: float
     ) -> list[InputAnnouncement]:
-        """At once, when it stops the vehicle, and now and then; and when it comes again."""
+        """Announce a missing input at once, when it stops the vehicle, and at intervals."""
         if age_s < limit.announce_s:
             announced = self._announced.pop(limit.words, None)
             back = InputAnnouncement(
-                f"{limit.words} heard again", "", about=f"{limit.words} not heard"
+                f"{limit.words} received again", "", about=f"{limit.words} not received"
             )
             return [back] if announced else []
         stops = limit.stop_at(age_s) is not InputResponse.NONE
         before, announced_s = self._announced.get(limit.words, (False, -math.inf))
         again = limit.words in self._announced
-        # What stops the vehicle is an alarm, which is repeated by itself.
+        # An input that stops the vehicle raises an alarm, which repeats on its own.
         if stops <= before and (stops or now_s < announced_s + INPUT_REPEATED_S):
             return []
         self._announced[limit.words] = (stops or before, now_s)
         return [
             InputAnnouncement(
-                f"{limit.words} not heard for {age_s:.0f} s",
+                f"{limit.words} not received for {age_s:.0f} s",
                 limit.then(age_s) if stops > before or not again else "",
                 limit.instruction,
                 alarms=stops,
-                about=f"{limit.words} not heard",
+                about=f"{limit.words} not received",
                 age_s=age_s,
             )
         ]
 
     def _announce_fix(self, now_s: float) -> list[InputAnnouncement]:
-        """That it is lost, at once; as an alarm where it does not come back soon."""
+        """Announce a lost fix at once, and raise an alarm if it does not return soon."""
         if NO_FIX not in self.stopped:
             self._no_fix_since_s, self._alarmed_of_fix = now_s, False
             return [

@@ -21,7 +21,7 @@ Instruction = NewType("Instruction", str)
 """What the pilot or the operator does: "Pilot: ..." or "Operator: ..."."""
 
 TAKE_OVER: Final = Instruction("Pilot: take over in Position mode and fly it by hand")
-TAKE_OVER_NOW: Final = Instruction("Pilot: take the vehicle by hand now")
+TAKE_OVER_NOW: Final = Instruction("Pilot: take over by hand now")
 TAKE_OVER_BLIND: Final = Instruction(
     "Pilot: take over in Position mode, or in Altitude mode if PX4 refuses that"
 )

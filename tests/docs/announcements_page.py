@@ -43,22 +43,22 @@ SAID = {
         "a pilot or ground station chose another plan item",
     ],
     ("fallen", "KEEP_CLEAR"): ["disarmed in the air at … m above home"],
-    ("__init__", "CHECK_PEER"): ["… of … cannot be read …", "… has said nothing on …"],
-    ("inputs_missing", "BE_READY_AT_HOME"): ["… not heard for … s"],
+    ("__init__", "CHECK_PEER"): ["… of … cannot be read …", "… published nothing on …"],
+    ("inputs_missing", "BE_READY_AT_HOME"): ["… not received for … s"],
     ("command", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
     ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
     ("_while_off", "CLEARANCE_UNCERTAIN"): [
-        "the satellites' position is good to … m only, … m are planned for",
-        "wind of … m/s, … m/s are planned for",
+        "the satellites' position is good to … m only, planned for … m",
+        "wind of … m/s, planned for … m/s",
     ],
     ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
     ("another_vehicle", "SEPARATE_TWINS"): ["two autopilots answer with the same system id …"],
     ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
     ("update", "CLEARANCE_UNCERTAIN"): [
-        "the satellites' position is good to … m only, … m are planned for: holding",
-        "wind of … m/s, … m/s are planned for: holding",
+        "the satellites' position is good to … m only, planned for … m: holding",
+        "wind of … m/s, planned for … m/s: holding",
     ],
     ("update", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }
@@ -148,7 +148,7 @@ def rows() -> list[Row]:
                     found += _rows_of(call, scope)
     for limit in LIMITS:
         severity = "warning" if limit.stop_s is None else "warning; alarm once the vehicle stops"
-        found.append(Row(f"{limit.words} not heard for … s: …", severity, limit.instruction))
+        found.append(Row(f"{limit.words} not received for … s: …", severity, limit.instruction))
     return sorted(set(found))
 
 

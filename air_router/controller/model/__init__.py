@@ -1,4 +1,4 @@
-"""The controller's vocabulary: events, actions, states, requests, and the shared context."""
+"""The controller's data types: events, actions, states, requests, and the shared context."""
 
 from mocha_link.lazy import door
 

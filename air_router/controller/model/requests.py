@@ -1,6 +1,6 @@
 """Requests of the operator, other programs and a base station to a mission in flight.
 
-Each is answered with `actions.CommandAck`: accepted, or refused and why.
+Each is answered with `actions.CommandAck`: accepted, or refused with the reason.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class ControlRequest:
     """A request of the pilot, the operator or a program.
 
     Attributes:
-        request_id: By which the asking program knows the answer.
+        request_id: Id that the answer repeats.
         by: The requester, as text.
     """
 
@@ -31,15 +31,15 @@ class ControlRequest:
 
 @dataclass(frozen=True, slots=True)
 class HoldNow(ControlRequest):
-    """Stop and hover here until something else is requested, or it has to come home."""
+    """Stop and hover here until the next request, or until the vehicle has to come home."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoOn(ControlRequest):
-    """Go on with what was held, or with a flight that was given away.
+    """Resume what was held, or a flight that was released.
 
     Attributes:
-        upload: Another plan may be on board: put ours there first.
+        upload: Upload this mission's plan first; another one may be on board.
     """
 
     upload: bool = False
@@ -54,29 +54,29 @@ class SeekNow(ControlRequest):
 
 @dataclass(frozen=True, slots=True)
 class ExploreNow(ControlRequest):
-    """Explore on where exploration stopped."""
+    """Resume exploration."""
 
 
 @dataclass(frozen=True, slots=True)
 class ComeHome(ControlRequest):
-    """End the mission: home along the graph, and land."""
+    """End the mission: fly home along the graph, and land."""
 
 
 @dataclass(frozen=True, slots=True)
 class LandNow(ControlRequest):
-    """End the mission: land where it hovers, on whatever is below."""
+    """End the mission: land in place, on whatever is below."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoTo(ControlRequest):
-    """Fly to points, one after the other, and hover at the last.
+    """Fly to points in order, and hover at the last.
 
     Attributes:
-        points: Metres east/north, in order; at least one.
-        hold_s: How long to hover at the last; None: as set in the mission.
-        waits: Before take-off, and while the vehicle holds, it waits for its time instead of being
+        points: Meters east/north, in order; at least one.
+        hold_s: How long to hover at the last; None: the mission's time.
+        waits: Before take-off and while the vehicle holds, the request is deferred instead of
             refused: no operator is there to repeat it.
-        waits_s: So long at most, on the vehicle's clock.
+        waits_s: Longest deferral, on the vehicle's clock.
     """
 
     points: tuple[Point, ...]
@@ -87,10 +87,10 @@ class GoTo(ControlRequest):
 
 @dataclass(frozen=True, slots=True)
 class ChangeAltitude(ControlRequest):
-    """Climb or descend where it holds, and hold there.
+    """Climb or descend in place, and hold there.
 
     Attributes:
-        altitude_m: Above home.
+        altitude_m: Altitude above home.
     """
 
     altitude_m: float
@@ -98,7 +98,7 @@ class ChangeAltitude(ControlRequest):
 
 @dataclass(frozen=True, slots=True)
 class Reload(ControlRequest):
-    """Read the mission file again: its zones and fences have changed."""
+    """Read the mission file again, because its zones or fences have changed."""
 
 
 AnyRequest = (
@@ -107,7 +107,7 @@ AnyRequest = (
 
 
 class RequestRefusedError(AirRouterError):
-    """A request is not done; the message is a sentence for people.
+    """A request is refused; the message is for people.
 
     Args:
         code: The reason, for programs; see docs/errors.md.

@@ -1,7 +1,7 @@
-"""Coming home, where zones leave a way, and landing: the states HOME and LAND, PASSIVE and DONE.
+"""The states HOME, LAND, PASSIVE and DONE: comes home if there is a way, and lands.
 
-A mission is only flown where home can be reached from everywhere; zones that are drawn in flight
-may change that. Nothing is flown through them then: the operator is announced until one acts.
+A mission flies only if home can be reached from every waypoint. Zones drawn in flight may change
+that. The vehicle then flies through no zone: an alarm to the operator repeats until someone acts.
 """
 
 from __future__ import annotations
@@ -35,38 +35,39 @@ from geo.paths import barriers
 
 
 def landing_radius_m(mission: Mission) -> float:
-    """How far from home, in metres, counts as above it: a landing begins anywhere there."""
+    """Radius around home, in meters, within which a landing may begin."""
     return min(mission.planner.acceptance_radius_m, WIDEST_M) + LANDING_M
 
 
 @dataclass(slots=True, eq=False)
 class HomeReachability:
-    """Searches for the way home among the zones of now.
+    """Checks whether the current zones leave a way home.
 
     Attributes:
-        walls: The zones (and the fence) between the vehicle and home; None while a way is clear.
-        checked_router: The router that the way home was last planned with.
-        next_check_s: When the program checks again.
+        walls: The zones (and the fence) between the vehicle and home; None while there is a clear
+            way.
+        checked_router: The router of the last check.
+        next_check_s: Time of the next check.
     """
 
     _context: MissionContext
     walls: tuple[str, ...] | None = None
     checked_router: Router | None = None
     next_check_s: float = -math.inf
-    _announce_at_s: float = -math.inf  # when it is announced again
-    _due: bool = False  # it should be on its way home, as announced
+    _announce_at_s: float = -math.inf  # when to repeat the announcement
+    _due: bool = False  # `due` of the last announcement
 
     @property
     def no_way_home(self) -> bool:
-        """Whether zones that were drawn in flight leave no clear way home from here."""
+        """Whether zones drawn in flight block every way home from here."""
         return self.walls is not None
 
     def update(self, telemetry: Telemetry, *, due: bool) -> None:
-        """Announce whether a way leads home: when that changes, and at intervals while none does.
+        """Announce that there is no way home, repeatedly, and when there is one again.
 
         Args:
-            telemetry: where the vehicle is, in the air.
-            due: it should be on its way home.
+            telemetry: Position of the vehicle in the air.
+            due: The vehicle should be on its way home.
         """
         if self.checked_router is not self._context.airspace.router:
             self.checked_router = self._context.airspace.router
@@ -87,20 +88,20 @@ class HomeReachability:
         mission, router = self._context.airspace.mission, self._context.airspace.router
         here, home = telemetry.position, mission.home
         if mission.airspace_at(telemetry.altitude_m).zones_at(here):
-            return  # it leaves that first
+            return  # the vehicle leaves that zone first
         self.next_check_s = telemetry.time_s + CHECK_S
         paths = router.graph.paths
         place = paths.nearest(here)
         if place is not None and paths.connected(home, place):
             self.walls = None
         elif isinstance(router.route(here, HOME_NODE), Route):
-            self.walls = None  # by a tight way out
+            self.walls = None  # through a tight way out
         elif place is None:
             self.walls = ()
         else:
             airspace = router.graph.mission.planning_airspace
             walls = barriers(airspace, place, home)
-            self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
+            self.walls = walls or airspace.blockers(place, home)  # home itself is not clear
 
     def _announce(self, telemetry: Telemetry, *, due: bool) -> None:
         context, walls = self._context, self.walls or ()
@@ -109,14 +110,14 @@ class HomeReachability:
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
         if due and context.airspace.mission.all_zones:
             context.alarm(
-                f"no way home is clear at every altitude{charge}, for {named}{more}: it hovers, "
-                "and comes home by the autopilot's altitude at the battery's reserve",
+                f"no way home is clear at every altitude{charge}, because of {named}{more}: "
+                "it hovers, and comes home by PX4's altitude at the battery reserve",
                 BRING_HOME_BY_HEIGHT,
             )
         elif due:
             context.alarm(
-                f"no way home{charge}: it should come home and cannot, for {named}{more}; it "
-                "hovers until the autopilot's battery failsafe acts, which may fly through zones",
+                f"no way home{charge}: it should come home and cannot, because of {named}{more}; "
+                "it hovers until PX4's battery failsafe acts, which may fly through zones",
                 FLY_OUT_OR_RELOAD,
             )
         else:
@@ -128,15 +129,15 @@ class ReturnState(StateHandler):
     """Flies home along the graph.
 
     Args:
-        context: Where it signals that the vehicle is above home.
-        gate: The motions commanded before.
+        context: Receives the signal that the vehicle is above home.
+        gate: Knows the motions commanded before.
     """
 
     _context: MissionContext
     _gate: CommandGate
 
     def begin(self) -> Wanted:
-        """Fly home along the graph, and announce why."""
+        """Announce the reason and fly home along the graph."""
         ending = self._context.task.ending
         text = f"coming home: {ending.why if ending else None}"
         if self._context.inputs.stopped:
@@ -155,17 +156,17 @@ class ReturnState(StateHandler):
         return self._above_home(goal.position)
 
     def retry(self) -> Wanted:
-        """By another way, perhaps."""
+        """Plan the way home again."""
         return Goal(self._context.airspace.mission.home, HOME_NODE)
 
     replan = retry
 
     def _above_home(self, home: Point) -> Wanted:
-        """Land if it stays here, and no order from before may take it away: it would land there."""
+        """Land if the vehicle stays here and no earlier command may still move it."""
         telemetry = self._context.last_telemetry
         near_m = landing_radius_m(self._context.airspace.mission)
         under_way = set(self._gate.setpoints.open(telemetry)) - {home}
-        places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
+        places = (telemetry.position, stopping_point(telemetry))  # it may only be passing
         known = telemetry.ages.position_s < POSITION_S
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
@@ -179,20 +180,20 @@ class LandState(StateHandler):
     """Descends, at home or where the vehicle hovers.
 
     Args:
-        context: Where it is, and what is below.
-        gate: Lands it.
+        context: The vehicle's position, and the zones and layers below.
+        gate: Commands the landing.
     """
 
     _context: MissionContext
     _gate: CommandGate
 
     def why_no_landing(self) -> str | None:
-        """Why it may not land where it hovers; None if nothing is below, and it stays there."""
+        """Why the vehicle may not land in place; None if nothing is below and it hovers still."""
         mission, telemetry = self._context.airspace.mission, self._context.last_telemetry
         drift_m = math.dist(telemetry.position, stopping_point(telemetry))
         gate = self._gate
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:
-            return "it does not hover yet; ask again in a moment"
+            return "it does not hover yet; request it again in a moment"
         home_m = math.dist(telemetry.position, mission.home)
         if mission.layers_below and home_m > landing_radius_m(mission):
             below = ", ".join(mission.layers_below)
@@ -205,11 +206,11 @@ class LandState(StateHandler):
         return None
 
     def begin(self) -> Wanted:
-        """Descend."""
+        """Command the landing."""
         return LandHere()
 
     def replan(self) -> Wanted:
-        """Descend, unless it does, or was commanded to and has not failed."""
+        """Command the landing again, unless the last one is still in effect."""
         if not isinstance(self._gate.last, LandHere):
             return self.begin()
         return Rest("it descends")
@@ -219,4 +220,4 @@ class LandState(StateHandler):
 
 @dataclass(slots=True, eq=False)
 class HandsOffState(StateHandler):
-    """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
+    """PASSIVE and DONE: a pilot or failsafe flies the vehicle, or it has landed."""

@@ -1,6 +1,6 @@
-"""Requests to a PX4: the messages that a flight rests on, and those of a pre-flight check.
+"""Requests to a PX4: the messages that a flight needs, and those of a pre-flight check.
 
-Without an answer things go on, only less well.
+A missing answer is not fatal.
 """
 
 import asyncio
@@ -41,14 +41,14 @@ STREAMS: Final[Mapping[str, int]] = {
         MessageId.EXTENDED_SYS_STATE,
     )
 }
-"""What a flight rests on, or would like to know, and its message ids."""
+"""The messages that a flight needs or uses, with their ids."""
 
 ONCE: Final = (MessageId.HOME_POSITION, MessageId.AUTOPILOT_VERSION, MessageId.FLIGHT_INFORMATION)
-"""What is requested on connecting."""
+"""Requested once on connecting."""
 
 
 async def begin(telemetry: Px4Telemetry) -> None:
-    """Request everything that a flight wants to hear."""
+    """Request all messages that a flight uses."""
     requests = [
         (MavCmd.SET_MESSAGE_INTERVAL, STREAMS[name], 1e6 / hz)
         for name, hz in STREAM_RATES_HZ.items()
@@ -58,7 +58,7 @@ async def begin(telemetry: Px4Telemetry) -> None:
 
 
 async def request_flight_information(telemetry: Px4Telemetry) -> None:
-    """Request FLIGHT_INFORMATION again: one lost datagram must not cost the flight its duration."""
+    """Request FLIGHT_INFORMATION again: a lost datagram must not cost the flight its duration."""
     for _ in range(FLIGHT_INFORMATION_ATTEMPTS):
         await _request(telemetry, MavCmd.REQUEST_MESSAGE, MessageId.FLIGHT_INFORMATION)
         if await telemetry.shows(lambda: telemetry.flight_info_received, PARAMETER_RESPONSE_S):
@@ -66,14 +66,14 @@ async def request_flight_information(telemetry: Px4Telemetry) -> None:
 
 
 async def keep_streams(telemetry: Px4Telemetry) -> None:
-    """Request now and then for streams that are missing; until it is cancelled."""
+    """Request missing streams at intervals, until canceled."""
     while True:
         await asyncio.sleep(STREAM_REQUESTED_EVERY_S)
         await request_again(telemetry)
 
 
 async def request_again(telemetry: Px4Telemetry) -> None:
-    """Request streams that are missing, at our rate or the autopilot's own."""
+    """Request missing streams, at our rate or PX4's default."""
     for name in telemetry.missing(STREAM_MISSING_S):
         interval_us = 1e6 / STREAM_RATES_HZ[name] if name in STREAM_RATES_HZ else 0.0
         await _request(telemetry, MavCmd.SET_MESSAGE_INTERVAL, STREAMS[name], interval_us)
@@ -85,11 +85,11 @@ async def _request(telemetry: Px4Telemetry, command: int, *params: float) -> Non
 
 
 async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspection:
-    """Request, wait a little where it is worth it, and put together what came.
+    """Request the data of an inspection, wait briefly, and assemble it.
 
     Args:
-        telemetry: Of a PX4 on the ground.
-        parameters: Their names.
+        telemetry: Messages of a PX4 on the ground.
+        parameters: Names of the parameters to read.
     """
     reports = telemetry.reports
     await asyncio.gather(
@@ -112,7 +112,7 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
 
 
 async def arming_report(telemetry: Px4Telemetry) -> bool:
-    """Have PX4 run its health and arming checks now; whether their report has come."""
+    """Request PX4's health and arming checks; return whether the report was received."""
     before = telemetry.reports.count
     if await telemetry.request_result(MavCmd.RUN_PREARM_CHECKS, limit_s=ARMING_REPORT_S) != 0:
         return False
@@ -120,11 +120,11 @@ async def arming_report(telemetry: Px4Telemetry) -> bool:
 
 
 async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> None:
-    """Read parameters, those again of which nothing came.
+    """Read parameters, and repeat requests without an answer.
 
-    PX4 1.18 reports a parameter that it does not have; before that it answers nothing.
+    PX4 1.18 reports an absent parameter; before that it does not answer.
 
-    MAVSDK requests one after the other and waits three seconds for each that is missing.
+    MAVSDK requests one after another, and waits three seconds for each absent one.
     """
     telemetry.forget_parameters()
 

@@ -20,7 +20,7 @@ from air_router.controller import Controller
 from air_router.controller.model import FlightSetup
 from air_router.controller.targets import Policy, Rendezvous
 from air_router.files import Timers
-from air_router.mission import FlightPlan, Mission, checked, read_draft
+from air_router.mission import FlightPlan, Mission, checked, read_placed
 from air_router.routing import Router, WaypointGraph
 from sitl.experiment import RunSettings
 from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
@@ -93,11 +93,11 @@ def _seek_policy(settings: RunSettings) -> str:
 
 def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     """A mission at another speed and altitude, on a day that is always the same."""
-    draft = read_draft(path)
-    draft.start = _DAY
-    draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
-    draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
-    return checked(draft)
+    placed, findings = read_placed(path)
+    placed = placed.with_settings(speed_m_s=speed_m_s, altitude_m=altitude_m)
+    waypoints = tuple(dataclasses.replace(spot, altitude_m=None) for spot in placed.waypoints)
+    placed = dataclasses.replace(placed, waypoints=waypoints)
+    return checked(placed, findings, start=_DAY)
 
 
 NO_POLICIES: Final[Mapping[str, Policy]] = MappingProxyType({})

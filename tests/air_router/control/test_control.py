@@ -127,7 +127,7 @@ def test_every_verb_of_the_client(served, client):
     assert client.status()["points_left"] == 1
     answer = client.goto([place(flight, near), place(flight, outside)])
     assert (answer.accepted, answer.code) == (False, "outside-fence")
-    assert answer.why == "point 2 lies outside of the fence"
+    assert answer.why == "point 2 lies outside the fence"
     assert client.seek("phantom").code == "unknown-robot"
     assert client.seek("io").state == "SEARCH"
     assert client.hold().state == "HOLD"

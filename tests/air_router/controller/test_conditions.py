@@ -12,8 +12,8 @@ from air_router.controller.model.states import State
 from air_router.vehicle.instructions import CLEARANCE_UNCERTAIN, Severity
 from air_router.vehicle.vehicle import FlightMode
 
-POOR = ({"accuracy_m": 2.5}, "good to 2.5 m only, 1 m are planned for")
-STRONG = ({"wind_m_s": (6.0, -8.0)}, "wind of 10 m/s, 5 m/s are planned for")
+POOR = ({"accuracy_m": 2.5}, "good to 2.5 m only, planned for 1 m")
+STRONG = ({"wind_m_s": (6.0, -8.0)}, "wind of 10 m/s, planned for 5 m/s")
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_what_is_worse_than_planned_for_is_held_for_and_then_flown_on(cruising, 
     assert len(cruising.motions) == held
     cruising.fly_for(3.0)
     assert legs(cruising.motions[held:])
-    assert "as planned for again" in "".join(cruising.said)
+    assert "as planned again" in "".join(cruising.said)
     cruising.lands()
 
 

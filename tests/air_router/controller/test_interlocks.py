@@ -32,7 +32,9 @@ RAISED = {  # how each is raised, and how it clears
         lambda context: context.silent_for(0.0),
     ),
     "INPUT_MISSING": (
-        lambda context: context.inputs.stopped.update({"position not heard": InputResponse.HOLD}),
+        lambda context: context.inputs.stopped.update(
+            {"position not received": InputResponse.HOLD}
+        ),
         lambda context: context.inputs.stopped.clear(),
     ),
     "ALTITUDE_JUMP": anomaly(Anomaly.ALTITUDE_JUMP),
@@ -127,7 +129,7 @@ def test_a_landing_that_is_kept_back_is_commanded_again_where_nothing_else_does_
 def test_what_is_missing_is_named(context, gate):
     raise_(context, "INPUT_MISSING")
     gate.command(LEG)
-    assert gate.waits_for().why(context) == "position not heard"
+    assert gate.waits_for().why(context) == "position not received"
     RAISED["INPUT_MISSING"][1](context)
     context.telemetry = Telemetry(1.0, HERE, 40.0, fix=False)
     assert gate.waits_for().why(context) == "GPS has no fix"

@@ -91,7 +91,7 @@ def test_a_way_that_was_not_looked_at_is_looked_back_on(pennovation, to_m, near)
 
 
 def test_what_waits_in_its_own_sockets_is_not_told_as_missing(away):
-    flight, unheard = away(duration_s=None), "battery not heard"
+    flight, unheard = away(duration_s=None), "battery not received"
     true = flight.telemetry
     flight.give(CompanionLagged(0.6))
     flight.telemetry = lambda: dataclasses.replace(true(), ages=Ages(battery_s=6.0))

@@ -31,7 +31,7 @@ def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
     assert holding.operator_asks(HoldNow()).code is Refusal.COMING_HOME
     holding.ends()
     assert math.dist(holding.position, place) < 1.0
-    assert holding.finished.why == "landed where it hovered, as kim asked"
+    assert holding.finished.why == "landed where it hovered, requested by kim"
 
 
 def test_above_home_a_landing_that_is_not_followed_is_told_again_until_it_lands(away):
@@ -72,7 +72,7 @@ def test_it_holds_first_and_stands_still(away):
     refused = flight.operator_asks(LandNow())
     assert (refused.code, refused.why) == (
         Refusal.BUSY,
-        "it lands where it hovers: have it hold first",
+        "it lands where it hovers: request 'hold' first",
     )
     flight.operator_asks(HoldNow())
     refused = flight.operator_asks(LandNow())

@@ -109,7 +109,7 @@ def test_a_vehicle_that_is_wanted_elsewhere_and_does_not_move_is_an_alarm_again_
     found = alarms(flight)
     assert len(found) == 4
     assert [each.instruction for each in found] == [HOME_OR_TAKE_OVER, *[TAKE_OVER_NOW] * 3]
-    assert "its mission is to go on" in found[0].text
+    assert "its mission should continue" in found[0].text
 
 
 def test_on_the_way_home_it_is_to_be_landed_and_home_says_why_it_does_not_come(pretend):
@@ -181,7 +181,7 @@ def test_a_plan_that_does_not_get_on_board_is_an_alarm_after_longer(pretend):
     assert alarms(flight) == []
     flight.fly_for(20.0)
     assert "its mission waits" in alarms(flight)[0].text
-    assert "being put on board" in alarms(flight)[0].text
+    assert "being uploaded" in alarms(flight)[0].text
 
 
 def test_a_pilots_vehicle_may_stand_wherever_it_is(pretend):

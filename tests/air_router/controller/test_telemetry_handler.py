@@ -1,18 +1,18 @@
-"""The tables that say what follows from a telemetry: in the docs as they decide."""
+"""The tables that decide on telemetry are printed in the docs."""
 
 from air_router.controller.telemetry_handler import FINDINGS, STEPS
 from tests.printed import assert_printed
 
 
-def matters():
-    yield "| | condition | reaction | why here |"
+def findings():
+    yield "| | condition | response | why here |"
     yield "|---|---|---|---|"
-    for matter in FINDINGS:
-        yield f"| `{matter.name}` | {matter.shows} | {matter.does} | {matter.why} |"
+    for finding in FINDINGS:
+        yield f"| `{finding.name}` | {finding.shows} | {finding.does} | {finding.why} |"
 
 
 def steps():
-    yield "| step | what | the steps below wait while | why here |"
+    yield "| step | what it does | it blocks the steps below if | why here |"
     yield "|---|---|---|---|"
     for step in STEPS:
         what = step.waits.__doc__.splitlines()[0].removesuffix(".")
@@ -20,7 +20,7 @@ def steps():
 
 
 def test_the_tables_in_the_docs_are_those_that_decide():
-    assert_printed("state-machine.md", "matters", matters())
+    assert_printed("state-machine.md", "findings", findings())
     assert_printed("state-machine.md", "steps", steps())
 
 

@@ -170,7 +170,7 @@ def test_ways_among_zones_of_every_height_are_planned_beside_the_flight_and_go_o
     assert "the altitude is in doubt" in flight.out.getvalue()
     assert made
     assert threading.main_thread() not in made
-    assert "zones changed: each counts whatever its height" in flight.out.getvalue()
+    assert "zones changed: all apply at every altitude" in flight.out.getvalue()
     assert replay_record([*Log(flight.recorder.path)]).difference is None
 
 
@@ -387,7 +387,7 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
     assert vehicle.plan == FlightPlan.of(load_mission(file))
     (answer,) = answers
     assert answer.accepted
-    assert verb == "upload" or answer.why.endswith("what has changed goes on board after the plan")
+    assert verb == "upload" or answer.why.endswith("changes are uploaded after the plan")
 
 
 @pytest.mark.parametrize("whose", list(PlanOwner))

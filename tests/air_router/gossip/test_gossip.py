@@ -217,7 +217,7 @@ def test_a_robot_that_is_met_and_says_nothing_is_told_once(events):
         latest=lambda robot, _: robot == "europa" or None,
     )
     (told,) = [event.words for event in delivered if isinstance(event, PeerFault)]
-    assert told.startswith("io was synced with 5 times and has said nothing on /pose (json/Pose)")
+    assert told.startswith("io was synced with 5 times but published nothing on /pose (json/Pose)")
 
 
 def test_of_several_messages_in_one_the_newest_is_read(event_of, pennovation):

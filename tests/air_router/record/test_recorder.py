@@ -366,10 +366,10 @@ def test_a_file_that_is_no_record_is_told(tmp_path, flown):
         ("/event/x", b"[" * 9_999, "recursion"),
         ("/event/x", b'{"type": "Landed"}', "a message without 't'"),
         ("/event/x", b'{"t": "Infinity", "type": "GoOn"}', "'Infinity' is not a time"),
-        ("/event/x", b'{"t": 1, "type": "Landed"}', "its type is none that may be here"),
-        ("/links", b'{"t": 1}', "its type is none that may be here"),
+        ("/event/x", b'{"t": 1, "type": "Landed"}', "its type is not allowed here"),
+        ("/links", b'{"t": 1}', "its type is not allowed here"),
         ("/links", b'{"t": 1, "type": "LandHere"}', "is no LinkMetrics"),
-        ("/flight/Setup", b'{"t": 1, "type": "Setup", "setup": null}', "its type is none"),
+        ("/flight/Setup", b'{"t": 1, "type": "Setup", "setup": null}', "its type is not allowed"),
         ("/patches", b'{"t": 1, "patch": 5}', ""),
         ("/flight/Map", b'{"t": 1, "type": "Map"}', "a message without 'known_cells'"),
         (

@@ -270,8 +270,8 @@ def test_a_wrong_field_is_one_kind_of_error():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (None, "None: its type is none that may be here"),
-        ({"type": "Nothing"}, "{'type': 'Nothing'}: its type is none that may be here"),
+        (None, "None: its type is not allowed here"),
+        ({"type": "Nothing"}, "{'type': 'Nothing'}: its type is not allowed here"),
         ({**GOOD, "speed": 1}, "Telemetry.speed: 1: Extra inputs are not permitted"),
         ({**GOOD, "position": [1.0, 2.0]}, "Telemetry.position: [1.0, 2.0]: "),
         ({**GOOD, "mode": "Hold"}, "Telemetry.mode: 'Hold': Input should be 'MISSION', 'HOLD'"),

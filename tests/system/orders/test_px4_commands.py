@@ -73,7 +73,7 @@ def test_mission_mode_is_not_chosen_again_once_another_plan_is_on_board(run):
         px4.plan_id = 2
 
     async def refused(vehicle):
-        with pytest.raises(PlanRefusedError, match="start the mission anew"):
+        with pytest.raises(PlanRefusedError, match="start the mission again"):
             await start(vehicle)
 
     px4 = run(replaced, refused, **state_for(start))

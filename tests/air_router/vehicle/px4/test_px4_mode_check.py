@@ -157,7 +157,7 @@ def test_a_question_that_is_lost_is_asked_again(wire):
 def test_nothing_leaves_where_no_mode_is_told(wire):
     wire.answers = False
     wire.px4.off |= {"HEARTBEAT", "CURRENT_MODE"}
-    with pytest.raises(NotSentError, match="no flight mode of now was received"):
+    with pytest.raises(NotSentError, match="no current flight mode was received"):
         wire.run(wire.motions.hold())
     assert wire.sent == []
 

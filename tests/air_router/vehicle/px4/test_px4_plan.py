@@ -171,7 +171,7 @@ class Board:
 def test_nothing_is_put_on_board_while_no_flight_mode_of_now_is_received(pennovation):
     board = Board()
     board.tells_mode = False
-    with pytest.raises(PlanRefusedError, match="no flight mode of now was received"):
+    with pytest.raises(PlanRefusedError, match="no current flight mode was received"):
         asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
     assert (board.uploads, board.fence, board.rally) == (0, [], [])
 
