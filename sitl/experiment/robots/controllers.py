@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from itertools import cycle, pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from air_router.controller import Controller
 from air_router.controller.model import FlightSetup
 from air_router.controller.targets import Policy, Rendezvous, Tour
 from air_router.files import Timers
-from air_router.mission import FlightPlan, Mission, checked, read_draft
+from air_router.mission import FlightPlan, Mission, checked, read_placed
 from air_router.routing import Router, WaypointGraph
 from sitl.experiment import OFF_BOARD, RunSettings
 from sitl.experiment.robots.ablations import TourOfOne, TourWithoutAges, TourWithoutPaths
@@ -108,15 +109,27 @@ def _seek_policy(settings: RunSettings) -> str:
 
 def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     """A mission at another speed and altitude, on a day that is always the same."""
-    draft = read_draft(path)
-    draft.start = _DAY
-    draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
-    draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
-    return checked(draft)
+    placed, findings = read_placed(path)
+    placed = placed.with_settings(speed_m_s=speed_m_s, altitude_m=altitude_m)
+    waypoints = tuple(dataclasses.replace(spot, altitude_m=None) for spot in placed.waypoints)
+    placed = dataclasses.replace(placed, waypoints=waypoints)
+    return checked(placed, findings, start=_DAY)
 
 
-def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dict[str, Controller]:
-    """The controllers of a run's UAVs: the first explores and searches, the others only search."""
+NO_POLICIES: Final[Mapping[str, Policy]] = MappingProxyType({})
+
+
+def controllers_of(
+    fleet: Fleet, settings: RunSettings, scenery: Scenery, own: Mapping[str, Policy] = NO_POLICIES
+) -> dict[str, Controller]:
+    """The controllers of a run's UAVs: the first explores and searches, the others only search.
+
+    Args:
+        fleet: Who takes part.
+        settings: Of the run.
+        scenery: Where it flies.
+        own: Policies of UAVs, by name, in the place of that of the settings.
+    """
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
     setups = [
@@ -145,7 +158,7 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
             setup,
             scenery.router,
             scenery.plan,
-            policy=made(),  # each UAV its own: some remember whose turn it is
+            policy=own[setup.name] if setup.name in own else made(),  # each UAV has its own
             waypoints=waypoints,
         )
         for setup in setups
