@@ -308,6 +308,11 @@ class Controller:
     # What other rooms read.
 
     @property
+    def seek_fault(self) -> str | None:
+        """What went wrong in the seek policy of another package; None: nothing did."""
+        return self.search.fault
+
+    @property
     def flown(self) -> FlownBefore | None:
         """What another companion needs to resume this flight; None if there is none."""
         airborne_s = self.context.task.airborne_s

@@ -67,8 +67,9 @@ from mocha_link.path_safety import made_folder
 @px4_version_option("our simulated one behaves as")
 def run(arguments: Options) -> int:
     """Fly in a world of its own, and report on stdout."""
-    if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
-        raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
+    for package in ("mavsdk", "pymavlink"):  # the flight and the world are other processes
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtraError("the simulated world", package, "sim", "air-router")
     arguments.mission = demo_or(arguments.mission)
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     check_world(arguments.mission, arguments.rover)

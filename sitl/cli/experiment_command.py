@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
+import random
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -21,8 +23,11 @@ from sitl.experiment import Experiment, Record, Task, experiment_names, load_exp
 from sitl.experiment.campaign import (
     ARCHIVE_ENDING,
     Campaign,
+    Journal,
     RunLog,
+    StopClock,
     Work,
+    cluster_at,
     make_runs,
     program,
     read_archive,
@@ -37,10 +42,12 @@ and with more --seeds or other --rows it makes only the missing runs; docs/evide
 examples:
   sitl experiment table1 --seeds 30
   sitl experiment table1 --rows radius_m=30 ugvs=3,5 --seeds 5
+  sitl experiment table1 --cluster tcp://10.0.0.5:8786
 """
 
 
-def _count(text: str, least: int = 1) -> int:
+def count(text: str, least: int = 1) -> int:
+    """A whole number of a command line."""
     try:
         number = int(text)
     except ValueError:
@@ -70,11 +77,11 @@ def _archive(text: str) -> Path:
     f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
 )
 @option(
-    "--seeds", type=Parsed(_count), metavar="N", help="number of runs per row (default: the file's)"
+    "--seeds", type=Parsed(count), metavar="N", help="number of runs per row (default: the file's)"
 )
 @option(
     "--first-seed",
-    type=Parsed(partial(_count, least=0)),
+    type=Parsed(partial(count, least=0)),
     metavar="N",
     help="number of the first run of each row (default: the file's); runs from the file's "
     "confirmation_seed on are for confirmation",
@@ -86,7 +93,12 @@ def _archive(text: str) -> Path:
     help="run only these rows: key=value[,value], or a pattern of labels",
 )
 @option(
-    "--jobs", type=Parsed(_count), metavar="N", help="number of processes (default: number of CPUs)"
+    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
+)
+@option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="make the runs on the workers of a dask.distributed scheduler (tcp://HOST:8786)",
 )
 @option(
     "--out",
@@ -113,6 +125,13 @@ def _archive(text: str) -> Path:
     metavar="FILE",
     help="with an archive: list differences from a Markdown file and its evidence; change nothing",
 )
+@option(
+    "--remake",
+    type=Parsed(count),
+    metavar="N",
+    help="with an archive: make N of its runs again, chosen at random by --first-seed, and list "
+    "those whose digest differs",
+)
 @option("--no-figures", is_flag=True, help="draw no figures")
 @option("--json", is_flag=True, help="one JSON object on stdout")
 @option("--list", is_flag=True, help="list the experiments and their rows")
@@ -132,8 +151,9 @@ def run_with(
     """The command, with the function that makes one run, and the one that checks for it."""
     if arguments.experiment is None:
         raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
-    if arguments.verify or arguments.experiment.endswith(ARCHIVE_ENDING):
-        return _from_archive(Path(arguments.experiment), arguments)
+    archived = arguments.verify or arguments.remake
+    if archived or arguments.experiment.endswith(ARCHIVE_ENDING):
+        return _from_archive(Path(arguments.experiment), arguments, work)
     experiment, plan = load_experiment(arguments.experiment)
     rows = experiment.chosen(arguments.rows)
     first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
@@ -153,22 +173,29 @@ def run_with(
                 try_out(task)
         if arguments.fresh:
             log.clear()
-        interrupted = _run_campaign(campaign, arguments, work, log, status)
+        journal = Journal(folder)
+        seeds = {"seeds": [numbers[0], numbers[-1]], "kept": len(campaign.records)}
+        declared = {"declaration": experiment.declaration, "rules": experiment.rules}
+        journal.note("begun", **declared, program=program(), **seeds)
+        interrupted = _run_campaign(campaign, arguments, work, log, journal)
     _tell_of_other_programs(campaign, status)
     records = campaign.records
     if records:
-        if arguments.archive is not None:
+        if arguments.archive is not None and not interrupted:
             write_archive(arguments.archive, plan, records)
+        journal.note("evaluated", runs=len(records))
         _evaluate(experiment, records, folder, arguments, arguments.archive)
     if interrupted:
         return ExitCode.INTERRUPTED
-    return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
+    failed = campaign.failed or any(record.get("faults") for record in records)
+    return ExitCode.ENDED_OTHERWISE if failed else ExitCode.DONE
 
 
-def _from_archive(archive: Path, arguments: Options) -> int:
-    """Table and claims of archived runs; or whether a document still agrees with them."""
+def _from_archive(archive: Path, arguments: Options, work: Work) -> int:
+    """Table and claims of archived runs; whether a document, or the program, agrees with them."""
     if not archive.name.endswith(ARCHIVE_ENDING):
-        raise UsageError(f"--verify is about an archive of runs; give a file *{ARCHIVE_ENDING}")
+        asked = "--verify" if arguments.verify else "--remake"
+        raise UsageError(f"{asked} is about an archive of runs; give a file *{ARCHIVE_ENDING}")
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
@@ -176,6 +203,8 @@ def _from_archive(archive: Path, arguments: Options) -> int:
         claims_differ = experiment.claims and now.rules != experiment.rules
         if claims_differ or now.rows != experiment.rows:
             sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
+    if arguments.remake is not None:
+        return _remake(experiment, records, arguments, work)
     if arguments.verify is None:
         folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])
         folder.mkdir(parents=True, exist_ok=True)
@@ -191,14 +220,40 @@ def _from_archive(archive: Path, arguments: Options) -> int:
     return ExitCode.ENDED_OTHERWISE if found else ExitCode.DONE
 
 
+def _remake(
+    experiment: Experiment, records: Sequence[Record], arguments: Options, work: Work
+) -> int:
+    """Make some archived runs again; those that differ are on stdout."""
+    from sitl.experiment.campaign import remade, remakeable  # noqa: PLC0415 - only with SciPy
+
+    runs = [record for record in records if remakeable(experiment, record)]
+    if not runs:
+        raise UsageError("no run of this archive is in simulated time; none can come out the same")
+    rng = random.Random(arguments.first_seed or 0)  # noqa: S311 - repeatable on purpose
+    results = [
+        remade(experiment, record, work)
+        for record in rng.sample(runs, min(arguments.remake, len(runs)))
+    ]
+    if arguments.json:
+        print_json([dataclasses.asdict(result) for result in results])
+    else:
+        sys.stdout.writelines(f"{result.text}\n" for result in results)
+    same = all(result.same and not result.differing for result in results)
+    return ExitCode.DONE if same else ExitCode.ENDED_OTHERWISE
+
+
 def _run_campaign(
     campaign: Campaign,
     arguments: Options,
     work: Work,
     log: RunLog,
-    status: StatusLine,
+    journal: Journal,
 ) -> bool:
-    """Make the missing runs; whether the user stopped it."""
+    """Make the missing runs, as long as the declared clock lets them begin.
+
+    Returns whether the user stopped it.
+    """
+    status, clock = StatusLine(), StopClock(campaign.stop, campaign.begun)
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
         status.print_line(f"all {counted(wanted, 'runs')} are there")
@@ -206,20 +261,31 @@ def _run_campaign(
     if missing < wanted:
         status.print_line(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
-        with _terminated():
-            outcomes = make_runs(work, campaign.missing, arguments.jobs or os.cpu_count() or 1)
-            campaign.run(outcomes, log.add, status)
+        with terminated():
+            if arguments.cluster is not None:
+                with cluster_at(arguments.cluster) as many:
+                    outcomes = many.make_runs(work, campaign.missing, clock.may_begin)
+                    campaign.run(outcomes, log.add, status)
+            else:
+                jobs = arguments.jobs or os.cpu_count() or 1
+                outcomes = make_runs(work, campaign.missing, jobs, clock.may_begin)
+                campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
         status.print_line(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        journal.note("stopped", by="user", runs=kept)
         return True
     for failure in campaign.failed:
         sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
+    if clock.stopped:
+        status.print_line("the declared time is over: no further seed number is begun")
+    by = "clock" if clock.stopped else "end"
+    journal.note("stopped", by=by, runs=len(campaign.records), failed=len(campaign.failed))
     return False
 
 
 @contextlib.contextmanager
-def _terminated() -> Iterator[None]:
+def terminated() -> Iterator[None]:
     """SIGTERM is Ctrl-C here: the processes end, and finished runs are kept."""
 
     def stop(_number: int, _frame: object) -> None:
@@ -293,5 +359,5 @@ def _print_list(as_json: bool) -> None:
         )
         return
     for experiment, _ in found:
-        count = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
-        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({count})\n")
+        size = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
+        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({size})\n")

@@ -8,6 +8,7 @@ from sitl.experiment.plan import (
     Phase,
     Record,
     Row,
+    StopRule,
     Task,
     canonical,
     flat,
@@ -25,6 +26,7 @@ from sitl.experiment.plan_file import (
 )
 from sitl.experiment.settings import (
     OFF_BOARD,
+    ORACLES,
     Between,
     MessageWait,
     PaperModel,
@@ -36,6 +38,7 @@ from sitl.experiment.settings import (
 
 __all__ = [
     "OFF_BOARD",
+    "ORACLES",
     "Between",
     "ClaimRule",
     "EventLog",
@@ -49,6 +52,7 @@ __all__ = [
     "Record",
     "Row",
     "RunSettings",
+    "StopRule",
     "Task",
     "canonical",
     "draw",

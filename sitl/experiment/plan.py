@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, model_validator
 
 from air_router.errors import UsageError
 from air_router.words import counted
@@ -120,7 +120,8 @@ class Row:
 class Task:
     """One run that is to be made: plain values, so it can travel to other processes.
 
-    Paths in the settings count from `folder`; `rules` are those by which the run will be judged.
+    Paths in the settings count from `folder`; `rules` are those by which the run will be judged,
+    `declaration` is the SHA-256 of the file that has them.
     """
 
     experiment: str
@@ -130,6 +131,7 @@ class Task:
     folder: str = "."
     phase: Phase = "exploration"
     rules: str = ""
+    declaration: str = ""
 
     @property
     def name(self) -> str:
@@ -154,6 +156,19 @@ class Task:
         }
 
 
+class StopRule(BaseModel):
+    """What may end a campaign before all declared runs are made: a clock, and no result.
+
+    Attributes:
+        begin_before: no seed number is begun at this time or later; one that was begun is made
+            whole.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    begin_before: AwareDatetime
+
+
 class Header(BaseModel):
     """What an experiment's file says of it, but for its rows.
 
@@ -168,6 +183,9 @@ class Header(BaseModel):
         space: settings that every run draws by its seed: between two numbers, or one of a list.
             `explorer.progress` is one within another.
         paired: settings that do not go into the seed.
+        stop: what ends confirmation runs early.
+        relevant: where seed numbers are scenarios, the smallest difference of the primary outcome
+            that counts, in points.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -187,6 +205,8 @@ class Header(BaseModel):
     claims: tuple[ClaimRule, ...] = ()
     space: dict[str, Annotated[Prior, Field(union_mode="left_to_right")]] = {}
     paired: tuple[str, ...] = ("policy", "protocol", "passive")
+    stop: StopRule | None = None
+    relevant: Annotated[float, Field(gt=0)] = 1.0
 
 
 class Experiment(Header):
@@ -196,17 +216,20 @@ class Experiment(Header):
         rows: in the order of the table.
         varied: the settings in which rows differ, in the file's order.
         folder: where its file is.
+        declaration: SHA-256 of its file; empty: it is not known.
     """
 
     rows: tuple[Row, ...]
     varied: tuple[str, ...]
     folder: str
+    declaration: str = ""
 
     @property
     def rules(self) -> str:
-        """Twelve hexadecimal digits that change with any claim, or what is drawn."""
-        plain = self.model_dump(mode="json", include={"claims", "space"})
-        declared = canonical([*plain["claims"], *([plain["space"]] if self.space else [])])
+        """Twelve hexadecimal digits that change with any claim, what is drawn, or what stops it."""
+        plain = self.model_dump(mode="json", include={"claims", "space", "stop"})
+        more = [plain[key] for key in ("space", "stop") if plain[key]]
+        declared = canonical([*plain["claims"], *more])
         return hashlib.sha256(declared.encode()).hexdigest()[:12]
 
     def seed(self, row: Row, number: int) -> int:
@@ -223,7 +246,8 @@ class Experiment(Header):
             chance = random.Random(f"{seed} {key}")  # noqa: S311 - repeatable on purpose
             settings = with_setting(settings, key, draw(prior, chance))
         row = Row(row.label, settings)
-        return Task(self.name, row, number, seed, self.folder, phase, self.rules)
+        rules, file = self.rules, self.declaration
+        return Task(self.name, row, number, seed, self.folder, phase, rules, file)
 
     def phase(self, number: int) -> Phase:
         """What the runs with a seed's number are for."""

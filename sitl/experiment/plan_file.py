@@ -70,7 +70,9 @@ def load_experiment(name: str) -> tuple[Experiment, Path]:
             f"there is no experiment '{name}'; give a file, or one of "
             f"{', '.join(experiment_names())}"
         )
-    return experiment_of(Document.load(path)), path
+    experiment = experiment_of(Document.load(path))
+    declaration = hashlib.sha256(path.read_bytes()).hexdigest()
+    return experiment.model_copy(update={"declaration": declaration}), path
 
 
 def experiment_of(document: Document) -> Experiment:

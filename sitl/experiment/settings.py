@@ -25,6 +25,7 @@ ProtocolKind = Literal["original", "ours"]
 `ours`: the sync between two nodes of `mocha_link`."""
 
 AtLeastZero = Annotated[float, Field(ge=0, le=1e9)]
+Blocks = Annotated[int, Field(ge=1, le=20)]
 Level = Annotated[float, Field(ge=-300, le=300)]
 """What a file of an experiment may write where these stand."""
 
@@ -33,10 +34,18 @@ PulledBy = Literal["contact", "node"]
 `node`: the trigger of `mocha_link` pulls, every 2 s while a contact lasts; our protocol follows its
 last pull, and what a peer stores in between is pushed."""
 
-OFF_BOARD: Final = ("orienteering", "milp", "oracle")
+ORACLES: Final = ("oracle", "oracle_tour")
+"""Yardsticks: a `rendezvous`, or a `tour`, that receives every `ORACLE_S` where all ground robots
+are, and knows how much each is worth."""
+
+OFF_BOARD: Final = (
+    *("orienteering", "milp", *ORACLES, "nearest", "three_in_turn", "ferry"),
+    *("tour_one_robot", "tour_no_ages", "tour_no_paths"),
+)
 """Policies that no vehicle can fly with. `orienteering`: `freshest` with a look ahead. `milp`: the
-best `tour` over meeting points. `oracle`, a yardstick: a `rendezvous` that is told every `ORACLE_S`
-where all ground robots are, and how much each is worth."""
+best `tour` over meeting points. `nearest`: of the robots not sought in this round, the nearest.
+`three_in_turn`: the next three robots of the turn, nearest first. `ferry`: a `tour` over beliefs of
+positions. The others: a `tour` without one of its parts."""
 
 
 def _policy(name: str) -> str:
@@ -174,6 +183,11 @@ class RunSettings(_Model):
         pulls: Who begins a pull.
         duration_s: Simulated time of the run.
         policy: Whom the UAVs seek.
+        blocks: A new town of so many blocks from west to east and from south to north, made by the
+            seed, with lanes over it, takes the place of `town` and `mission`.
+        vehicles_per_block: Vehicles in such a town.
+        linked: Every robot is always in contact with the first UAV, and exchanges take no time:
+            what perfect communication would bring, which no policy can choose.
         values: How much each ground robot's service counts in the mean of all, over again from the
             first; empty: all alike. Of the policies only `oracle` and `orienteering` know
             them.
@@ -194,6 +208,8 @@ class RunSettings(_Model):
     town: Path = Path("urban")
     world: Literal["town", "mission", "processes", "px4"] = "town"
     mission: Path | None = None
+    blocks: tuple[Blocks, Blocks] | None = None
+    vehicles_per_block: Annotated[float, Field(gt=0, le=3)] = 2.0
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
     ugvs: Annotated[int, Field(ge=0, le=1000)] = 3
     explorer: ExplorerSettings = ExplorerSettings()
@@ -208,6 +224,7 @@ class RunSettings(_Model):
     pulls: PulledBy = "contact"
     duration_s: Positive = 1800.0
     policy: PolicyKind = DEFAULT_SEEK_POLICY
+    linked: bool = False
     values: tuple[Positive, ...] = ()
     passive: bool = False
     timers: MissionTimers = MissionTimers()

@@ -35,12 +35,18 @@ API = (
     "mocha_link.bridges.dds",
     "mocha_link.errors",
     "air_router.control.control",
+    "air_router.controller.targets.seeking",
+    "air_router.controller.targets.target_list",
+    "air_router.seek_policies.testing",
     "air_router.mission.loading",
     "air_router.routing.router",
     "geo.airspace.airspace",
     "geo.airspace.zone",
     "geo.paths.shortest",
     "geo.frame",
+    "sitl.world.explorers.policies",
+    "sitl.robot_policies.testing",
+    "sitl.experiment.learning.environment",
 )
 """Modules whose docstrings the site shows: the public ones."""
 SHARED = """\

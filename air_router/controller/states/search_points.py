@@ -88,6 +88,12 @@ class Search:
                 yield self._offset(place)
 
     @property
+    def fault(self) -> str | None:
+        """What went wrong in a guarded policy, so that robots take turns; None: nothing did."""
+        fault: str | None = getattr(self.policy, "fault", None)
+        return fault
+
+    @property
     def foresees(self) -> bool:
         """Whether a robot is sought where it will be, so its path matters too."""
         return self.policy.foresees

@@ -83,7 +83,7 @@ class Tour(Rendezvous):
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """As `Policy.place`."""
-        course = targets.course(robot)
+        course = self._course(robot, targets)
         if course is None:
             return SearchPlace(robot, None, NEVER_HEARD)
         *before, last = self._places(course, context)
@@ -113,6 +113,10 @@ class Tour(Rendezvous):
         """The best tour; empty if no tour gains anything."""
         return best_tour(stops, context)
 
+    def _course(self, robot: str, targets: TargetList) -> PredictedPath | None:
+        """Where a robot will be, as far as this policy uses it; None: it was never heard."""
+        return targets.course(robot)
+
     def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
         """Where to seek a robot, in flight order."""
         return stretch(course, context)
@@ -126,7 +130,7 @@ class Tour(Rendezvous):
         stops: list[TourStop] = []
         unheard = False
         for robot in free:
-            course = targets.course(robot)
+            course = self._course(robot, targets)
             if course is None and unheard:
                 continue
             unheard |= course is None

@@ -5,6 +5,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+from mocha_link.errors import needs_extra
+
+with needs_extra("a flight", "fly", "air-router"):
+    import mavsdk  # noqa: F401 - checked before the rest of it is imported
+
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.errors import NotConfirmedError, NoVehicleError, RefusedError

@@ -12,6 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from mocha_link.errors import needs_extra
+
+with needs_extra("a flight", "fly", "air-router"):
+    import mavsdk  # noqa: F401 - checked before the rest of it is imported
+
 from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
 from mavsdk.exceptions import MavsdkError

@@ -20,6 +20,7 @@ from air_router.files import write_whole
 from air_router.words import counted
 from mocha_link.errors import needs_extra
 from sitl.experiment import Experiment, Record, Row, settings_text, value_of
+from sitl.experiment.analysis.outcome import OUTCOMES, Scenarios, is_of_scenarios
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
 from sitl.experiment.engine import BIN_S
@@ -54,6 +55,9 @@ _MOST_ROWS: Final = 16
 _LEAST_SIZES: Final = 4
 _MOST_EXAMPLES: Final = 4
 _MOST_LINES: Final = 9
+_LEAST_SCENARIOS: Final = 2
+_LEAST_FACTOR: Final = 0.3
+"""Factors below are told in numbers."""
 _STEP_S: Final = 15.0
 
 
@@ -192,6 +196,42 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     return figure
 
 
+def draw_outcome(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """What every policy is worth over scenarios, as differences from the first row."""
+    found = Scenarios(experiment, records)
+    if not is_of_scenarios(experiment) or len(found.numbers) < _LEAST_SCENARIOS:
+        return None
+    shown = [OUTCOMES[0], *OUTCOMES[2:]]
+    count = counted(len(found.numbers), "scenarios")
+    figure, axes = sheet(
+        len(shown),
+        f"Seek policies compared with '{found.base.label}'",
+        f"{count}, each met by every policy; means with 95 % confidence intervals over scenarios",
+        high=0.9 + 0.19 * len(found.rows),
+        columns=2,
+    )
+    height = np.arange(len(found.rows))[::-1]
+    for one, outcome in zip(axes, shown, strict=True):
+        apart = [found.effect(row, outcome).interval() for row in found.rows[1:]]
+        value, low, high = np.array([(0.0, 0.0, 0.0), *apart]).T
+        if outcome.factor:
+            value, low, high = np.exp(value), np.exp(low), np.exp(high)
+            one.set_xscale("log")
+            one.set_xlim(_LEAST_FACTOR, max(1 / _LEAST_FACTOR, 1.1 * float(np.nanmax(high))))
+            _label_log(one.xaxis)
+            for place in np.flatnonzero(value < _LEAST_FACTOR):
+                beyond = f"◂ {value[place]:.2g}"
+                one.text(_LEAST_FACTOR * 1.02, height[place], beyond, va="center", fontsize=7.5)
+        one.axvline(1.0 if outcome.factor else 0.0, color=FAINT, lw=0.8)
+        one.hlines(height, low, high, colors=COLOURS[0], lw=1.6)
+        one.scatter(value, height, color=COLOURS[0], s=25, zorder=3)
+        one.set_yticks(height, [row.label for row in found.rows], fontsize=7.5)
+        unit = "times" if outcome.factor else "points"
+        one.set(xlabel=f"{outcome.head} ({unit})", ylim=(-0.7, len(found.rows) - 0.3))
+        one.tick_params(axis="y", length=0, labelcolor=INK, color=FAINT)
+    return figure
+
+
 def draw_cost(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
     """Processor time for each robot and simulated second over the size of the team.
 
@@ -306,6 +346,7 @@ _OF_MEASURES: Final[Mapping[str, _Draw]] = {
     "table": draw_table,
     "compare": draw_comparison,
     "cost": draw_cost,
+    "outcome": draw_outcome,
 }
 _OF_CURVES: Final[Mapping[str, _Draw]] = {"goals": draw_goals, "bandwidth": draw_bandwidth}
 """Figures in the order in which to look at them; archives have no curves."""

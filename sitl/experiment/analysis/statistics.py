@@ -111,6 +111,19 @@ class Effect(NamedTuple):
         return float(quantiles.sum()) * self.error
 
 
+def power(effect: Effect, apart: float) -> float:
+    """The chance that a 95 % interval excludes 0 where the truth is so far `apart` from it."""
+    stats = _stats()
+    if not effect.error > 0:
+        return math.nan
+    reach = float(stats.t.isf(LEVEL / 2, effect.freedom))
+    above, below = (
+        stats.nct.sf([reach], effect.freedom, apart / effect.error),
+        stats.nct.cdf([-reach], effect.freedom, apart / effect.error),
+    )
+    return float(above[0] + below[0])
+
+
 UNKNOWN: Final = Effect(math.nan, math.nan, math.nan)
 
 
@@ -198,3 +211,8 @@ class Runs:
                     sample = sample + weight * (np.log(values) if ratio else values)
             samples.append(sample)
         return contrast(samples)
+
+
+def student_t(share: float, freedom: int) -> float:
+    """The quantile of Student's t distribution."""
+    return float(_stats().t.ppf(share, freedom))

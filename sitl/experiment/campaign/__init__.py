@@ -1,4 +1,4 @@
-"""Many runs: executed in processes, and stored."""
+"""Many runs: made in processes or on a cluster, stored, and made again."""
 
 from mocha_link.lazy import door
 
@@ -6,7 +6,11 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
-        "running": ("make_run", "put_together"),
-        "runs": ("ARCHIVE_ENDING", "RunLog", "program", "read_archive", "run_log", "write_archive"),
+        "cluster": ("Cluster", "cluster_at"),
+        "journal": ("Journal", "StopClock"),
+        "provenance": ("program",),
+        "remaking": ("Remade", "remade", "remakeable"),
+        "running": ("make_run", "put_together", "settings_of"),
+        "runs": ("ARCHIVE_ENDING", "RunLog", "read_archive", "run_log", "write_archive"),
     },
 )

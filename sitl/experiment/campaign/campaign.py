@@ -10,7 +10,7 @@ import signal
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
@@ -47,6 +47,7 @@ class Campaign:
     Attributes:
         wanted: All runs of the chosen rows.
         failed: Runs that ended in an error of the program, or whose workers died.
+        stop: What may end them early; only confirmation declares that.
 
     Raises:
         MixedRunsError: the numbers are of both phases; what is kept is of the other one; or rows of
@@ -72,6 +73,7 @@ class Campaign:
         labels = {row.label for row in rows}
         self.wanted = [task for task in experiment.tasks(numbers) if task.row.label in labels]
         self.failed: list[RunOutcome] = []
+        self.stop = experiment.stop if phase == "confirmation" else None
         self._rows, self._numbers = rows, numbers
         self._finished: dict[tuple[str, int], Record] = {}  # by row's label and seed's number
         known = {row.label: row for row in experiment.rows}
@@ -89,6 +91,11 @@ class Campaign:
                         "give another --out, or begin anew with --fresh"
                     )
                 self._finished[row.label, task.number] = record
+
+    @property
+    def begun(self) -> set[int]:
+        """The seed numbers of which a run is there."""
+        return {number for _, number in self._finished}
 
     @property
     def missing(self) -> list[Task]:
@@ -188,32 +195,44 @@ Outcomes = Generator[RunOutcome | None, None, None]
 """None: nothing has come for a second."""
 
 
-def make_runs(work: Work, tasks: Iterable[Task], workers: int) -> Outcomes:
+def make_runs(
+    work: Work,
+    tasks: Iterable[Task],
+    workers: int,
+    may_begin: Callable[[Task], bool] = lambda _task: True,
+) -> Outcomes:
     """Make all runs, in any order; closing the iterator ends the processes at once.
 
     A pool of `concurrent.futures` breaks as a whole when a worker dies, and does not tell whose it
     was. So the runs that were under way then are made once more, one at a time: what dies alone is
-    at fault itself, and given up.
+    at fault itself, and given up. A run that may not be begun when its turn comes is left out.
     """
     waiting = deque(tasks)
     while waiting:
-        for suspect in (yield from _made(work, waiting, workers, again=True)):
-            yield from _made(work, deque([suspect]), 1, again=False)
+        for suspect in (yield from _made(work, waiting, workers, may_begin, again=True)):
+            yield from _made(work, deque([suspect]), 1, may_begin, again=False)
 
 
 def _made(
-    work: Work, waiting: deque[Task], workers: int, *, again: bool
+    work: Work,
+    waiting: deque[Task],
+    workers: int,
+    may_begin: Callable[[Task], bool],
+    *,
+    again: bool,
 ) -> Generator[RunOutcome | None, None, list[Task]]:
     """Make runs until none is left or a worker dies; those that were under way then."""
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
     under_way: dict[Future[Record | str], Task] = {}
     lost: list[Task] = []
+    due = _due(waiting, may_begin)
     try:
-        while (waiting or under_way) and not lost:
-            while waiting and len(under_way) < workers:
-                task = waiting.popleft()
+        while not lost:
+            while len(under_way) < workers and (task := next(due, None)):
                 under_way[_begin(pool, work, task)] = task
+            if not under_way:
+                break
             done = wait(under_way, _TICK_S, FIRST_COMPLETED).done
             if not done:
                 yield None
@@ -237,13 +256,21 @@ def _made(
         pool.shutdown(cancel_futures=True)
 
 
+def _due(waiting: deque[Task], may_begin: Callable[[Task], bool]) -> Iterator[Task]:
+    """Take the runs that may be begun when their turn comes."""
+    while waiting:
+        task = waiting.popleft()
+        if may_begin(task):
+            yield task
+
+
 def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record | str]:
     # The parent decides what Ctrl-C means: a worker inherits that it does not hear of it, from its
     # first moment on. The tracker, which the first start would start, lets signals through again.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(_attempt, work, task)
+        return pool.submit(attempt, work, task)
     except BrokenProcessPool as error:  # before the results of the others said so
         broken: Future[Record | str] = Future()
         broken.set_exception(error)
@@ -252,7 +279,7 @@ def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record |
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _attempt(work: Work, task: Task) -> Record | str:
+def attempt(work: Work, task: Task) -> Record | str:
     """The run, or what went wrong in it: not every error travels."""
     try:
         return work(task)

@@ -136,6 +136,23 @@ def mean_age_s(held: Held, end_s: float) -> float:
     return float((high_s**2 - low_s**2).sum()) / 2 / end_s
 
 
+def mean_value(held: Held, end_s: float, half_life_s: float) -> float:
+    """The mean worth over the whole run: 1 of what is true, and half for each half-life of age.
+
+    Args:
+        held: What was held; what is not there yet has its age, too.
+        end_s: When the run ended.
+        half_life_s: The age at which it is worth half.
+    """
+    began_s, false_s = held.T
+    ended_s = np.append(began_s[1:], end_s)
+    true_s = np.clip(false_s - began_s, 0.0, ended_s - began_s)
+    low_s, high_s = (np.maximum(times_s - false_s, 0.0) for times_s in (began_s, ended_s))
+    rate_1_s = math.log(2) / half_life_s
+    decayed_s = (np.exp(-rate_1_s * low_s) - np.exp(-rate_1_s * high_s)) / rate_1_s
+    return float((true_s + decayed_s).sum()) / end_s
+
+
 def peak_age_s(held: Held, end_s: float) -> float | None:
     """The mean of the peaks; None: there was never anything to hold."""
     peaks_s = np.maximum(np.append(held[1:, 0], end_s) - held[:, 1], 0.0)

@@ -113,6 +113,34 @@ class Channel(ABC):
         return frozenset()
 
 
+LINKED_S: Final = 10.0
+"""Robots that are always linked pull so often."""
+
+
+class LinkedChannel(Channel):
+    """Every robot is always in contact with one of them, and transmissions take no time.
+
+    Args:
+        hub: The number of the robot that all others are linked with.
+        robots: How many there are.
+    """
+
+    pull_every_s = LINKED_S
+
+    def __init__(self, hub: int, robots: int) -> None:
+        others = (number for number in range(robots) if number != hub)
+        self._changes = [Change(min(hub, each), max(hub, each), up=True) for each in others]
+
+    def update(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
+        """All contacts begin at once, and none ends."""
+        changes, self._changes = self._changes, []
+        return changes
+
+    def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002
+        """Nothing."""
+        return 0.0
+
+
 class PaperChannel(Channel):
     """Exponential latencies per stage, one transmission at a time anywhere, contact by radius.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -22,17 +22,24 @@ import numpy as np
 
 from air_router.controller.motion import REACTION_S
 from air_router.messages import MAP_TOPIC
+from air_router.seek_policies import Policy
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.links import LinkEvent, MessageStored
-from sitl.experiment import EventLog, EventQueue, RunSettings
+from sitl.experiment import ORACLES, EventLog, EventQueue, RunSettings
 from sitl.experiment.engine.ages import Ages, Held, Pair
-from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
+from sitl.experiment.engine.channel import (
+    Channel,
+    LinkedChannel,
+    PaperChannel,
+    PathLossChannel,
+)
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats, ContactInterval
 from sitl.experiment.robots import (
     CAMERA,
     COMMAND_S,
+    NO_POLICIES,
     MapPainter,
     Node,
     Uav,
@@ -67,6 +74,11 @@ MOST_TELEMETRY_S: Final = REACTION_S - COMMAND_S
 class Run:
     """A run: put together by its settings and a seed, carried out by `finish`.
 
+    Args:
+        settings: The team, the channel, the protocol.
+        seed: Makes all that is random.
+        policies: Of UAVs, by name, in the place of that of the settings.
+
     Raises:
         AirRouterError: files of the settings are not what they should be.
         ValueError: settings that no run can be made of; the message has them.
@@ -94,14 +106,16 @@ class Run:
     cpu_s: float
     goal_bound_share: float
 
-    def __init__(self, settings: RunSettings, seed: int) -> None:
+    def __init__(
+        self, settings: RunSettings, seed: int, policies: Mapping[str, Policy] = NO_POLICIES
+    ) -> None:
         self._began = time.perf_counter(), time.process_time()  # wall, CPU seconds
         _check(settings)
         self.settings = settings
         self.queue = EventQueue()
-        scenery = scenery_of(settings)
+        scenery = scenery_of(settings, seed)
         self.town = scenery.town
-        if settings.goals == "seed":  # no route depends on them
+        if settings.goals == "seed" and settings.blocks is None:  # no route depends on them
             self.town = scatter(scenery.town, seed, len(scenery.town.goals))
         self.log = EventLog(self.queue)
         self.fleet = fleet_of(
@@ -119,7 +133,7 @@ class Run:
                 *(name, scenery.mission, scenery.plan, settings, self.queue, self.log, controller),
                 MapPainter(self.town.frame.origin, self.town.raster, CAMERA),
             )
-            for name, controller in controllers_of(self.fleet, settings, scenery).items()
+            for name, controller in controllers_of(self.fleet, settings, scenery, policies).items()
         ]
         self.ages = Ages(self.queue)
         for uav in self.uavs:
@@ -137,9 +151,13 @@ class Run:
         self.travelled_m = np.zeros(len(self.nodes))
         self.airtime = AirtimeStats(self.log.sent)
         channel: Channel = PaperChannel(settings.paper, settings.radius_m, len(self.nodes), seed)
-        if settings.channel == "path_loss":
+        if settings.linked:
+            channel = LinkedChannel(self._numbers[self.fleet.uavs[0]], len(self.nodes))
+        elif settings.channel == "path_loss":
             channel = PathLossChannel(settings.path_loss, self.town, self.fleet.names, seed)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
+        self._known_sum = 0.0  # of the town in the first UAV's map, 0..1, at each step
+        self._known_count = 0  # of these steps
         self._goals: dict[str, Visit] = {}  # first visits, by goal
         self._counted = dict.fromkeys(self.fleet.ugvs, 0)  # of its `visited`
         self._ground_at_s = 0.0  # simulated time of the ground robots' next step
@@ -157,9 +175,21 @@ class Run:
         self.wall_s, self.cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
 
     @property
+    def map_known_share(self) -> float:
+        """How much of the town the first UAV's map shows, 0..1, in the mean over time."""
+        return self._known_sum / self._known_count if self._known_count else 0.0
+
+    @property
     def goals(self) -> list[Visit]:
         """The goals that were reached, in order of time."""
         return sorted(self._goals.values(), key=lambda visit: (visit.time_s, visit.goal))
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """What went wrong in policies of other packages, by whose policy it was."""
+        found = {uav.name: uav.controller.seek_fault for uav in self.uavs}
+        found |= {name: robot.policy_fault for name, robot in self.robots.items()}
+        return {name: fault for name, fault in found.items() if fault is not None}
 
     @property
     def contacts(self) -> list[ContactInterval]:
@@ -208,10 +238,13 @@ class Run:
                 robot.step(now_s)
                 self._places[self._numbers[name], :2] = robot.position
                 self._count_goals(name, robot)
-                if self.settings.policy == "oracle" and now_s % ORACLE_S < GROUND_S:
+                if self.settings.policy in ORACLES and now_s % ORACLE_S < GROUND_S:
                     for uav in self.uavs:
                         uav.see(name, robot.position)
         self.travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
+        if self.uavs:
+            self._known_sum += self.uavs[0].painter.known_share
+            self._known_count += 1
         self.ages.update()
         self.channel_sim.settle()
         self.channel_sim.update(self._places)
@@ -233,6 +266,8 @@ class Run:
 def _check(settings: RunSettings) -> None:
     if settings.uavs + settings.ugvs + settings.base_station == 0:
         raise ValueError("no robot takes part; say uavs, ugvs or base_station")
+    if settings.linked and not settings.uavs:
+        raise ValueError("'linked' is contact with the first UAV; say uavs")
     if settings.path_loss.air != "log_distance" and settings.uav_altitude_m > HIGHEST_M:
         raise ValueError(f"'air' of 3GPP is for UAVs up to {HIGHEST_M:g} m; lower uav_altitude_m")
     if not 0 < settings.telemetry_s <= MOST_TELEMETRY_S:

@@ -7,22 +7,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import cycle, pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from air_router.controller import Controller
 from air_router.controller.model import FlightSetup
-from air_router.controller.targets import Policy, Rendezvous
+from air_router.controller.targets import Policy, Rendezvous, Tour
 from air_router.files import Timers
 from air_router.mission import FlightPlan, Mission, checked, read_placed
 from air_router.routing import Router, WaypointGraph
-from sitl.experiment import RunSettings
+from sitl.experiment import OFF_BOARD, RunSettings
+from sitl.experiment.robots.ablations import TourOfOne, TourWithoutAges, TourWithoutPaths
 from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
+from sitl.experiment.robots.ferry import Ferry
 from sitl.experiment.robots.node import Fleet
+from sitl.experiment.robots.turns import Nearest, ThreeInTurn
 from sitl.world.towns import Town, load_town, mission_over
 
 _DAY: Final = datetime(2026, 6, 1, 12, tzinfo=UTC)
@@ -47,26 +52,44 @@ class Scenery:
 
 
 _MATTERS: Final = (
-    *("town", "mission", "timers", "passive", "policy"),
+    *("town", "mission", "blocks", "vehicles_per_block", "timers", "passive", "policy"),
     *("uav_speed_m_s", "uav_altitude_m"),
 )
 """The settings that make a difference to it."""
 
+STARTS_PER_BLOCK: Final = 40
+"""Places where robots may start in a new town, all over it: every street has some."""
 
-def scenery_of(settings: RunSettings) -> Scenery:
+
+def scenery_of(settings: RunSettings, seed: int) -> Scenery:
     """The scenery of a run, made once per process.
 
     Raises:
         AirRouterError: the files of town and mission are not what they should be.
+        ValueError: no town can be made as the settings have it.
     """
-    return _scenery(RunSettings(**{name: getattr(settings, name) for name in _MATTERS}))
+    matters = RunSettings(**{name: getattr(settings, name) for name in _MATTERS})
+    return _scenery(matters, None if settings.blocks is None else seed)
+
+
+@lru_cache(maxsize=2)
+def _new_town(seed: int, blocks: tuple[int, int], vehicles_per_block: float) -> Town:
+    from sitl.world.towns import generate  # noqa: PLC0415 - loads networkx
+
+    count = math.prod(blocks)
+    vehicles, starts = round(vehicles_per_block * count), STARTS_PER_BLOCK * count
+    return generate(seed, *blocks, goals=vehicles, starts=starts)
 
 
 @lru_cache(maxsize=8)
-def _scenery(settings: RunSettings) -> Scenery:
+def _scenery(settings: RunSettings, seed: int | None) -> Scenery:
     speed_m_s, altitude_m = settings.uav_speed_m_s, settings.uav_altitude_m
-    town = load_town(settings.town)
-    if settings.mission is None:
+    if seed is None or settings.blocks is None:
+        town, has_mission = load_town(settings.town), settings.mission is not None
+    else:
+        town = _new_town(seed, settings.blocks, settings.vehicles_per_block)
+        has_mission = False
+    if settings.mission is None or not has_mission:
         mission = mission_over(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
     else:
         mission = _mission(settings.mission, speed_m_s=speed_m_s, altitude_m=altitude_m)
@@ -83,10 +106,7 @@ def _scenery(settings: RunSettings) -> Scenery:
 
 def _seek_policy(settings: RunSettings) -> str:
     """What the mission says; policies that do not fly are put in its place later."""
-    policy = settings.policy
-    if policy == "oracle" or policy == "milp":  # noqa: PLR1714 - mypy
-        return "rendezvous"
-    return "freshest" if policy == "orienteering" else policy
+    return "rendezvous" if settings.policy in OFF_BOARD else settings.policy
 
 
 def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
@@ -98,8 +118,20 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     return checked(placed, findings, start=_DAY)
 
 
-def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dict[str, Controller]:
-    """The controllers of a run's UAVs: the first explores and searches, the others only search."""
+NO_POLICIES: Final[Mapping[str, Policy]] = MappingProxyType({})
+
+
+def controllers_of(
+    fleet: Fleet, settings: RunSettings, scenery: Scenery, own: Mapping[str, Policy] = NO_POLICIES
+) -> dict[str, Controller]:
+    """The controllers of a run's UAVs: the first explores and searches, the others only search.
+
+    Args:
+        fleet: Who takes part.
+        settings: Of the run.
+        scenery: Where it flies.
+        own: Policies of UAVs, by name, in the place of that of the settings.
+    """
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
     setups = [
@@ -107,11 +139,19 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
         for number, name in enumerate(fleet.uavs)
     ]
     values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
-    policies: dict[str, Policy] = {
-        "oracle": Rendezvous(values),
-        "orienteering": Orienteering(scenery.mission.speed_m_s, values),
-        "milp": PlannedRendezvous(),
+    policies: dict[str, Callable[[], Policy]] = {
+        "oracle": partial(Rendezvous, values),
+        "oracle_tour": partial(Tour, values),
+        "orienteering": partial(Orienteering, scenery.mission.speed_m_s, values),
+        "milp": PlannedRendezvous,
+        "nearest": Nearest,
+        "three_in_turn": ThreeInTurn,
+        "ferry": partial(Ferry, reach_m=_reach_m(settings)),
+        "tour_one_robot": TourOfOne,
+        "tour_no_ages": TourWithoutAges,
+        "tour_no_paths": TourWithoutPaths,
     }
+    made = policies.get(settings.policy, lambda: None)
     waypoints = scenery.mission.waypoints
     if settings.passive:
         waypoints *= _rounds(scenery.mission, settings.duration_s)
@@ -120,11 +160,20 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
             setup,
             scenery.router,
             scenery.plan,
-            policy=policies.get(settings.policy),
+            policy=own[setup.name] if setup.name in own else made(),  # each UAV has its own
             waypoints=waypoints,
         )
         for setup in setups
     }
+
+
+PATH_LOSS_REACH_M: Final = 30.0
+"""How far radios of the path loss model are taken to reach, by a policy that plans with it."""
+
+
+def _reach_m(settings: RunSettings) -> float:
+    """Horizontal distance within which a UAV expects contact."""
+    return settings.radius_m if settings.channel == "paper" else PATH_LOSS_REACH_M
 
 
 def _rounds(mission: Mission, duration_s: float) -> int:

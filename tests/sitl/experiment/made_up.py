@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from geo.frame import Point
-from sitl.experiment.campaign.running import recorded, run_settings
+from sitl.experiment.campaign.running import recorded, settings_of
 from sitl.experiment.engine.ages import USES
 from sitl.experiment.engine.exchange import ContactInterval, Transmission
 from sitl.experiment.settings import RunSettings
@@ -34,6 +34,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         travelled_m=np.arange(team, dtype=float),
         town=SimpleNamespace(goals=[Goal(f"goal {n}", Point(15.0 * n, 5.0)) for n in range(10)]),
         goal_bound_share=1.0,
+        map_known_share=0.6,
         goals=sorted(goals, key=lambda visit: visit.time_s),
         airtime=SimpleNamespace(
             transmissions=_transmissions(chance, settings, team),
@@ -44,6 +45,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         contacts=_contacts(chance, team, duration_s),
         uavs=[uav] * settings.uavs,
         held=_held(chance, robots, kinds, duration_s),
+        faults={},
         log=SimpleNamespace(actions=99, digest=f"{seed:064x}"),
         wall_s=0.01 * team**2,
         cpu_s=0.01 * team**2,
@@ -86,7 +88,7 @@ def _contacts(chance, team, duration_s):
 
 def work(task):
     """A run as the workers make it, but made up."""
-    return recorded(task, made_up_run(run_settings(task), task.seed))
+    return recorded(task, made_up_run(settings_of(task), task.seed))
 
 
 def failing_work(task):

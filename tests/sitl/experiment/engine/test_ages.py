@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.links.metrics import MessageStored
-from sitl.experiment.engine.ages import Ages, mean_age_s, peak_age_s
+from sitl.experiment.engine.ages import Ages, mean_age_s, mean_value, peak_age_s
 
 ROBOTS = ("uav01", "ugv01", "ugv02")
 KINDS = ("uav", "ugv", "ugv")
@@ -74,6 +74,20 @@ def test_who_never_hears_is_as_old_as_what_there_was_to_hear():
     assert (mean_age_s(silent.held, 13.0), peak_age_s(silent.held, 13.0)) == (0.0, None)
     pose = World("/pose", "ugv01", "uav01", watched=False)
     assert (mean_age_s(pose.held, 10.0), peak_age_s(pose.held, 10.0)) == (5.0, 10.0)
+
+
+def test_what_is_true_is_worth_one_and_half_of_it_a_half_life_later():
+    always = np.array([(0.0, math.inf)])
+    assert mean_value(always, 50.0, 10.0) == 1.0
+    # true for 20 of 40 s, then 20 s old: the worth falls from 1 to a quarter
+    half = np.array([(0.0, 20.0)])
+    assert mean_value(half, 40.0, 10.0) == pytest.approx((20 + 0.75 * 10 / math.log(2)) / 40)
+    # a pose that is 5 s old when it is received, and nothing before
+    pose = np.array([(0.0, 0.0), (10.0, 5.0)])
+    ages_s = np.concatenate([np.arange(0, 10, 0.001), np.arange(5, 15, 0.001)])
+    assert mean_value(pose, 20.0, 8.0) == pytest.approx(np.mean(2 ** (-ages_s / 8)), rel=1e-3)
+    never = np.array([(0.0, 0.0)])
+    assert mean_value(never, 1e6, 10.0) < 1e-4
 
 
 STEPS = st.lists(

@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sitl.experiment.engine.channel import Link, Load, PaperChannel, PathLossChannel, Stage
+from sitl.experiment.engine.channel import (
+    Link,
+    LinkedChannel,
+    Load,
+    PaperChannel,
+    PathLossChannel,
+    Stage,
+)
 from sitl.experiment.settings import PaperModel, PathLossModel
 from sitl.world.towns.town_file import load_town
 
@@ -23,6 +30,15 @@ HEADER, DATA, END = (
 
 def places(*rows):
     return np.array(rows, dtype=float)
+
+
+def test_linked_robots_are_in_contact_with_one_of_them_for_good_and_wait_for_nothing():
+    channel = LinkedChannel(1, 4)
+    here = places(*[(1000 * n, 0, 0) for n in range(4)])
+    assert channel.update(0.0, here) == [(0, 1, True), (1, 2, True), (1, 3, True)]
+    assert channel.update(1.0, here) == []
+    assert channel.duration_s(Link(0, 1), DATA, 0.0) == 0.0
+    assert not channel.occupied([Link(0, 1)])
 
 
 class TestPaper:

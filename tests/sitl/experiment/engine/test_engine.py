@@ -164,6 +164,40 @@ def test_uavs_that_seek_no_robot_go_round_and_talk_to_whom_they_pass():
     assert result.airtime.complete > 0
 
 
+def test_a_new_town_for_each_seed_takes_the_place_of_a_file_s():
+    settings = but(blocks=(2, 3), vehicles_per_block=1.5, starts="seed", duration_s=100.0, uavs=1)
+    one, other = run(settings, 1), run(settings, 2)
+    assert one.town.bounds != other.town.bounds
+    assert [len(each.town.goals) for each in (one, other)] == [9, 9]
+    assert one.log.digest == run(settings, 1).log.digest
+    assert 0 < one.map_known_share < one.uavs[0].painter.known_share
+
+
+def test_a_linked_team_knows_all_that_is_known_and_no_policy_gives_it_more():
+    settings = but(passive=True, uavs=1, duration_s=300.0, protocol="ours", base_station=False)
+    linked, passing = run(but(settings, linked=True)), run(settings)
+    assert all(mean_age_s(held, 300.0) < 20.0 for held in linked.held.values())
+    values = [measured(each)["service_value_percent"] for each in (linked, passing)]
+    assert values[0] > 95.0 > values[1]
+    with pytest.raises(ValueError, match="first UAV"):
+        Run(but(linked=True, uavs=0), 1)
+
+
+def test_an_oracle_that_flies_tours_knows_where_robots_are():
+    searching = but(uavs=1, duration_s=400.0, radius_m=10.0, protocol="ours", starts="seed")
+    ages_s = [
+        measured(run(but(searching, policy=policy)))["service_age_mean_s"]
+        for policy in ("tour", "oracle_tour")
+    ]
+    assert ages_s[1] < ages_s[0]
+
+
+@pytest.mark.parametrize("policy", ["nearest", "three_in_turn", "ferry", "tour_one_robot"])
+def test_policies_for_comparison_fly_to_robots(policy):
+    made = run(but(policy=policy, uavs=1, duration_s=300.0, radius_m=30.0))
+    assert "COMM" in {state for _, _, state in states(made)}
+
+
 def test_an_oracle_finds_whom_it_seeks_and_seeks_the_worthy():
     searching = but(
         uavs=1,
