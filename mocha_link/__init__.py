@@ -10,7 +10,7 @@ import logging
 
 from mocha_link.lazy import door
 
-__version__ = "0.2.0.dev0"
+__version__ = "0.2.0"
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())  # the program decides
 

@@ -56,7 +56,7 @@ class Standing:
 
 def random_boot_id() -> int:
     """A number of this process that no other has, and that is not `TRIAL_BOOT_ID`."""
-    return int.from_bytes(os.urandom(8), "big") | 1
+    return int.from_bytes(os.urandom(8), "big") or 1
 
 
 def random_id() -> bytes:

@@ -48,11 +48,12 @@ kinds:
       - {name: /map, type: grid/SemanticMap, min_interval_s: 5}
       - {name: /seek, type: json/Seek, priority: high}
 """
+# Out of radio reach of home: a robot that is always in reach is never due for a visit.
 WORLD = """\
 coordinates: local
 robots:
-  europa: {patrol: [[-20, 40], [0, 40]]}
-  io: {patrol: [[20, -20], [20, -30]]}
+  europa: {patrol: [[-20, 62], [0, 62]]}
+  io: {patrol: [[52, -36], [52, -46]]}
 """
 BOTH_MOVE = """() => {
   globalThis.starts ??= {};
