@@ -79,6 +79,7 @@ from air_router.vehicle import (
     Telemetry,
     WrongVehicle,
 )
+from geo.grid import SemanticGrid
 from mocha_link.links import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
 
@@ -91,6 +92,7 @@ class Controller:
         plan: The plan on board, for the autopilot's item numbers; None: made here.
         policy: How the next robot is chosen; None: as the mission says.
         waypoints: What is explored, in this order; None: the mission's waypoints, once.
+        ground: What the vehicle maps as it flies, painted by others; for seek policies.
 
     Other rooms use its methods; the parts below are for the tests of this room.
 
@@ -105,7 +107,7 @@ class Controller:
         airspace_update: Zones that change.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a flight may be given
         self,
         setup: FlightSetup,
         router: Router | None = None,
@@ -113,6 +115,7 @@ class Controller:
         *,
         policy: Policy | None = None,
         waypoints: tuple[Waypoint, ...] | None = None,
+        ground: SemanticGrid | None = None,
     ) -> None:
         mission, explore = setup.mission, setup.explore
         router = router if router is not None else Router(WaypointGraph(mission))
@@ -129,7 +132,7 @@ class Controller:
         # Of a flight that is gone on with some waypoints may be skipped already.
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
-        self.search = Search(context, navigator, setup, exploration, policy)
+        self.search = Search(context, navigator, setup, exploration, policy, ground=ground)
         states = self.states = StateHandlers(context, gate, navigator, self.search)
         # What is watched, in this order.
         self._phase = FlightPhase(context, gate)

@@ -286,6 +286,8 @@ class TelemetryHandler:
         """Which waypoints are near is remembered."""
         exploration, here = self._exploration, seen.telemetry.position
         exploration.is_at(here)
+        search, now_s = self._states.search.search, self._context.now_s
+        search.links.update(here, seen.telemetry.altitude_m, search.targets, now_s)
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, self._context.now_s)
         return False

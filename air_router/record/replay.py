@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from air_router.controller import Controller
 from air_router.errors import AirRouterError, ExitCode
+from air_router.gossip import Mapper
 from air_router.record.channels import ABOUT_MOTIONS, RECENT
 from air_router.record.log import Log, RecordEntry
 from air_router.record.serialization import decode, plain_of
@@ -114,6 +115,7 @@ class Replayer:
 
     def __init__(self, controller: Controller | None = None) -> None:
         self.controller = controller
+        self._mapper: Mapper | None = None  # of what the vehicle mapped; None until the setup
         # Recorded motions, and those that were decided now: of several that are alike the
         # controller knows its own, for the object counts.
         self._motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
@@ -121,7 +123,10 @@ class Replayer:
     def prepare(self, entry: RecordEntry) -> None:
         """Take in what the shell did to the controller beside handing it events."""
         if entry.kind == "setup" and self.controller is None:
-            self.controller = Controller(entry.value)
+            self._mapper = Mapper(entry.value.mission)
+            self.controller = Controller(entry.value, ground=self._mapper.grid)
+        elif entry.kind == "patch" and self._mapper:
+            self._mapper.paint(entry.value)
         elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
             self.controller.reacts_within(entry.value.fields["reaction_s"])
         elif entry.kind == "note" and entry.value.name == "HomeBy" and self.controller:
@@ -148,9 +153,11 @@ def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedS
     """Events with their actions, and all else that is recorded, in order.
 
     Events after the vehicle was released are not in it. The last event of a record
-    that was cut off is left out: not all that followed may be there.
+    that was cut off is left out: not all that followed may be there. What was painted into the map
+    after an event comes after it, whatever actions the event has.
     """
     current: RecordedStep | None = None
+    patches: list[RecordEntry] = []  # painted since
     left = False
     for entry in entries:
         name = entry.value.name if entry.kind == "note" else entry.kind
@@ -161,8 +168,12 @@ def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedS
             if current is not None and name in {"event", *_TOLD}:
                 yield current
                 current = None
+                yield from patches
+                patches.clear()
             if name == "event":
                 current = RecordedStep(entry.t, entry.value, [])
+            elif name == "patch" and current is not None:
+                patches.append(entry)
             else:
                 left = left or name == "LetGo"
                 yield entry

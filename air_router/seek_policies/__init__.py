@@ -20,7 +20,8 @@ mission as `package.module:Class`:
         def _flight_s(self, place: SearchPlace, context: SeekContext) -> float:
             return context.flight_s(place.position or context.unseen)
 
-`targets` says what is known of each robot, `context` how long flights take; both are read only.
+`targets` says what is known of each robot, `context` how long flights take, where radios were
+received, and what is mapped; all are read only.
 Places are metres east and north of the mission's origin, times seconds of the vehicle's clock.
 `targets.groups` keeps robots that are lost, and those that another UAV seeks, behind the others;
 the robot whose turn was last comes last in its group. `SearchPlace.over` names robots that are
@@ -30,6 +31,7 @@ random number. CONTRIBUTING.md has the recipe.
 
 from air_router.controller.targets import (
     Freshest,
+    LinkSample,
     Policy,
     PredictedPath,
     Rendezvous,
@@ -37,6 +39,7 @@ from air_router.controller.targets import (
     SeekContext,
     SeekPolicyError,
     Sighting,
+    Stop,
     TargetList,
     TargetTrack,
     Tour,
@@ -46,6 +49,7 @@ from geo.frame import Point
 
 __all__ = [
     "Freshest",
+    "LinkSample",
     "Point",
     "Policy",
     "PredictedPath",
@@ -54,6 +58,7 @@ __all__ = [
     "SeekContext",
     "SeekPolicyError",
     "Sighting",
+    "Stop",
     "TargetList",
     "TargetTrack",
     "Tour",

@@ -11,9 +11,17 @@ import shapely
 from air_router.controller.model import FlightSetup, Goal, MissionContext
 from air_router.controller.motion import Navigator
 from air_router.controller.states.explore_state import Exploration
-from air_router.controller.targets import Policy, SearchPlace, SeekContext, TargetList, policy_of
+from air_router.controller.targets import (
+    LinkLog,
+    Policy,
+    SearchPlace,
+    SeekContext,
+    TargetList,
+    policy_of,
+)
 from air_router.routing import NoRoute, Way
 from geo.frame import Point
+from geo.grid import SemanticGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,29 +59,34 @@ class Search:
         setup: Whom to seek, in order, and whether the vehicle explores between two searches.
         exploration: Where the vehicle is, and where a robot may be that was never heard.
         policy: Whom to seek, and where; None: as the mission says.
+        ground: What the vehicle maps as it flies; None: nothing.
 
     Attributes:
         targets: The robots, and what is known of each.
+        links: Where their radios were received.
         name: This UAV's: of two that seek the same robot, the lower name keeps it.
         exploration: Where the vehicle is, and was.
         to_explore: The same, as what else there is to do; None: this vehicle only searches.
         policy: Whom to seek, and where.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a search depends on
         self,
         context: MissionContext,
         navigator: Navigator,
         setup: FlightSetup,
         exploration: Exploration,
         policy: Policy | None = None,
+        *,
+        ground: SemanticGrid | None = None,
     ) -> None:
         self.name = setup.name
         self.targets = TargetList(setup.seek)
+        self.links = LinkLog()
         self.policy: Policy = (
             policy_of(context.airspace.mission.seek_policy) if policy is None else policy
         )
-        self._context, self._navigator = context, navigator
+        self._context, self._navigator, self._ground = context, navigator, ground
         self.exploration = exploration
         self.to_explore = exploration if setup.explore else None
         timers = context.airspace.mission.timers
@@ -90,6 +103,11 @@ class Search:
     def foresees(self) -> bool:
         """Whether a robot is sought where it will be, so that its path matters too."""
         return self.policy.foresees
+
+    @property
+    def hovers(self) -> bool:
+        """Whether the policy also says where to hover while data are exchanged."""
+        return bool(getattr(self.policy, "hovers", False))
 
     @property
     def next_due_s(self) -> float:
@@ -144,6 +162,10 @@ class Search:
             self._straight_s,
             unseen=exploration.longest_unseen().position,
             round_s=self._visit_s + self._explore_s * explores,
+            here=exploration.here,
+            altitude_m=self._context.airspace.mission.altitude_above_home_m,
+            links=self.links.samples,
+            ground=self._ground,
         )
 
     def _flight_s(self, place: Point) -> float:

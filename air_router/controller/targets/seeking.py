@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
 from air_router.controller.targets.limits import EARLY_SHARE, MEETING_M, RECENT_POSE_S
+from air_router.controller.targets.link_log import LinkSample
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
+from geo.grid import SemanticGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,10 @@ class SeekContext:
         unseen: The waypoint that the vehicle has not passed for longest.
         round_s: What a round of exploring (while anything is left to explore), waiting and
             communicating takes beside the flight.
+        here: Where the vehicle is; None: it has not flown yet.
+        altitude_m: At which it flies, above home.
+        links: Where robots' radios were received in this flight, and where they were not.
+        ground: What the vehicle has mapped so far, for reading only; None: it maps nothing.
     """
 
     now_s: float
@@ -37,11 +43,19 @@ class SeekContext:
     straight_s: Callable[[Point], float]
     unseen: Point
     round_s: float
+    here: Point | None = None
+    altitude_m: float = math.nan
+    links: Sequence[LinkSample] = ()
+    ground: SemanticGrid | None = None
 
 
 @runtime_checkable
 class Policy(Protocol):
     """Ranks robots, and says where each is to be sought.
+
+    One that has an attribute `hovers`, which is true, is also asked for `place` while data are
+    exchanged with the robot, and again whenever it has moved: the vehicle hovers there instead of
+    over the robot.
 
     It is asked again before each search, and holds no state that a flight depends on: a flight that
     goes on after a restart begins with a new one.

@@ -59,6 +59,8 @@ def measured(run: Run) -> dict[str, float | int | None]:
         "contact_median_s": _or_none(np.median, contacts_s),
         "busiest_tenth_percent": _share_percent(busy[: len(busy) // 10].sum(), busy.sum()),
         "silent_percent": _share_percent((busy == 0).sum(), len(busy)),
+        "delivered_MB": _delivered_bytes(run) / 1e6,
+        **(run.link_scores.measures() if run.link_scores else {}),
         **_ages(run),
         "map_known_percent": 100 * run.uavs[0].painter.known_share if run.uavs else 0.0,
         "map_area_percent": 100 * run.map_known_share,
@@ -81,7 +83,18 @@ def curves(run: Run) -> dict[str, Any]:
             [*pair, mean_age_s(held, duration_s), peak_age_s(held, duration_s)]
             for pair, held in run.held.items()
         ],
+        **({"links": run.link_scores.bins()} if run.link_scores else {}),
     }
+
+
+def _delivered_bytes(run: Run) -> int:
+    """Bytes of data that arrived whole over links of UAVs, either way."""
+    uavs = {number for number, kind in enumerate(run.fleet.kinds) if kind == "uav"}
+    return sum(
+        sent.bytes
+        for sent in run.airtime.transmissions
+        if sent.complete and sent.stage == Stage.DATA and {sent.asking, sent.answering} & uavs
+    )
 
 
 _COUNTED: Final = {"": tuple(Stage), "data_": (Stage.DATA,), "header_": (Stage.HEADER,)}

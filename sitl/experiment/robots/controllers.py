@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from itertools import cycle, pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from air_router.controller import Controller
@@ -21,6 +22,7 @@ from air_router.controller.targets import Policy, Rendezvous, Tour
 from air_router.files import Timers
 from air_router.mission import FlightPlan, Mission, checked, read_draft
 from air_router.routing import Router, WaypointGraph
+from geo.grid import SemanticGrid
 from sitl.experiment import OFF_BOARD, RunSettings
 from sitl.experiment.robots.ablations import TourOfOne, TourWithoutAges, TourWithoutPaths
 from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
@@ -115,8 +117,20 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     return checked(draft)
 
 
-def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dict[str, Controller]:
-    """The controllers of a run's UAVs: the first explores and searches, the others only search."""
+def controllers_of(
+    fleet: Fleet,
+    settings: RunSettings,
+    scenery: Scenery,
+    maps: Mapping[str, SemanticGrid] = MappingProxyType({}),
+) -> dict[str, Controller]:
+    """The controllers of a run's UAVs: the first explores and searches, the others only search.
+
+    Args:
+        fleet: Who takes part.
+        settings: Of the run.
+        scenery: Of the run.
+        maps: What each UAV maps, by its name; painted as it flies.
+    """
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
     setups = [
@@ -147,6 +161,7 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
             scenery.plan,
             policy=made(),  # each UAV its own: some remember whose turn it is
             waypoints=waypoints,
+            ground=maps.get(setup.name),
         )
         for setup in setups
     }
