@@ -163,7 +163,7 @@ def run_with(
     _tell_of_other_programs(campaign, status)
     records = campaign.records
     if records:
-        if arguments.archive is not None:
+        if arguments.archive is not None and not interrupted:
             write_archive(arguments.archive, plan, records)
         journal.note("evaluated", runs=len(records))
         _evaluate(experiment, records, folder, arguments, arguments.archive)

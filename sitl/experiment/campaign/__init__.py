@@ -1,4 +1,4 @@
-"""Many runs: executed in processes, and stored."""
+"""Many runs: made in processes or on a cluster, stored, and made again."""
 
 from mocha_link.lazy import door
 

@@ -8,6 +8,15 @@ __getattr__, __dir__, __all__ = door(
         "exploration": ("Exploration", "first_visits"),
         "explorer": ("GroundRobot", "NO_VEHICLE_M", "Visit"),
         "messages": ("CLAIMS_TOPIC", "OBJECTS_TOPIC", "REACHABILITY_TOPIC", "degrees"),
+        "policies": (
+            "Drive",
+            "Received",
+            "RobotPolicy",
+            "RobotPolicyError",
+            "RobotView",
+            "check_choice",
+            "robot_policy_of",
+        ),
         "settings": ("ExplorerSettings", "PlacedBy", "Positive"),
     },
 )

@@ -9,6 +9,13 @@ from sitl.world.explorers.messages import CLAIMS_TOPIC as CLAIMS_TOPIC
 from sitl.world.explorers.messages import OBJECTS_TOPIC as OBJECTS_TOPIC
 from sitl.world.explorers.messages import REACHABILITY_TOPIC as REACHABILITY_TOPIC
 from sitl.world.explorers.messages import degrees as degrees
+from sitl.world.explorers.policies import Drive as Drive
+from sitl.world.explorers.policies import Received as Received
+from sitl.world.explorers.policies import RobotPolicy as RobotPolicy
+from sitl.world.explorers.policies import RobotPolicyError as RobotPolicyError
+from sitl.world.explorers.policies import RobotView as RobotView
+from sitl.world.explorers.policies import check_choice as check_choice
+from sitl.world.explorers.policies import robot_policy_of as robot_policy_of
 from sitl.world.explorers.settings import ExplorerSettings as ExplorerSettings
 from sitl.world.explorers.settings import PlacedBy as PlacedBy
 from sitl.world.explorers.settings import Positive as Positive

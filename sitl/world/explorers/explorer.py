@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
+from functools import cache
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,6 +27,13 @@ from sitl.world.explorers.messages import (
     ExplorerPost,
     read_claims,
     read_sightings,
+)
+from sitl.world.explorers.policies import (
+    Drive,
+    GuardedRobotPolicy,
+    Received,
+    RobotView,
+    robot_policy_of,
 )
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns import PASSABLE, REACHED_M, Cell, Town, Ways, length_m
@@ -65,6 +74,7 @@ class GroundRobot:
         sightings: Vehicles that it has recognised itself, in order.
         visited: Goals reached, in order; each id at most once per robot.
         unmapped: Vehicles that it does not recognise on maps.
+        policy: What may have it drive elsewhere than to goals; None: nothing.
         knowledge: What it knows of the ground.
         book: What it knows of goals.
     """
@@ -85,6 +95,7 @@ class GroundRobot:
         self.driven_m = 0.0
         self.sightings: list[Point] = []
         self.unmapped: Sequence[Point] = ()
+        self.policy = None if settings.policy is None else robot_policy_of(settings.policy)
         self.visited: list[Visit] = []
         self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
         self.book = GoalBook(name)
@@ -98,6 +109,9 @@ class GroundRobot:
         self._now_s = -math.inf  # of the last step
         self._next_thought_s = self._chance.uniform(0, settings.thinking_s)
         self._decided_on: tuple[int, int] | None = None  # versions of book and knowledge
+        self._errand: Drive | None = None  # what its policy has chosen
+        self._received: dict[tuple[str, str], Received] = {}  # for its policy, by robot and topic
+        self._began_s = 0.0  # the first step
 
     def step(self, now_s: float) -> None:
         """Drive, observe and decide up to this time; the first call only observes.
@@ -106,6 +120,7 @@ class GroundRobot:
         """
         if self._now_s == -math.inf:
             self._next_thought_s += now_s
+            self._began_s = now_s
             self._enter(self.town.lattice.cell(self.position))
         else:
             self._drive(now_s - self._now_s, now_s)
@@ -114,7 +129,8 @@ class GroundRobot:
             self._leave(now_s, failed=True)
         if now_s >= self._next_thought_s:
             self._next_thought_s = now_s + self.settings.thinking_s
-            self._think()
+            if self.policy is None or not self._follows(self.policy, now_s):
+                self._think()
 
     def outbox(self) -> list[tuple[str, bytes]]:
         """Messages to publish since the last call: (topic, data), at most one per topic."""
@@ -128,6 +144,8 @@ class GroundRobot:
         Raises:
             MessageError, GridError, FrameError: the message is not of its topic's type.
         """
+        if self.policy is not None:
+            self._received[robot, topic] = Received(data, now_s)
         if topic in {MAP_TOPIC, REACHABILITY_TOPIC}:
             reading = read_map(data, self.town.lattice)
             self.knowledge.learn(reading.cells)
@@ -222,6 +240,51 @@ class GroundRobot:
             self.book.forgive()
         else:
             self._follow(self._way_to(self._start, ways) or [])
+
+    def _follows(self, policy: GuardedRobotPolicy, now_s: float) -> bool:
+        """Drive where its policy chooses; False: it chooses nothing, or no way leads there."""
+        ways = cache(lambda: Ways(self.town.lattice, self.knowledge.cells, self._cell))
+
+        def way_to(place: Point) -> list[Cell] | None:
+            return self._way_to(place, ways())
+
+        def way_m(place: Point) -> float:
+            way = way_to(place)
+            return math.inf if way is None else length_m(self.town.lattice, self.position, way)
+
+        chosen = policy.choose(
+            RobotView(
+                *(self.name, now_s, self._began_s, self.position, self._start),
+                speed_m_s=self._mean_speed_m_s,
+                goal=self.book.current,
+                goals=tuple(self.book.free(self.position)),
+                way_m=way_m,
+                received=MappingProxyType(self._received),
+            )
+        )
+        if chosen is None:
+            if self._errand is not None:
+                self._errand = self._decided_on = None
+                self._way = []
+            return False
+        place = chosen.place
+        if self.book.current is not None:
+            if math.dist(self.book.current, place) <= REACHED_M:
+                return True
+            self._leave(now_s, failed=False)
+        if chosen == self._errand and (self._way or math.dist(self.position, place) <= REACHED_M):
+            return True
+        self._errand = None
+        way = way_to(place)
+        if way is None:
+            return False
+        goal = next((g for g in self.book.free(place) if math.dist(g, place) <= REACHED_M), None)
+        if goal is not None:
+            self._claim(goal, way)
+        else:
+            self._errand = chosen
+            self._follow(way)
+        return True
 
     @property
     def _at_start(self) -> bool:

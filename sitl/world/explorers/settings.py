@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from sitl.world.explorers.policies import RobotPolicyName
+
 Positive = Annotated[float, Field(gt=0, le=1e9)]
 Share = Annotated[float, Field(ge=0, le=1)]
 """What a file may write where these stand."""
@@ -32,6 +34,7 @@ class ExplorerSettings(BaseModel):
             there until its patience is over.
         thinking_s: Without a goal it searches for one so often.
         idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
+        policy: What may have it drive elsewhere (docs/evidence/town.md); None: nothing.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -46,3 +49,4 @@ class ExplorerSettings(BaseModel):
     stuck: Share = 0.0
     thinking_s: Positive = 5.0
     idle: Literal["return", "explore"] = "return"
+    policy: RobotPolicyName | None = None
