@@ -230,7 +230,7 @@ def draw_outcome(experiment: Experiment, records: Sequence[Record]) -> Figure | 
 def draw_links(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
     """How well models of links predict: calibration, and the Brier score of every run."""
     runs = of_links(experiment, records)
-    if not runs:
+    if not runs or not all(run["curves"] for run in runs):
         return None
     figure, axes = sheet(
         2,
@@ -368,9 +368,12 @@ _OF_MEASURES: Final[Mapping[str, _Draw]] = {
     "compare": draw_comparison,
     "cost": draw_cost,
     "outcome": draw_outcome,
-    "links": draw_links,
 }
-_OF_CURVES: Final[Mapping[str, _Draw]] = {"goals": draw_goals, "bandwidth": draw_bandwidth}
+_OF_CURVES: Final[Mapping[str, _Draw]] = {
+    "links": draw_links,
+    "goals": draw_goals,
+    "bandwidth": draw_bandwidth,
+}
 """Figures in the order in which to look at them; archives have no curves."""
 
 

@@ -7,7 +7,7 @@ depend on the models.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -48,13 +48,13 @@ def links_text(experiment: Experiment, records: Sequence[Record]) -> str:
     if not runs:
         return ""
     text = [
-        "| model | Brier score | log loss, nats | error of calibration, points |",
-        "|---|---:|---:|---:|",
+        "| model | Brier score | log loss, nats |",
+        "|---|---:|---:|",
     ]
     for name, label in MODELS_SHOWN.items():
         key = name.replace(" ", "_")
         cells = [_cell(runs, f"{score}_{key}") for score in ("brier", "log_loss")]
-        text.append(f"| {label} | {cells[0]} | {cells[1]} | {_off(runs, name)} |")
+        text.append(f"| {label} | {cells[0]} | {cells[1]} |")
     return "\n".join(text)
 
 
@@ -68,13 +68,4 @@ def _bounds(found: Interval) -> str:
 
 
 def _column(runs: Sequence[Record], measure: str) -> Numbers:
-    values: list[Any] = [run["measures"][measure] for run in runs]
-    return np.array(values, dtype=np.float64)
-
-
-def _off(runs: Sequence[Record], model: str) -> str:
-    """The mean distance of the curve from the diagonal, each bin by its links."""
-    if not all(run["curves"] for run in runs):
-        return ""
-    count, expected, seen = np.sum([run["curves"]["links"][model] for run in runs], axis=0).T
-    return f"{100 * float(np.abs(expected - seen).sum() / count.sum()):.1f}"
+    return np.array([run["measures"][measure] for run in runs], dtype=np.float64)

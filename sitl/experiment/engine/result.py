@@ -64,6 +64,7 @@ def measured(run: Run) -> dict[str, float | int | None]:
         **_ages(run),
         "map_known_percent": 100 * run.uavs[0].painter.known_share if run.uavs else 0.0,
         "map_area_percent": 100 * run.map_known_share,
+        "errand_percent": _errand_percent(run),
         "driven_km": _way_m(run, "ugv") / 1e3,
         "flown_km": _way_m(run, "uav") / 1e3,
         "decisions": run.log.actions,
@@ -85,6 +86,14 @@ def curves(run: Run) -> dict[str, Any]:
         ],
         **({"links": run.link_scores.bins()} if run.link_scores else {}),
     }
+
+
+def _errand_percent(run: Run) -> float | None:
+    """The share of robots' time that their policy had them elsewhere; None: none has a policy."""
+    if run.settings.explorer.policy is None or not run.robots:
+        return None
+    spent_s = sum(robot.errand_s for robot in run.robots.values())
+    return 100 * spent_s / (len(run.robots) * run.settings.duration_s)
 
 
 def _delivered_bytes(run: Run) -> int:
