@@ -28,7 +28,7 @@ DUE_S: Final = 180.0
 WAIT_S: Final = 60.0
 """It waits so long at a place."""
 
-MOST_DETOUR_S: Final = 90.0
+MOST_DETOUR_S: Final = 180.0
 """A place that is farther is not driven to."""
 
 WORTH: Final = 1.0
