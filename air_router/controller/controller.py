@@ -11,7 +11,7 @@ flight, and only then the mission. When that explores, searches and talks stands
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -63,7 +63,7 @@ from air_router.controller.states import (
     StateHandlers,
     transitions,
 )
-from air_router.controller.targets import Policy, TargetTrack
+from air_router.controller.targets import LinkSample, Policy, TargetTrack
 from air_router.controller.telemetry_handler import TelemetryHandler
 from air_router.mission import FlightPlan, Mission, Waypoint
 from air_router.routing import Router, WaypointGraph
@@ -339,6 +339,11 @@ class Controller:
     def telemetry(self) -> Telemetry | None:
         """What the vehicle reported last; None: nothing was received yet."""
         return self.context.telemetry
+
+    @property
+    def links(self) -> Sequence[LinkSample]:
+        """The links of this flight that were measured."""
+        return self.search.links.samples
 
     @property
     def in_charge(self) -> bool:

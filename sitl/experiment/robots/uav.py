@@ -148,7 +148,7 @@ class Uav:
     @property
     def links(self) -> Sequence[LinkSample]:
         """The links that its controller has measured."""
-        return self.controller.search.links.samples
+        return self.controller.links
 
     def tick(self) -> None:
         """Fly on, and pass telemetry to the controller."""
