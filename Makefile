@@ -16,7 +16,7 @@ PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --n
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa tolerances experiments experiments-verify experiments-remade leaderboard lint film bench-goals bench-link bench-route dist dist-demo release docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -67,7 +67,7 @@ sabotage-slice: setup
 tolerances: setup
 	$(BIN)/python -m benchmarks.tolerances $(TOLERANCES)
 
-# The code behind each cell of the table in docs/safety.md broken: the test that it names must fail. make stpa STPA="test_a test_b"
+# The code behind each cell of the table in docs/evidence/safety.md broken: the test that it names must fail. make stpa STPA="test_a test_b"
 stpa: setup
 	$(BIN)/python -m benchmarks.stpa $(STPA)
 
@@ -77,9 +77,18 @@ experiments: setup
 	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/evidence/experiments.md \
 		--archive docs/evidence/$$name-runs.jsonl.xz || exit 1; done
 
-# Tables and verdicts of docs/evidence/experiments.md, remade from the archived runs: fails if a number differs
-experiments-verify: setup
+# Ten archived runs at random, made again from today's sources: fails if a digest differs. REMADE="--seed 7 --runs 20"
+experiments-remade: setup
+	$(BIN)/python -m benchmarks.archives $(REMADE)
+
+# That, and tables and verdicts of docs/evidence/experiments.md from all archived runs: fails if a number differs
+experiments-verify: setup experiments-remade
 	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/evidence/experiments.md || exit 1; done
+
+# Seek policies on the frozen test set; commit first, as the table names the commit. make leaderboard POLICIES="tour my_policy:Nearest"
+POLICIES ?= never freshest rendezvous tour oracle
+leaderboard: setup
+	$(BIN)/python -m sitl leaderboard $(POLICIES) --out build/leaderboard --table docs/evidence/leaderboard.csv
 
 lint: setup
 	$(BIN)/ruff check
@@ -165,7 +174,7 @@ docs: $(VENV)/.tools
 PINS = sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt
 COMPILE = $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-package mocha-link pyproject.toml
 constraints: $(VENV)/.tools
-	$(COMPILE) --upgrade --extra plot --group dev --output-file constraints.txt
+	$(COMPILE) --upgrade --extra fly --extra plot --group dev --output-file constraints.txt
 	$(PINS) | $(COMPILE) --upgrade --group bench --group dist --group docs --constraint - --output-file constraints-tools.txt
 
 clean:

@@ -84,7 +84,7 @@ MUTANTS = (
          "controller seeking"),
     _row("end without start", "air_router.search_state", " and event.direction in self._began:", ":",
          "controller"),
-    _row("goto timer", "air_router.table", 'timer="hold_s", timer_from=From.ARRIVAL',
+    _row("goto timer", "air_router.table", 'timer="hold_s", timer_from=TimerStart.ARRIVAL',
          'timer="hold_s"', "controller command_handler state_table"),
     _row("not heard for 30 s", "air_router.controller/limits", "VEHICLE_SILENT_S: Final = 3.0",
          "VEHICLE_SILENT_S: Final = 30.0", "command_handler"),
@@ -203,7 +203,7 @@ MUTANTS = (
          "self._airspace.with_margin(min(tracking.flown_m, most_m))", "self._airspace", "router"),
     _row("leg to a zone", "air_router.router",
          "if self._airspace.point_clear(end) and (whole", "if (whole", "router"),
-    _row("no way from afar", "air_router.router", "            if seen:", "            if True:",
+    _row("no way from afar", "air_router.router", "            if visible:", "            if True:",
          "router"),
     # and the sync.
     _row("budget overspent", "mocha_link.sync_sender", "        if self._budget:", "        if False:",

@@ -338,6 +338,29 @@ def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodeti
     return dense
 
 
+_MOST_RINGS = 2_000
+"""Rings that are kept: an edit of a mission changes one and leaves the rest."""
+
+_MOST_CORNERS = 20_000
+"""Corners that a ring of long sides gets in between, more or less."""
+
+
+@lru_cache(maxsize=_MOST_RINGS)
+def local_ring(ring: tuple[Geodetic, ...], frame: LocalFrame) -> tuple[Point, ...]:
+    """A ring of the map in a local frame, its long sides with corners in between.
+
+    Raises:
+        FrameError: a corner is not on Earth.
+    """
+    for corner in ring:
+        check_on_earth(*corner)
+    sides = np.diff(np.array([*ring, ring[0]]), axis=0)
+    sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
+    around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
+    dense = dense_ring(ring, max(STEP_M, around_m / _MOST_CORNERS))
+    return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
+
+
 def step_at_m(latitude_deg: float) -> float:
     """The greatest length of a side at a latitude that needs no more corners, in meters."""
     bent = math.tan(math.radians(min(abs(latitude_deg), _STEEPEST_DEG)))

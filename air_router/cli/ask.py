@@ -35,7 +35,7 @@ exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
     required=True,
     metavar="[ENDPOINT] VERB [WHAT] ...",
     help=f"ENDPOINT: the flight's --control, if that has one; VERB: one of {', '.join(MODELS)}; "
-    "WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], of altitude METRES, of resume upload",
+    "WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], of altitude METERS, of resume upload",
 )
 @option(
     "--hold-s",

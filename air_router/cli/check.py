@@ -10,8 +10,9 @@ import click
 
 from air_router.cli.arguments import print_json, start_option, uav_option
 from air_router.errors import ExitCode
-from air_router.files import SEEK_POLICIES, MissionDocument
-from air_router.mission import Mission, choose, read_draft, unusual, validate
+from air_router.files import SEEK_POLICIES, Findings
+from air_router.files.missions import PlacedForm
+from air_router.mission import Mission, chosen, read_placed, unusual, validate
 from air_router.preflight import (
     MissionSurvey,
     WorldUncheckedError,
@@ -43,41 +44,40 @@ exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its pla
 def run(arguments: Options) -> int:
     """Check, and print the summary."""
     try:
-        draft = read_draft(arguments.mission)
+        placed, findings = read_placed(arguments.mission)
     except DocumentError as error:
         raise _refusal(error.problems, (), arguments) from None
-    draft.start = arguments.at
     if arguments.uav is not None:
-        choose(draft, arguments.uav)
-    mission = validate(draft)
-    if draft.problems or mission is None:
-        refusal = _refusal(draft.problems, draft.notes, arguments)
+        placed = chosen(placed, arguments.uav)
+    mission = validate(placed, findings, arguments.at)
+    if findings.problems or mission is None:
+        refusal = _refusal(findings.problems, findings.notes, arguments)
         if arguments.png is not None and mission is not None:
-            _draw_wrong(draft, mission, arguments.png)
+            _draw_wrong(placed, findings, mission, arguments.png)
         raise refusal
     mission = replace(mission, notes=(*mission.notes, *world_notes(mission.world)))
-    findings = MissionSurvey(WaypointGraph(mission))
+    survey = MissionSurvey(WaypointGraph(mission))
     _check_policy(mission)
     try:
         _check_world(mission)
     except DocumentError as error:
-        raise _refusal(error.problems, draft.notes, arguments) from None
+        raise _refusal(error.problems, findings.notes, arguments) from None
     if arguments.json:
-        print_json(facts_of(findings))
+        print_json(facts_of(survey))
     else:
-        sys.stdout.write("\n".join(summary(findings)) + "\n")
+        sys.stdout.write("\n".join(summary(survey)) + "\n")
     if arguments.png is not None:
         from air_router.report import draw_mission  # noqa: PLC0415 - an extra
 
         legs = [
-            (findings.graph.position(step.start), findings.graph.position(step.end))
-            for step in findings.around
+            (survey.graph.position(step.start), survey.graph.position(step.end))
+            for step in survey.around
         ]
-        draw_mission(mission, arguments.png, graph=findings.graph, around=legs)
+        draw_mission(mission, arguments.png, graph=survey.graph, around=legs)
         sys.stderr.write(f"drawn: {arguments.png}\n")
-    for number, reason in findings.stranded:
+    for number, reason in survey.stranded:
         sys.stderr.write(f"{mission.path}: no way home from waypoint {number}: {reason}\n")
-    return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
+    return ExitCode.INVALID_FILE if survey.stranded else ExitCode.DONE
 
 
 def _check_policy(mission: Mission) -> None:
@@ -101,12 +101,12 @@ def _check_world(mission: Mission) -> None:
         sys.stderr.write(f"the world file is not checked: {error}\n")
 
 
-def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
+def _draw_wrong(placed: PlacedForm, findings: Findings, mission: Mission, path: Path) -> None:
     from air_router.mission import faults_of  # noqa: PLC0415 - only for pictures
     from air_router.report import draw_mission  # noqa: PLC0415 - an extra
 
-    graph = None if "planner" in draft.unread else WaypointGraph(mission)
-    draw_mission(mission, path, graph=graph, faults=faults_of(draft, mission))
+    graph = None if "planner" in placed.form.unread else WaypointGraph(mission)
+    draw_mission(mission, path, graph=graph, faults=faults_of(placed, findings, mission))
     sys.stderr.write(f"drawn: {path}\n")
 
 

@@ -18,7 +18,7 @@ exit codes:
 
 COMMANDS = {
     "new": ("air_router.start.new", "make a first mission, with team, world and rover"),
-    "check": ("air_router.cli.check", "check a mission file and show what to expect of it"),
+    "check": ("air_router.cli.check", "check a mission file, and summarize the flight"),
     "plan": ("air_router.cli.plan", "plan a route between two waypoints or places"),
     "cover": (
         "air_router.cli.cover",
@@ -33,7 +33,7 @@ COMMANDS = {
     "preflight": ("air_router.cli.preflight", "check whether a vehicle is ready to fly a mission"),
     "signing-key": (
         "air_router.cli.signing_key_command",
-        "make a key that signs MAVLink, and give it to a PX4",
+        "make a key for signed MAVLink, and give it to PX4",
     ),
     "fly": ("air_router.cli.fly", "fly a mission with a real vehicle"),
     "sim": ("air_router.sim.sim", "fly a mission in a simulated world"),
@@ -42,8 +42,8 @@ COMMANDS = {
         "air_router.cli.ask",
         "send a request to a flight: hold, resume, seek, explore, home, goto ...",
     ),
-    "ros2": ("air_router.ros2.command", "show a flight to ROS 2, and take its requests"),
-    "replay": ("air_router.cli.replay", "replay a recorded flight's decisions and compare them"),
+    "ros2": ("air_router.ros2.command", "publish a flight on ROS 2, and accept its requests"),
+    "replay": ("air_router.cli.replay", "replay a recorded flight and compare the decisions"),
     "report": ("air_router.cli.report", "write a recorded flight as one HTML page"),
 }
 

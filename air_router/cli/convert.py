@@ -10,11 +10,15 @@ import click
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, note_options, number, print_json
 from air_router.errors import ExitCode, UsageError
-from air_router.files import JsonDocument, MissionDocument, json_text, kmz_of, write_whole
+from air_router.files import (
+    Findings,
+    JsonDocument,
+    json_text,
+    kmz_of,
+    write_whole,
+)
 from air_router.files.maps import (
     FeatureSet,
-    add_zones,
-    feature_set_of,
     feature_set_of_zones,
     geojson_text,
     kml_text,
@@ -23,13 +27,14 @@ from air_router.files.maps import (
 from air_router.files.missions import (
     NOT_FLOWN,
     ConversionWarnings,
-    areas_of,
+    PlacedForm,
+    feature_set_of,
     mission_text,
     plan_of,
     tell_settings,
     with_zones,
 )
-from air_router.mission import foreign_draft, is_mission, read_draft, validate
+from air_router.mission import is_mission, read_foreign, read_placed, validate
 from air_router.record import Log
 from air_router.words import counted
 from mocha_link.cli import PATH, Options, Parsed, command, option
@@ -105,9 +110,9 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 )
 @option(
     "--altitude",
-    type=Parsed(number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE)),
+    type=Parsed(number("an altitude above 0 meters", MORE_THAN_0, ANY_FINITE)),
     metavar="M",
-    help="altitude above home at which a GPX route is flown, in metres",
+    help="altitude above home at which a GPX route is flown, in meters",
 )
 @option("--force", is_flag=True, help="replace TO if it exists")
 @option("--json", is_flag=True, help="one JSON object on stdout")
@@ -197,63 +202,51 @@ def _record(arguments: Options, kind: str, report: _Report) -> bytes:
 
 
 def _mission(arguments: Options, kind: str, report: _Report) -> str | bytes:
-    source, altitude_m = arguments.source, arguments.altitude
-    draft = foreign_draft(source, altitude_m=altitude_m) or read_draft(source)
-    own_zones = len(draft.zones)
+    source, allow, skip = arguments.source, arguments.allow, arguments.skip
+    placed, findings = read_foreign(source, altitude_m=arguments.altitude) or read_placed(source)
+    own_zones = len(placed.zones)
     for path in arguments.zones:
-        add_zones(draft, path, (), arguments.allow, arguments.skip)
-    if draft.problems or draft.frame is None or draft.home is None:
-        raise DocumentError(draft.problems)
-    if kind != _PLAN or not isinstance(draft.source, JsonDocument):
-        for note in draft.notes:
+        placed = placed.with_zones_of(path, (), findings, allow=allow, skip=skip)
+    if findings.problems or placed.frame is None or placed.home is None:
+        raise DocumentError(findings.problems)
+    document = findings.source
+    if kind != _PLAN or not isinstance(document, JsonDocument):
+        for note in findings.notes:
             if note.code == NOT_FLOWN:
                 report.warnings.add(f"{note.path}:{note.line}", note.message, "item-lost")
     report.counts = {
-        "waypoints": len(draft.waypoints),
-        "fences": len(draft.fences),
-        "no-fly zones": len(draft.zones),
-        "rally points": len(draft.rally_points),
+        "waypoints": len(placed.waypoints),
+        "fences": len(placed.fences),
+        "no-fly zones": len(placed.zones),
+        "rally points": len(placed.rally_points),
     }
-    text = _written(draft, own_zones, arguments, kind, report)
-    report.notes = draft.notes
-    report.problems = draft.problems
-    return text
-
-
-def _written(
-    draft: MissionDocument,
-    own_zones: int,
-    arguments: Options,
-    kind: str,
-    report: _Report,
-) -> str | bytes:
-    document = draft.source
     if kind in _MAP_WRITERS:
-        text = _MAP_WRITERS[kind](feature_set_of(draft))
-        tell_settings(draft, report.warnings, f"a {kind} file")
+        text = _MAP_WRITERS[kind](feature_set_of(placed))
+        tell_settings(placed.form, report.warnings, f"a {kind} file")
     elif kind == _YAML:
-        _refuse_without_waypoints(draft)
-        text = mission_text(draft, arguments.target.parent)
+        _refuse_without_waypoints(placed, findings)
+        text = mission_text(placed, arguments.target.parent)
         if not isinstance(document, JsonDocument):
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
-    elif isinstance(document, JsonDocument) and draft.frame is not None:
-        more = areas_of(draft.zones[own_zones:], draft.frame, report.warnings, inclusion=False)
-        text = with_zones(document, more)
+    elif isinstance(document, JsonDocument):
+        added = placed.zones[own_zones:]
+        text = with_zones(document, added, placed.frame, report.warnings)
     else:
-        text = json_text(plan_of(draft, report.warnings))
-    validate(draft)
+        text = json_text(plan_of(placed, report.warnings))
+    validate(placed, findings)
+    report.notes, report.problems = findings.notes, findings.problems
     return text
 
 
-def _refuse_without_waypoints(draft: MissionDocument) -> None:
+def _refuse_without_waypoints(placed: PlacedForm, findings: Findings) -> None:
     """Without waypoints there is no altitude: no mission file could be read again."""
-    if not draft.waypoints:
+    if not placed.waypoints:
         message = (
             "no waypoints in it, so no place and no altitude to fly to; add one, or convert "
             "its fence and zones to .geojson, .kml or .plan"
         )
-        problem = draft.source.problem((), message, "no-waypoints")
-        raise DocumentError([*draft.problems, problem])
+        findings.report((), message, "no-waypoints")
+        raise DocumentError(findings.problems)
 
 
 def _zones(arguments: Options, kind: str, report: _Report) -> str | bytes:

@@ -97,13 +97,13 @@ def _angle(text: str) -> float | None:
     type=Parsed(_percent),
     metavar="PERCENT",
     default=_SIDELAP,
-    help=f"overlap of pictures on neighbouring rows, in percent (default {_SIDELAP:g})",
+    help=f"overlap of pictures on neighboring rows, in percent (default {_SIDELAP:g})",
 )
 @option(
     "--altitude",
     type=Parsed(_positive),
     metavar="M",
-    help="flight altitude above home, in metres (default: the mission's)",
+    help="flight altitude above home, in meters (default: the mission's)",
 )
 @option(
     "--angle",
@@ -117,20 +117,20 @@ def _angle(text: str) -> float | None:
     "--home",
     type=Parsed(place),
     metavar="LAT,LON",
-    help="home, in degrees, where no mission gives it",
+    help="home, in degrees, if no mission gives it",
 )
 @option(
     "--zones",
     multiple=True,
     type=PATH,
     metavar="F",
-    help="file with no-fly zones, where no mission gives them; may be repeated",
+    help="file with no-fly zones, if no mission gives them; may be repeated",
 )
 @option(
     "--clearance",
     type=Parsed(number("within 0 to 1000 m", 0.0, 1000.0)),
     metavar="M",
-    help="distance kept from zones and fence, in metres, where no mission gives it",
+    help="distance kept from zones and fence, in meters, if no mission gives it",
 )
 @option("--inside", is_flag=True, help="never leave the area, not even in turns")
 @option(
@@ -143,7 +143,7 @@ def _angle(text: str) -> float | None:
     "--every",
     type=Parsed(_positive),
     metavar="M",
-    help="largest distance between waypoints on a row, in metres",
+    help="largest distance between waypoints on a row, in meters",
 )
 @option("--out", type=PATH, metavar="F", help="write a whole mission (YAML) into file F")
 @option("--force", is_flag=True, help="replace the file of --out if it exists")
@@ -167,7 +167,7 @@ def run(arguments: Options) -> int:
             swath,
             bearing_deg=arguments.angle,
             start=field.home,
-            stop_m=field.draft.speed_m_s**2 / _ACCELERATION_M_S2,
+            stop_m=field.placed.form.speed_m_s**2 / _ACCELERATION_M_S2,
         )
     except CoverageError as error:
         raise CoverError(f"{arguments.area}: {error}") from None

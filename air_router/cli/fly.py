@@ -102,7 +102,7 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
         now = datetime.fromtimestamp(clock.now_s(), UTC)
         mission, hours = as_begun(mission, folder, now)
         if hours:
-            status.say(hours)
+            status.print_line(hours)
     mapper = Mapper(mission)
     gossip = Gossip(
         mission.frame,
@@ -128,12 +128,12 @@ def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult
         ) as recorder,
     ):
         if viewer is not None:
-            status.say(f"Foxglove: open a connection to {viewer.address}")
+            status.print_line(f"Foxglove: open a connection to {viewer.address}")
         recorder.file(mission.path)
         if team.path != ALONE:
             recorder.file(team.path)
         vehicle = vehicle_of(mission, clock, arguments)
-        vehicle.telemetry.subscribe(pace.heard)
+        vehicle.telemetry.subscribe(pace.received)
         flight = Flight(
             mission,
             vehicle,
@@ -234,7 +234,7 @@ flight_options = together(
         "--duration",
         type=Parsed(number("a positive number of seconds, at most 1e9", MORE_THAN_0, 1e9)),
         metavar="S",
-        help="return home after this time in the air, in seconds of the vehicle's clock "
+        help="come home after this time in the air, in seconds of the vehicle's clock "
         "(default: the mission's)",
     ),
     recording_options,
@@ -257,7 +257,7 @@ flight_options = together(
         **optional(CONTROL_NAME),
         metavar="[ENDPOINT]",
         help="accept requests from other programs on this machine (`air-router ask`, "
-        "docs/control.md), at the usual endpoint or at a name, ipc://PATH, a port or "
+        "docs/control.md), at the default endpoint, or at a name, ipc://PATH, a port or "
         "tcp://127.0.0.1:PORT",
     ),
     web_options(),
@@ -267,8 +267,8 @@ flight_options = together(
         type=Parsed(_seek_policy),
         shell_complete=_seek_policies,
         metavar="POLICY",
-        help="policy that chooses the next robot: round_robin, freshest, rendezvous, tour, one of "
-        "another package, or package.module:Class (default: the mission's)",
+        help="policy that chooses the next robot: round_robin, freshest, rendezvous, tour, the "
+        "name of one in another package, or package.module:Class (default: the mission's)",
     ),
 )
 """What `fly` and `sim` have in common."""
@@ -293,7 +293,7 @@ flight_options = together(
     help="take over a flight of this mission that is already in the air",
     not_with=["arm"],
 )
-@option("--yes", is_flag=True, help="do not ask before --arm")
+@option("--yes", is_flag=True, help="arm without asking for confirmation")
 @option(
     "--keys",
     type=PATH,

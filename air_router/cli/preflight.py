@@ -21,7 +21,7 @@ TELEMETRY_S: Final = 4.0
 
 
 @command(
-    "Check everything a flight depends on and print one card. Uploads mission "
+    "Check everything a flight depends on and print a list. Uploads mission "
     "and fence, reads them back and has PX4 check them, unless --look is given. "
     "Nothing is armed, and no parameter is changed.",
     "example: air-router preflight missions/pennovation/mission.yaml "
@@ -30,9 +30,7 @@ TELEMETRY_S: Final = 4.0
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @vehicle_options
 @uav_option
-@option(
-    "--look", is_flag=True, help="change nothing on the vehicle: only compare the plan on board"
-)
+@option("--look", is_flag=True, help="upload nothing: only compare the plan on board")
 @recording_options
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:

@@ -10,7 +10,7 @@ from mocha_link.errors import needs_extra
 
 @command(
     "Give the events of a recorded flight to a new controller and compare what it "
-    "decides. Exit code 0: same decisions; 1: others, the first difference is printed; 3: the "
+    "decides. Exit code 0: same decisions; 1: different ones, the first is printed; 3: the "
     "record is damaged or holds no decision, so the comparison is not complete.",
     "examples:\n"
     "  air-router replay flight-20261120T234403Z-titan.mcap\n"

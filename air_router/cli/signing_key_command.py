@@ -13,8 +13,8 @@ from mocha_link.cli import PATH, Options, command, option
 
 
 @command(
-    "Make a signing key, or, with --connect, give it to a PX4 (1.18 or newer), which from then "
-    "on accepts only signed messages. PX4 gets the key in the clear: connect it by USB, "
+    "Make a signing key, or, with --connect, give it to PX4 (1.18 or newer), which from then "
+    "on accepts only signed messages. The key is sent unencrypted: connect PX4 by USB, "
     "with all its radios off.",
     "example: air-router signing-key uav.key; "
     "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600",
@@ -23,8 +23,8 @@ from mocha_link.cli import PATH, Options, command, option
     "file", type=PATH, help="file of the key; without --connect a new key is written to it"
 )
 @link_options(None)
-@option("--old", type=PATH, metavar="FILE", help="key that PX4 has now and that FILE replaces")
-@option("--remove", is_flag=True, help="have PX4 forget its key, which is the one in FILE")
+@option("--old", type=PATH, metavar="FILE", help="PX4's present key, which FILE replaces")
+@option("--remove", is_flag=True, help="remove the key in FILE from PX4")
 @option(
     "--in-the-clear",
     is_flag=True,

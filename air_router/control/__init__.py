@@ -19,7 +19,7 @@ __getattr__, __dir__, __all__ = door(
         ),
         "control": (
             "CONTROL_NAME",
-            "ControlAnswer",
+            "ControlReply",
             "ControlClient",
             "ControlError",
             "ControlUnreachableError",

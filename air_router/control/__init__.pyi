@@ -11,9 +11,9 @@ from air_router.control.command_request import View as View
 from air_router.control.command_request import command_request_of as command_request_of
 from air_router.control.command_request import parse_command as parse_command
 from air_router.control.control import CONTROL_NAME as CONTROL_NAME
-from air_router.control.control import ControlAnswer as ControlAnswer
 from air_router.control.control import ControlClient as ControlClient
 from air_router.control.control import ControlError as ControlError
+from air_router.control.control import ControlReply as ControlReply
 from air_router.control.control import ControlUnreachableError as ControlUnreachableError
 from air_router.control.control import endpoint_of as endpoint_of
 from air_router.control.control_server import ControlServer as ControlServer

@@ -1,8 +1,8 @@
 """What the operator and programs may request of a flight: one tagged union.
 
-A request comes as JSON (page, socket, ROS 2) or in words (terminal, `air-router ask`), with places
-in degrees, and is never trusted. Its model says what it has to look like; docs/control.md describes
-it, and docs/schemas/flight-request.json is its JSON schema. The controller decides on it.
+A request is JSON (page, socket, ROS 2) or text (terminal, `air-router ask`), with places in
+degrees. It is untrusted: a model validates it. docs/control.md describes the requests, and
+docs/schemas/flight-request.json is their JSON schema. The controller decides on them.
 """
 
 import re
@@ -37,36 +37,36 @@ MAX_BYTES: Final = 64 * 1024
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 
-_NO_WORDS: Final = "'{verb}' stands alone"
+_NO_ARGUMENTS: Final = "'{verb}' stands alone"
 
 
 class CommandRequest(Request):
-    """What every request has.
+    """The common part of all requests.
 
     Attributes:
-        by: Who requests it, for the record and the pilot.
+        by: The requester, for the record and the pilot.
     """
 
     by: Annotated[str, Field(max_length=60)] | None = None
 
     def for_mission(self, frame: LocalFrame, by: str = OPERATOR) -> AnyRequest | None:
-        """The request in the mission's metres; None for one that only reads the flight's state.
+        """Convert to the controller's request, in meters; None: it only reads the flight's state.
 
         Args:
-            frame: The mission's.
-            by: Who requests it, if the request does not say.
+            frame: The mission's frame.
+            by: The requester, if the request has none.
 
         Raises:
-            RequestError: a place is out of the frame's reach.
+            RequestError: A place is outside the frame's range.
         """
         del frame, by
         return None
 
     @classmethod
     def fields_of(cls, words: str) -> dict[str, Any]:
-        """The fields that an operator typed behind the verb. Raises RequestError."""
+        """Parse the text after the verb, as typed by an operator. Raises RequestError."""
         if words:
-            raise RequestError(_NO_WORDS.format(verb=cls.verb()))
+            raise RequestError(_NO_ARGUMENTS.format(verb=cls.verb()))
         return {}
 
     @classmethod
@@ -76,12 +76,12 @@ class CommandRequest(Request):
         return str(verb)
 
     def requester(self, by: str) -> str:
-        """Who requests it, in letters that a terminal shows."""
+        """The requester, without unprintable characters."""
         return (sanitize(self.by).strip() if self.by else "") or by
 
 
 class _Plain(CommandRequest):
-    """A request with no fields of its own."""
+    """A request without fields."""
 
     made: ClassVar[Callable[..., AnyRequest]]  # the controller's request
 
@@ -99,10 +99,10 @@ class Hold(_Plain):
 
 
 class Resume(CommandRequest):
-    """Continue what was held, or take the flight back from the pilot.
+    """Resume what was held, or take the flight back from the pilot.
 
     Attributes:
-        upload: Put this mission's plan on board first.
+        upload: Upload this mission's plan first.
     """
 
     request: Literal["resume"]
@@ -146,7 +146,7 @@ class Explore(_Plain):
 
 
 class Home(_Plain):
-    """End the mission: home along the graph, and land."""
+    """End the mission: fly home along the graph, and land."""
 
     request: Literal["home"]
     made = ComeHome
@@ -164,7 +164,7 @@ class Goto(CommandRequest):
 
     Attributes:
         points: Latitude and longitude of each, in degrees.
-        hold_s: How long to hover at the last; None: as the mission says.
+        hold_s: How long to hover at the last; None: the mission's time.
     """
 
     request: Literal["goto"]
@@ -184,7 +184,7 @@ class Goto(CommandRequest):
 
     @classmethod
     def fields_of(cls, words: str) -> dict[str, Any]:
-        """`LAT,LON`, more places behind it."""
+        """`LAT,LON`, separated by spaces."""
         try:
             numbers = [float(number) for number in re.split(r"[\s,;]+", words)]
         except ValueError:
@@ -195,10 +195,10 @@ class Goto(CommandRequest):
 
 
 class Altitude(CommandRequest):
-    """Climb or descend where the vehicle holds, and hold there.
+    """Climb or descend in place, and hold there.
 
     Attributes:
-        altitude_m: Above home.
+        altitude_m: Altitude above home.
     """
 
     request: Literal["altitude"]
@@ -211,7 +211,7 @@ class Altitude(CommandRequest):
 
     @classmethod
     def fields_of(cls, words: str) -> dict[str, Any]:
-        """Metres above home."""
+        """Meters above home."""
         try:
             return {"altitude_m": float(words)}
         except ValueError:
@@ -227,17 +227,17 @@ class ReloadMission(_Plain):
 
 
 class Status(CommandRequest):
-    """What the flight is doing."""
+    """Read the flight's status."""
 
     request: Literal["status"]
 
 
 class View(CommandRequest):
-    """What a program reads that shows the flight.
+    """Read the data of a program that shows the flight.
 
     Attributes:
-        areas: With fences, zones and waypoints.
-        map: With the map that the vehicle has painted.
+        areas: Include fences, zones and waypoints.
+        map: Include the map that the vehicle has painted.
     """
 
     request: Literal["view"]
@@ -249,7 +249,7 @@ FlightRequest = Annotated[
     Hold | Resume | Seek | Explore | Home | Land | Goto | Altitude | ReloadMission | Status | View,
     Field(discriminator="request"),
 ]
-"""Every request; `request` tells them apart."""
+"""Every request, discriminated by `request`."""
 
 MODELS: Final[Mapping[str, type[CommandRequest]]] = {
     model.verb(): model for model in get_args(get_args(FlightRequest)[0])
@@ -258,13 +258,13 @@ MODELS: Final[Mapping[str, type[CommandRequest]]] = {
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON schema of all requests, as docs/schemas/flight-request.json has it."""
+    """The JSON schema of all requests, stored in docs/schemas/flight-request.json."""
     schema: dict[str, Any] = TypeAdapter(FlightRequest).json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def command_request_of(values: object) -> CommandRequest:
-    """A request from a JSON object. Raises RequestError: what is wrong with it."""
+    """Parse a request from a JSON object. Raises RequestError with the fault."""
     if not isinstance(values, dict):
         raise RequestError("a request is a JSON object")
     model = _model(values.get("request"))
@@ -275,10 +275,10 @@ def command_request_of(values: object) -> CommandRequest:
 
 
 def parse_command(text: str) -> CommandRequest:
-    """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON` ...
+    """Parse a request from text: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON` ...
 
     Raises:
-        RequestError: what is wrong with it.
+        RequestError: It is invalid.
     """
     name, _, words = text.strip().partition(" ")
     model = _model(name.lower())
@@ -293,29 +293,29 @@ def _model(verb: object) -> type[CommandRequest]:
 
 
 class RequestHandler(Protocol):
-    """What carries out requests."""
+    """Carries out requests."""
 
     def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Carry a request out; returns the answer. Raises RequestError."""
 
 
-# How many requests are handled: no program may take the flight's time with them.
+# Rate limits, so that no program takes too much of the flight's time.
 
 
 COSTLY: Final = frozenset({"seek", "goto", "reload"})
-"""Requests for which routes are planned, or a file is read."""
+"""Requests that plan routes or read a file."""
 
 COSTLY_PER_S, COSTLY_AT_ONCE = 5.0, 10.0
-"""So many of them are handled in a second, and so many after a pause."""
+"""Rate of such requests per second, and burst after a pause."""
 
 POINTS_AT_ONCE: Final = 10
-"""So many points of a `goto` count as one request: routes to and from each are planned."""
+"""Number of points of a `goto` that count as one request: routes to and from each are planned."""
 
 TOO_MANY: Final = "too many requests; try again in a second"
 
 
 class Budget:
-    """A token bucket: fills up with time, and is spent."""
+    """A token bucket."""
 
     def __init__(
         self, per_s: float, at_once: float, monotonic: Callable[[], float] = loop_s
@@ -323,10 +323,10 @@ class Budget:
         self._per_s = per_s
         self._at_once = self._left = at_once
         self._monotonic = monotonic
-        self._at_s = monotonic()  # when it was filled up last, monotonic
+        self._at_s = monotonic()  # last refill, monotonic
 
     def spend(self, amount: float = 1.0) -> bool:
-        """Whether there was enough for so much more."""
+        """Spend an amount; return whether there was enough."""
         now_s = self._monotonic()
         gained = max(0.0, now_s - self._at_s) * self._per_s
         self._at_s = now_s
@@ -337,11 +337,11 @@ class Budget:
         return True
 
     def affords(self, command: CommandRequest) -> bool:
-        """Whether a request may be handled; those that cost nothing always."""
+        """Whether the budget allows a request; cheap requests are always allowed."""
         return command.request not in COSTLY or self.affords_routes(
             len(getattr(command, "points", ()))
         )
 
     def affords_routes(self, points: int) -> bool:
-        """Whether routes to so many points may be planned."""
+        """Whether the budget allows routes to this many points."""
         return self.spend(max(1.0, points / POINTS_AT_ONCE))

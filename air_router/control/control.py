@@ -1,4 +1,4 @@
-"""Asks a flight (`air-router fly --control`, `air-router sim --control`) from another program.
+"""Sends requests to a flight (`air-router fly --control`, `sim --control`) from another program.
 
 from air_router.control.control import ControlClient
 
@@ -23,12 +23,12 @@ from mocha_link.loopback import is_loopback
 from mocha_link.service import EndpointClient, EndpointKeyError, ipc_endpoint
 
 CONTROL_NAME: Final = "flight"
-"""The name of the endpoint of `--control` without an endpoint."""
+"""The endpoint's name for `--control` without a value."""
 
 NOT_RELOADED: Final = "not-reloaded"
 
-_LOOK_S: Final = 0.1
-"""So often it is looked whether the mission file has been read."""
+_POLL_S: Final = 0.1
+"""Interval of checks whether the mission file has been read."""
 
 _WAYS: Final = ("tcp", "ipc")
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -38,25 +38,25 @@ Place = tuple[float, float]
 
 
 class ControlError(RequestError):
-    """The flight understood nothing of a request, or has too many; the message says what."""
+    """The flight could not parse a request, or has too many; the message has the reason."""
 
 
 class ControlUnreachableError(AirRouterError):
-    """No program answers at the endpoint, or one that is no flight."""
+    """No program answers at the endpoint, or it is no flight."""
 
     exit_code = ExitCode.NO_VEHICLE
 
 
 @dataclass(frozen=True, slots=True)
-class ControlAnswer:
-    """What became of a request.
+class ControlReply:
+    """The answer to a request.
 
     Attributes:
-        accepted: Whether it is done.
-        why: A sentence: what is done, or why not.
+        accepted: Whether it is carried out.
+        why: A sentence: what the vehicle does, or why not.
         code: The reason for a refusal, for programs (docs/errors.md); None if accepted.
-        state: The state of the flight now.
-        points: Where the vehicle will hover, of a `goto`.
+        state: The current state of the flight.
+        points: Where the vehicle will hover after a `goto`.
     """
 
     accepted: bool
@@ -67,18 +67,18 @@ class ControlAnswer:
 
 
 class ControlClient(EndpointClient):
-    """Asks one flight. One thread may use it; a context manager.
+    """Sends requests to one flight. One thread may use it; a context manager.
 
-    A flight that does not answer may come back: every request tries anew.
+    A flight that does not answer may come back: every request tries again.
 
     Args:
-        endpoint: What the flight says that it takes requests at; None: that of `--control` alone.
-        by: Who asks, for its record.
+        endpoint: The flight's endpoint; None: that of `--control` without a value.
+        by: The requester, for the flight's record.
         timeout_s: How long to wait for an answer.
 
     Raises:
-        ControlUnreachableError: the endpoint is none; from requests: no answer in time.
-        ControlError: from requests: it is none that can be asked.
+        ControlUnreachableError: The endpoint is invalid; from requests: no answer in time.
+        ControlError: From requests: the flight could not parse the request.
     """
 
     server_kind, server_option = "flight", "--control"
@@ -94,40 +94,40 @@ class ControlClient(EndpointClient):
             raise self.unreachable(str(error)) from None
         super().__init__(endpoint, timeout_s=timeout_s)
 
-    def hold(self) -> ControlAnswer:
+    def hold(self) -> ControlReply:
         """Stop and hover."""
-        return self._answer("hold")
+        return self._reply("hold")
 
-    def resume(self, *, upload: bool = False) -> ControlAnswer:
-        """Go on with what was held, or take the flight back from the pilot.
+    def resume(self, *, upload: bool = False) -> ControlReply:
+        """Resume what was held, or take the flight back from the pilot.
 
-        `upload`: another plan may be on board; the mission's is put there first.
+        `upload`: upload the mission's plan first; another one may be on board.
         """
-        return self._answer("resume", upload=upload)
+        return self._reply("resume", upload=upload)
 
-    def seek(self, robot: str) -> ControlAnswer:
+    def seek(self, robot: str) -> ControlReply:
         """Seek this robot next, at once."""
-        return self._answer("seek", robot=robot)
+        return self._reply("seek", robot=robot)
 
-    def explore(self) -> ControlAnswer:
+    def explore(self) -> ControlReply:
         """Explore on."""
-        return self._answer("explore")
+        return self._reply("explore")
 
-    def home(self) -> ControlAnswer:
+    def home(self) -> ControlReply:
         """End the mission: come home, and land."""
-        return self._answer("home")
+        return self._reply("home")
 
-    def land(self) -> ControlAnswer:
-        """End the mission: land where it hovers."""
-        return self._answer("land")
+    def land(self) -> ControlReply:
+        """End the mission: land in place."""
+        return self._reply("land")
 
-    def reload(self, *, wait_s: float = 60.0) -> ControlAnswer:
-        """Read the mission file again: its zones and fences have changed.
+    def reload(self, *, wait_s: float = 60.0) -> ControlReply:
+        """Read the mission file again, because its zones or fences have changed.
 
-        Waits until it was read: `accepted` says whether the flight keeps to what it says now.
-        After `wait_s` the answer says that it is still being read.
+        Waits until the file was read: `accepted` reports whether the new zones are in force. After
+        `wait_s` the answer reports that it is still being read.
         """
-        answer = self._answer("reload")
+        answer = self._reply("reload")
         limit_s = time.monotonic() + wait_s
         while answer.accepted:
             reading = self.status().get("reload")
@@ -140,29 +140,29 @@ class ControlClient(EndpointClient):
                 break
             if time.monotonic() > limit_s:
                 break
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         return answer
 
-    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> ControlAnswer:
-        """Fly to points, one after the other, and hover at the last for `hold_s`."""
-        return self._answer("goto", points=[list(point) for point in points], hold_s=hold_s)
+    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> ControlReply:
+        """Fly to points in order, and hover at the last for `hold_s`."""
+        return self._reply("goto", points=[list(point) for point in points], hold_s=hold_s)
 
-    def altitude(self, altitude_m: float) -> ControlAnswer:
-        """Climb or descend where it holds, to an altitude above home, and hold there."""
-        return self._answer("altitude", altitude_m=altitude_m)
+    def altitude(self, altitude_m: float) -> ControlReply:
+        """Climb or descend in place to an altitude above home, and hold there."""
+        return self._reply("altitude", altitude_m=altitude_m)
 
     def status(self) -> dict[str, Any]:
-        """What the flight is doing; docs/control.md has the keys."""
+        """The flight's status; docs/control.md has the keys."""
         return self.request({"request": "status"})
 
     def request(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Send a request as it is; returns the answer as it came."""
+        """Send a raw request; return the raw answer."""
         return self.call(values)[0]
 
-    def _answer(self, request: str, **fields: Any) -> ControlAnswer:
+    def _reply(self, request: str, **fields: Any) -> ControlReply:
         values = self.request({"request": request, "by": self._by, **fields})
         try:
-            return ControlAnswer(
+            return ControlReply(
                 accepted=values["accepted"] is True,
                 why=str(values["why"]),
                 code=None if values["code"] is None else str(values["code"]),
@@ -174,12 +174,12 @@ class ControlClient(EndpointClient):
 
 
 def endpoint_of(text: str) -> str:
-    """An endpoint from the command line: a name, a port of this machine, or either written out.
+    """Parse an endpoint from the command line: a name, a port of this machine, or a full address.
 
-    A program that can talk to it flies the vehicle: only the same user's programs can.
+    Any program that can connect controls the vehicle, so only the same user's programs can.
 
     Raises:
-        ValueError: it is none, or others could reach it.
+        ValueError: It is invalid, or others could reach it.
     """
     if text.isdecimal() or text == "*":
         text = f"tcp://127.0.0.1:{text}"

@@ -1,9 +1,9 @@
 """Serves a flight's requests, messages and links to this user's programs: JSON over ZeroMQ.
 
-It is a ROUTER: REQ, DEALER and ROUTER sockets may connect, with or without the empty frame that REQ
-sends. No request is trusted: one that is too large, broken or unknown gets an error reply, or costs
-its sender the connection. The flight reads requests at a steady pace, from all clients in turn, so
-that a flood of them takes none of its time.
+The socket is a ROUTER: REQ, DEALER and ROUTER sockets may connect, with or without REQ's empty
+frame. Requests are untrusted: a request that is too large, malformed or unknown gets an error
+reply, or closes its sender's connection. The flight reads requests at a limited rate, from all
+clients in turn, so a flood takes none of its time.
 """
 
 import asyncio
@@ -27,19 +27,19 @@ from mocha_link.node import Node
 from mocha_link.service import Listener, requests
 
 PER_S: Final = 50.0
-"""How many requests are read in a second at most."""
+"""Most requests read per second."""
 
 MAX_MESSAGE_BYTES: Final = 4 * 1024 * 1024
-"""The largest frame of data that a program may publish here; `mocha-link node` takes more."""
+"""The largest data frame that a program may publish here; `mocha-link node` accepts larger ones."""
 
 MOST_BYTES: Final = 8 * 1024 * 1024
-"""So much is kept for all clients together: requests that have come in part, answers not taken."""
+"""Memory for all clients together: partial requests, and answers not read yet."""
 
 MOST_BYTES_WITH_NODE: Final = 160 * 1024 * 1024
-"""The same where messages are read as well: two of the largest."""
+"""The same with published messages: two of the largest."""
 
 TURN_S: Final = 0.002
-"""How long the flight has for itself before it serves the clients again."""
+"""Time reserved for the flight between two turns of serving clients."""
 
 Execute = Callable[[CommandRequest, str], dict[str, Any]]
 
@@ -50,8 +50,8 @@ class ControlServer:
     Args:
         endpoint: Where: ``ipc://path`` or ``tcp://127.0.0.1:24700``; port ``*`` takes a free one.
         execute: Carries a request out, and returns the answer.
-        node: The UAV's; its messages and links are served at the same endpoint. None: neither.
-        monotonic: Real time.
+        node: The UAV's node; its messages and links are served at the same endpoint. None: neither.
+        monotonic: Real-time clock.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class ControlServer:
         self._listener: Listener | None = None  # while it serves
 
     def open(self) -> None:
-        """Take the endpoint; call it in the event loop that serves it.
+        """Bind the endpoint; call it in the event loop that serves it.
 
         Raises:
-            PortInUseError, ListenError: it cannot be had.
-            RosError: the team brings along a definition that cannot be used.
+            PortInUseError, ListenError: The endpoint is not available.
+            RosError: The team has an invalid message definition.
         """
         with_node = self._node is not None
         self._listener = Listener(
@@ -87,7 +87,7 @@ class ControlServer:
             self._of_node = NodeRequests(self._node)
 
     async def run(self) -> None:
-        """Answer until cancelled."""
+        """Answer until canceled."""
         assert self._listener is not None  # noqa: S101 - it was opened
         loop, something = asyncio.get_running_loop(), asyncio.Event()
         loop.add_reader(self._listener.fileno(), something.set)
@@ -105,7 +105,7 @@ class ControlServer:
             loop.remove_reader(self._listener.fileno())
 
     def close(self) -> None:
-        """Give the endpoint up; may be called twice."""
+        """Release the endpoint; may be called twice."""
         if self._of_node is not None:
             self._of_node.close()
             self._of_node = None
@@ -114,7 +114,7 @@ class ControlServer:
             self._listener = None
 
     def _take(self, envelope: list[bytes], frames: requests.Frames) -> None:
-        """Answer a request, or hand it to the node's thread."""
+        """Answer a request, or pass it to the node's thread."""
 
         def send(answer: requests.Frames) -> None:
             if self._listener is not None:
@@ -128,12 +128,12 @@ class ControlServer:
                 self._of_node.handle(frames, values.get("id"), send)
                 return
             command = command_request_of(values)
-            send(requests.reply(command.id, self._answer(command, frames)))
+            send(requests.reply(command.id, self._reply(command, frames)))
         except RequestError as error:
             send(requests.refusal(values.get("id"), str(error), again=error.again))
 
-    def _answer(self, command: CommandRequest, frames: requests.Frames) -> requests.Response:
-        """The answer to a request. Raises RequestError: it is not handled."""
+    def _reply(self, command: CommandRequest, frames: requests.Frames) -> requests.Response:
+        """The reply to a request. Raises RequestError if it is not handled."""
         if len(frames) > 1:
             raise RequestError("a request is one frame")
         if not self._costly.affords(command):

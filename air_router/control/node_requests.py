@@ -1,7 +1,7 @@
 """Requests for the UAV's gossip node at the flight's endpoint: `publish`, `latest`, `links` ...
 
-docs/ros.md describes them. They are answered on a thread of their own, so that no message,
-however large, takes time from the flight.
+docs/ros.md describes them. A separate thread answers them, so no message, however large, delays the
+flight.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mocha_link.node import Node
 from mocha_link.service import Service, requests
 
 MOST_PENDING = 64
-"""So many requests wait for the thread; others are refused for now."""
+"""Most requests waiting for the thread; further ones are refused."""
 
 Send = Callable[[requests.Frames], None]
 
@@ -25,7 +25,7 @@ class NodeRequests:
     """Answers requests about one node. Create and use it in the flight's event loop.
 
     Raises:
-        RosError: the team brings along a definition that cannot be used.
+        RosError: The team has an invalid message definition.
     """
 
     def __init__(self, node: Node) -> None:
@@ -34,12 +34,12 @@ class NodeRequests:
         self._loop = asyncio.get_running_loop()
         self._thread = ThreadPoolExecutor(1, "air_router node requests")
         self._pending = 0  # requests that wait for the thread; changed in the loop only
-        self._timer: asyncio.TimerHandle | None = None  # of the next that waited long enough
-        self._ticking = False  # the thread will look at those that wait; changed in the loop only
+        self._timer: asyncio.TimerHandle | None = None  # for the next time-out
+        self._ticking = False  # the thread will check those that wait; changed in the loop only
         self._unsubscribe = node.subscribe(self._stored)
 
     def handle(self, frames: requests.Frames, number: object, send: Send) -> None:
-        """Answer a request, whose id is `number`, by `send`: in the event loop, now or later."""
+        """Answer the request with id `number` by `send`: in the event loop, now or later."""
         if self._pending >= MOST_PENDING:
             why = f"{MOST_PENDING} requests wait already; try again later"
             send(requests.refusal(number, why, again=True))
@@ -48,7 +48,7 @@ class NodeRequests:
         self._thread.submit(self._request, frames, send)
 
     def close(self) -> None:
-        """End the thread; those that wait for a message are answered with none."""
+        """End the thread; requests that wait for a message get an empty answer."""
         self._unsubscribe()
         if self._timer is not None:
             self._timer.cancel()
@@ -62,15 +62,15 @@ class NodeRequests:
             self._loop.call_soon_threadsafe(send, answer)
 
         self._service.request(frames, reply, time.monotonic())
-        self._loop.call_soon_threadsafe(self._answered, self._service.until_s, 1)
+        self._loop.call_soon_threadsafe(self._replied, self._service.until_s, 1)
 
     def _tick(self) -> None:
         self._service.tick(time.monotonic())
-        self._loop.call_soon_threadsafe(self._answered, self._service.until_s, 0)
+        self._loop.call_soon_threadsafe(self._replied, self._service.until_s, 0)
 
     # In the loop.
 
-    def _answered(self, until_s: float | None, requests_done: int) -> None:
+    def _replied(self, until_s: float | None, requests_done: int) -> None:
         self._pending -= requests_done
         if requests_done == 0:
             self._ticking = False

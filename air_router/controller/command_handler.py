@@ -1,7 +1,7 @@
-"""What is requested in flight: done or refused, and always answered.
+"""Handles requests in flight: each is carried out or refused, and always answered.
 
-A request is looked at against the state of the mission first, then, where the vehicle would be sent
-somewhere, against the airspace and the battery. Only then the state changes.
+A request is checked against the state of the mission. If the vehicle would fly somewhere, it is
+also checked against the airspace and the battery. Only then does the state change.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from air_router.controller.model import (
     ChangeAltitude,
     ComeHome,
     CommandAck,
-    Ending,
+    CommandPolicy,
+    EndReason,
     ExploreNow,
     Goal,
     GoOn,
@@ -28,12 +29,11 @@ from air_router.controller.model import (
     HoldNow,
     LandNow,
     MissionContext,
-    OnBoard,
+    PlanOwner,
     ReadAgain,
     Refusal,
     Reload,
     RequestRefusedError,
-    Requests,
     SeekNow,
     Signal,
     State,
@@ -44,28 +44,28 @@ from air_router.controller.states import Accepted, GotoValidator, StateHandlers
 from air_router.vehicle import NO_FIX
 
 _NOT_IN_THE_AIR: Final = {
-    Requests.NOT_YET: Refusal.NOT_FLYING,
-    Requests.NOT_OURS: Refusal.NOT_OURS,
-    Requests.OVER: Refusal.FLIGHT_OVER,
+    CommandPolicy.NOT_YET: Refusal.NOT_FLYING,
+    CommandPolicy.NOT_OURS: Refusal.NOT_OURS,
+    CommandPolicy.OVER: Refusal.FLIGHT_OVER,
 }
-"""Why a vehicle that does not fly this mission just now is asked in vain."""
+"""Refusals while the vehicle does not fly this mission."""
 
 
 @dataclass(slots=True, eq=False)
 class CommandHandler:
-    """Answers every request.
+    """Carries out or refuses every request.
 
     Args:
-        context: What the mission is doing; where answers go.
-        returns: Says which way home may not be called off.
-        authority: Takes the vehicle back; what the operator can do about one that is not ours.
-        validator: Whether it may be sent somewhere, and comes home from there.
-        states: Seek a robot, fly to points, hold and go on with what was held for that.
-        airspace_update: Puts the plan on board again.
-        standstill: Why the vehicle does not move, where it should.
+        context: State of the flight; receives the answers.
+        returns: Knows which return may not be canceled.
+        authority: Takes the vehicle back.
+        validator: Checks that the vehicle can fly somewhere, and home from there.
+        states: Handlers that seek a robot, fly to points, hold and resume.
+        airspace_update: Uploads the plan again.
+        standstill: Knows why the vehicle does not move as commanded.
 
     Attributes:
-        later: Points that wait until the vehicle flies on; None: none do.
+        later: A deferred request for points; None: there is none.
     """
 
     _context: MissionContext
@@ -76,20 +76,20 @@ class CommandHandler:
     _airspace_update: AirspaceUpdate
     _standstill: Standstill
     later: GoTo | None = None
-    _until_s: float = math.inf  # they wait, vehicle's clock
+    _until_s: float = math.inf  # when `later` expires, vehicle's clock
 
-    def asked(self, request: AnyRequest) -> None:
-        """A request of the pilot, the operator or a program; points may wait for their time."""
+    def handle(self, request: AnyRequest) -> None:
+        """Handle a request of the pilot, the operator or a program; points may be deferred."""
         if isinstance(request, GoTo) and request.waits and self._context.task.spec.puts_off:
             self._put_off(request)
             return
         context, number, by = self._context, request.request_id, request.by
         try:
-            what, points = self._answers[type(request)](self, request)
+            what, points = self._handlers[type(request)](self, request)
         except RequestRefusedError as refused:
             context.actions.append(CommandAck(number, by, False, str(refused), refused.code))
             return
-        # A hold is begun at once, and a plan that is put on board says so itself.
+        # A hold starts at once, and the upload of a plan has its own announcement.
         moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude | LandNow
         sets_out = isinstance(request, moves) or (isinstance(request, GoOn) and not request.upload)
         if sets_out and context.airspace.change is not None and context.in_air:
@@ -97,77 +97,77 @@ class CommandHandler:
         context.actions.append(CommandAck(number, by, True, what, None, points))
 
     def refusals(self) -> dict[str, str]:
-        """Why requests would be refused as things are, by their verbs; all others may be accepted.
+        """Why each request would be refused now, by verb; all others may be accepted.
 
-        Pages disable their buttons by it. Whether a way is clear, and the battery lasts for it, is
-        looked at when it is requested. Nothing is changed by this, but for the way home that the
-        monitor of returns plans: let it be another one than that of the flight.
+        Pages disable their buttons by it. Routes and battery are checked only with the request
+        itself. The only side effect is the way home planned by the return monitor, so pass another
+        monitor than the flight's.
         """
         refused = {}
         for verb, check in self._checks.items():
             try:
                 check(self)
             except RequestRefusedError as refusal:
-                if refusal.code is not Refusal.OTHER_PLAN:  # with the plan put on board it may be
+                if refusal.code is not Refusal.OTHER_PLAN:  # accepted with an upload of the plan
                     refused[verb] = str(refusal)
         return refused
 
-    # What may stand against it: each raises RequestRefusedError.
+    # Checks: each raises RequestRefusedError.
 
     def _check_may_stop(self) -> None:
-        """It is ours, in the air, and not on a way home that may not be called off.
+        """The vehicle is ours, in the air, and not on a return that may not be canceled.
 
-        A way home is only called off if it was requested, and nothing else demands it.
+        A return is canceled only if it was requested and nothing else demands it.
         """
         context, requests = self._context, self._context.task.spec.requests
-        self._check_kept()
-        if requests is Requests.ANY:
+        self._check_not_releasing()
+        if requests is CommandPolicy.ANY:
             return
-        if requests is not Requests.CALL_OFF:
+        if requests is not CommandPolicy.CALL_OFF:
             self._check_in_the_air()
         ending = context.task.ending
         by_request = context.task.state is State.HOME and ending is not None and ending.by_request
         why = context.ending_why
         if by_request:
-            due = self._returns.due(context.heard)
+            due = self._returns.due(context.last_telemetry)
             why = None if due is None else due.why
         if why is not None:
             raise _comes_home(why)
 
     def _check_may_move(self) -> None:
-        """And beside that it is known where it is."""
+        """In addition, the position is known."""
         self._check_may_stop()
         self._check_position()
 
     def _check_position(self) -> None:
-        """It is known where it is: legs are checked from there."""
+        """The position is known: legs are checked from there."""
         context = self._context
         if context.telemetry is not None and not context.telemetry.fix:
             raise RequestRefusedError(Refusal.NO_FIX, NO_FIX)
         missing = next(iter(context.inputs.stopped), None)
         if missing is not None:
             raise RequestRefusedError(Refusal.NOT_HEARD, missing)
-        self._check_heard()
+        self._check_received()
 
-    def _check_heard(self) -> None:
-        """It was heard just now."""
+    def _check_received(self) -> None:
+        """The vehicle was received recently."""
         telemetry = self._context.telemetry
-        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
-        # Its clock stands still while nothing is heard of it: then the link says for how long.
+        assert telemetry is not None  # noqa: S101 - a vehicle in the air has sent telemetry
+        # The vehicle's clock stops while nothing is received; the link has the duration.
         silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
         if silent_s > VEHICLE_SILENT_S:
-            what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
-            silent = f"{what} heard from it for {silent_s:.0f} s"
+            what = "no position" if telemetry.received_s > telemetry.time_s else "nothing"
+            silent = f"{what} received from it for {silent_s:.0f} s"
             raise RequestRefusedError(Refusal.NOT_HEARD, silent)
 
-    def _check_kept(self) -> None:
-        """It is not about to be given away."""
+    def _check_not_releasing(self) -> None:
+        """The vehicle is not being released."""
         why = self._context.authority.releasing
         if why is not None:
             raise RequestRefusedError(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
 
     def _check_in_the_air(self) -> None:
-        """It flies this mission."""
+        """The vehicle flies this mission."""
         requests = self._context.task.spec.requests
         code, why = _NOT_IN_THE_AIR.get(requests), requests.value
         if code is Refusal.NOT_OURS:
@@ -178,12 +178,12 @@ class CommandHandler:
             raise RequestRefusedError(code, why)
 
     def _check_may_hold(self) -> None:
-        """It holds already, or may be stopped."""
+        """The vehicle holds already, or may be stopped."""
         if self._context.task.state is not State.HOLD:
             self._check_may_stop()
 
     def _check_may_explore(self) -> None:
-        """There are waypoints left, and it may fly there."""
+        """Waypoints are left, and the vehicle may fly there."""
         exploration = self._states.search.search.to_explore
         if exploration is None:
             raise RequestRefusedError(Refusal.ONLY_SEARCHES, "this vehicle only searches")
@@ -192,26 +192,26 @@ class CommandHandler:
             raise RequestRefusedError(Refusal.NOTHING_TO_DO, "every waypoint has been visited")
 
     def _check_may_climb(self, altitude_m: float) -> None:
-        """It may hold at an altitude above home."""
+        """The vehicle may hold at this altitude above home."""
         self._check_may_move()
         why = self._states.hold.why_no_climb(altitude_m)
         if why is not None:
             raise RequestRefusedError(*why)
 
     def _check_has_altitudes(self) -> None:
-        """There is another altitude, and it may hold there; which one, the operator says then."""
+        """The mission allows several altitudes, and the vehicle may change its altitude."""
         low_m, high_m = self._context.airspace.mission.altitudes_m
         if low_m == high_m:
             raise RequestRefusedError(Refusal.ALTITUDE, self._states.hold.only_altitudes)
         self._check_may_climb(high_m)
 
     def _check_may_go_on(self) -> None:
-        """Something is held, or was given away; whether that can be taken back is not looked at."""
+        """A flight is held or was released; whether it can be taken back is not checked."""
         context, state = self._context, self._context.task.state
-        self._check_kept()
+        self._check_not_releasing()
         if state in {State.READY, State.PASSIVE}:
             if context.in_air:
-                self._check_heard()
+                self._check_received()
             return
         if state is not State.HOLD:
             self._check_in_the_air()
@@ -220,7 +220,7 @@ class CommandHandler:
         self._check_may_move()
 
     def _check_may_go_on_now(self) -> None:
-        """Something is held, or can be taken back with the plan that is on board."""
+        """A flight is held, or can be taken back with the plan on board."""
         self._check_may_go_on()
         if self._context.task.state in {State.READY, State.PASSIVE}:
             why = self._authority.why_not_back()
@@ -229,17 +229,17 @@ class CommandHandler:
 
     @property
     def _is_given_away(self) -> bool:
-        """It flies, and another has it, or no leg may begin where it is."""
+        """The vehicle flies, and another commands it or no leg may start here."""
         context = self._context
         not_ours = context.authority.held is not None or not context.in_charge
         ends = context.task.state in {State.HOME, State.LAND, State.DONE}
         return context.in_air and not_ours and not ends
 
     def _check_may_come_home(self) -> None:
-        """It does already, or can be taken back for that, or has not begun yet."""
-        self._check_kept()
+        """The vehicle comes home already, can be taken back for it, or has not taken off."""
+        self._check_not_releasing()
         if self._is_given_away:
-            self._check_heard()
+            self._check_received()
             why = self._authority.why_not_back(flies_plan=False)
             if why is not None:
                 raise RequestRefusedError(Refusal.NOT_OURS, why)
@@ -247,18 +247,20 @@ class CommandHandler:
             self._check_in_the_air()
 
     def _check_may_land(self) -> None:
-        """It does already, or hovers where it may come down."""
+        """The vehicle lands already, or holds where it may land."""
         state = self._context.task.state
         if state is State.LAND:
             return
         self._check_may_move()
         if state is not State.HOLD:
-            raise RequestRefusedError(Refusal.BUSY, "it lands where it hovers: have it hold first")
+            raise RequestRefusedError(
+                Refusal.BUSY, "it lands where it hovers: request 'hold' first"
+            )
         why = self._states.land.why_no_landing()
         if why is not None:
             raise RequestRefusedError(Refusal.NO_WAY, why)
 
-    # what stands against a request, by its verb
+    # the check of each request, by its verb
     _checks: ClassVar[Mapping[str, Callable[[Any], None]]] = {
         "hold": _check_may_hold,
         "resume": _check_may_go_on_now,
@@ -270,9 +272,9 @@ class CommandHandler:
         "land": _check_may_land,
     }
 
-    # What is asked.
+    # Handlers of the requests.
 
-    def _asked_to_hold(self, request: HoldNow) -> Accepted:
+    def _handle_hold(self, request: HoldNow) -> Accepted:
         self._check_may_hold()
         if self._context.task.state is State.HOLD:
             stops = self._states.hold.stay()
@@ -280,7 +282,7 @@ class CommandHandler:
         self._states.hold.stop(request.by)
         return Accepted("it stops and hovers")
 
-    def _asked_to_seek(self, request: SeekNow) -> Accepted:
+    def _handle_seek(self, request: SeekNow) -> Accepted:
         robot, search = request.robot, self._states.search.search
         names = search.targets.names
         if robot not in names:
@@ -295,7 +297,7 @@ class CommandHandler:
         self._states.search.seek(robot)
         return Accepted(f"it seeks {robot}: {point.reason}")
 
-    def _asked_to_explore(self, request: ExploreNow) -> Accepted:
+    def _handle_explore(self, request: ExploreNow) -> Accepted:
         del request
         self._check_may_explore()
         exploration = self._states.search.search.exploration
@@ -305,9 +307,9 @@ class CommandHandler:
         self._context.signal(Signal.EXPLORE)
         return Accepted(f"it explores: {left}")
 
-    def _asked_to_go_to(self, request: GoTo) -> Accepted:
+    def _handle_goto(self, request: GoTo) -> Accepted:
         context = self._context
-        if request.waits and context.task.state is State.HOME:  # the operator asked for that
+        if request.waits and context.task.state is State.HOME:  # requested by the operator
             raise _comes_home(context.ending_why)
         self._check_may_move()
         hold_s = (
@@ -319,127 +321,131 @@ class CommandHandler:
         what = f"it flies to {'the point' if count == 1 else f'{count} points'}"
         return Accepted("; ".join((what, *task.notes)), task.stops)
 
-    def _asked_to_change_altitude(self, request: ChangeAltitude) -> Accepted:
+    def _handle_altitude(self, request: ChangeAltitude) -> Accepted:
         context, hold, altitude_m = self._context, self._states.hold, request.altitude_m
         self._check_may_climb(altitude_m)
-        self._validator.check_way([Goal(context.heard.position)])
+        self._validator.check_way([Goal(context.last_telemetry.position)])
         hold.climb(altitude_m)
-        verb = "climbs" if altitude_m > context.heard.altitude_m else "descends"
+        verb = "climbs" if altitude_m > context.last_telemetry.altitude_m else "descends"
         return Accepted(f"it {verb} to {altitude_m:g} m above home, and holds there")
 
-    def _asked_to_go_on(self, request: GoOn) -> Accepted:
+    def _handle_go_on(self, request: GoOn) -> Accepted:
         context = self._context
         self._check_may_go_on()
         if context.task.state in {State.READY, State.PASSIVE}:
             upload = request.upload
-            if upload and context.authority.on_board is OnBoard.REPLACED:
-                reading = "the plan on board is being read: ask again in a moment"
+            if upload and context.authority.on_board is PlanOwner.REPLACED:
+                reading = "the plan on board is being read: request it again in a moment"
                 raise RequestRefusedError(Refusal.BUSY, reading)
             if upload and self._authority.why_not_back(flies_plan=False) is None:
                 self._airspace_update.upload_again()
             why = self._authority.resume(upload=upload)
             if why is not None:
                 raise RequestRefusedError(self._why_ours_not(), why)
-            first = "the plan is put on board again, then " if upload else ""
-            return Accepted(f"{first}the mission goes on from here")
+            first = "the plan is uploaded again, then " if upload else ""
+            return Accepted(f"{first}the mission continues from here")
         return Accepted(self._states.hold.go_on(request.by))
 
     def _why_ours_not(self) -> Refusal:
-        """Whether all that keeps a vehicle from being taken back is the plan on board."""
-        other = self._context.authority.on_board is OnBoard.ANOTHER
+        """The code of a refused resume: whether only the plan on board is the reason."""
+        other = self._context.authority.on_board is PlanOwner.ANOTHER
         only = other and self._authority.why_not_back(flies_plan=False) is None
         return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
 
-    def _asked_to_come_home(self, request: ComeHome) -> Accepted:
+    def _handle_come_home(self, request: ComeHome) -> Accepted:
         context, state = self._context, self._context.task.state
         self._check_may_come_home()
-        if state is State.HOME and self._airspace_update.trust_altitude(f"{request.by} asked"):
-            how = "by a way that is clear at the autopilot's altitude"
+        if state is State.HOME and self._airspace_update.trust_altitude(
+            f"requested by {request.by}"
+        ):
+            how = "by a way that is clear at PX4's altitude"
             return Accepted(f"it comes home {how}; it sets out once the changed zones are on board")
         if state in {State.HOME, State.LAND}:
             does = "comes home" if state is State.HOME else "lands"
-            return Accepted(self._unless_it_stands(f"it {does} already"))
+            return Accepted(self._unless_still(f"it {does} already"))
         if self._is_given_away:
             self._authority.take_home()
         answer = Accepted(self._how_it_comes_home())
         context.come_home(f"{request.by}'s request", by_request=state is not State.READY)
         return answer
 
-    def _asked_to_land(self, request: LandNow) -> Accepted:
+    def _handle_land(self, request: LandNow) -> Accepted:
         context, state = self._context, self._context.task.state
         if state is State.LAND:
-            return Accepted(self._unless_it_stands("it lands already"))
+            return Accepted(self._unless_still("it lands already"))
         self._check_may_land()
-        context.say(f"landing here, as {request.by} asked")
-        place = f"where it hovered, as {request.by} asked"
-        context.task.end(Ending(f"{request.by} asked to land here", place=place))
+        context.inform(f"landing here, requested by {request.by}")
+        place = f"where it hovered, requested by {request.by}"
+        context.task.end(EndReason(f"{request.by} requested to land here", place=place))
         context.signal(Signal.LAND_HERE)
         return Accepted("it lands where it hovers")
 
-    def _unless_it_stands(self, what: str) -> str:
-        """What it does already, and why it does not, where it stands."""
+    def _unless_still(self, what: str) -> str:
+        """What the vehicle does already, and why it does not move if it does not."""
         why = self._standstill.why
         return what if why is None else f"{what}, and does not move: {why}"
 
     def _how_it_comes_home(self) -> str:
-        """What follows when it is told to, in words."""
+        """What the vehicle does after a request to come home, as text."""
         if self._context.telemetry is None:
-            return "the mission ends before it begins; the vehicle is left as it is"
+            return "the mission ends before take-off; nothing is sent to the vehicle"
         if not self._context.in_air:
             return "the mission ends on the ground"
         try:
             self._check_position()
         except RequestRefusedError as unknown:
-            return f"it comes home as soon as it is known where it is: {unknown}"
+            return f"it comes home as soon as its position is known: {unknown}"
         return "it comes home"
 
-    def _asked_to_reload(self, request: Reload) -> Accepted:
+    def _handle_reload(self, request: Reload) -> Accepted:
         del request
         if self._context.task.state is State.DONE:
             raise RequestRefusedError(Refusal.FLIGHT_OVER, "the flight is over")
-        self._check_kept()
+        self._check_not_releasing()
         if self._context.airspace.change is ZoneChange.UPLOADING:
-            raise RequestRefusedError(Refusal.BUSY, "zones are being changed just now; ask again")
+            raise RequestRefusedError(
+                Refusal.BUSY, "zones are being changed just now; request it again"
+            )
         self._context.actions.append(ReadAgain())
-        later = "; what has changed goes on board after the plan"
+        later = "; changes are uploaded after the plan"
         return Accepted(f"the mission file is read again{'' if self._context.telemetry else later}")
 
-    # what answers a request, by its type
-    _answers: ClassVar[Mapping[type, Callable[[Any, Any], Accepted]]] = {
-        HoldNow: _asked_to_hold,
-        SeekNow: _asked_to_seek,
-        ExploreNow: _asked_to_explore,
-        GoTo: _asked_to_go_to,
-        ChangeAltitude: _asked_to_change_altitude,
-        GoOn: _asked_to_go_on,
-        ComeHome: _asked_to_come_home,
-        LandNow: _asked_to_land,
-        Reload: _asked_to_reload,
+    # the handler of each request, by its type
+    _handlers: ClassVar[Mapping[type, Callable[[Any, Any], Accepted]]] = {
+        HoldNow: _handle_hold,
+        SeekNow: _handle_seek,
+        ExploreNow: _handle_explore,
+        GoTo: _handle_goto,
+        ChangeAltitude: _handle_altitude,
+        GoOn: _handle_go_on,
+        ComeHome: _handle_come_home,
+        LandNow: _handle_land,
+        Reload: _handle_reload,
     }
 
-    # What is not done at once.
+    # Deferred requests.
 
     def _put_off(self, request: GoTo) -> None:
-        """Keep a request that waits until the vehicle flies its mission; of several the newest."""
+        """Defer a request until the vehicle flies its mission; a newer one replaces it."""
         before, self.later = self.later, request
         self._until_s = self._context.now_s + request.waits_s
         if before is not None:
-            why, code = "a newer request came", Refusal.REPLACED
+            why, code = "replaced by a newer request", Refusal.REPLACED
             self._context.actions.append(CommandAck(before.request_id, before.by, False, why, code))
-        self._context.say(f"points from {request.by} wait until the vehicle flies on")
+        self._context.inform(f"points from {request.by} wait until the vehicle flies on")
 
     def now_what_waited(self) -> None:
-        """The time of a request that waited has come, or will not come any more."""
+        """Handle a deferred request, or refuse it if it has expired."""
         if self.later is not None and not self._context.task.spec.puts_off:
             request, self.later = self.later, None
             if self._context.now_s <= self._until_s:
-                self.asked(request)
+                self.handle(request)
                 return
-            why = "its time was over before the vehicle flew on"
+            why = "it expired before the vehicle flew on"
             ack = CommandAck(request.request_id, request.by, False, why, Refusal.TOO_LATE)
             self._context.actions.append(ack)
 
 
 def _comes_home(why: str | None) -> RequestRefusedError:
-    """A request or a trigger had it come home, and that counts."""
+    """The refusal of requests while the vehicle comes home."""
     return RequestRefusedError(Refusal.COMING_HOME, f"it comes home: {why}")

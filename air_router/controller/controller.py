@@ -1,12 +1,11 @@
-"""The mission controller: what happened and the vehicle's time in, what to do out.
+"""The mission controller: takes events with the vehicle's time, returns actions.
 
-Pure: no sockets, no clocks, no files. The same object flies a real PX4, the simulated one, and
-the discrete-event world, and a recorded flight replays to the same decisions.
+Pure: no sockets, no clocks, no files. The same controller flies a real PX4, the simulated PX4, and
+the discrete-event world. A recorded flight replays to the same decisions.
 
-Of each telemetry message the gravest matter counts first. Who has the vehicle comes before
-everything else: a pilot, a failsafe, or one who is about to get it. Then what is wrong with the
-flight, and only then the mission. When that explores, searches and talks stands in one table,
-`states.table.STATES`.
+Each telemetry update is handled by its most severe finding. Who commands the vehicle comes first: a
+pilot or a failsafe that has taken it or is taking it. Then come the faults of the flight, and last
+the mission. `states.table.STATES` decides when the mission explores, searches and exchanges data.
 """
 
 from __future__ import annotations
@@ -26,11 +25,11 @@ from air_router.controller.limits import VEHICLE_SILENT_S
 from air_router.controller.model import (
     Action,
     AirspaceChanged,
+    Anomaly,
     AnyRequest,
     CommandConfirmed,
     CommandFailed,
     CompanionLagged,
-    Doubt,
     Event,
     Finish,
     FlightSetup,
@@ -39,8 +38,8 @@ from air_router.controller.model import (
     MissionContext,
     MissionWaits,
     Motion,
-    OnBoard,
     PeerFault,
+    PlanOwner,
     PlanRenewed,
     RobotPath,
     RobotPose,
@@ -87,24 +86,24 @@ class Controller:
     """Flies one mission: events in, actions out.
 
     Args:
-        setup: What to fly, and how.
-        router: Routes over the mission's graph; None: made here.
+        setup: The mission to fly, and how.
+        router: Plans routes over the mission's graph; None: made here.
         plan: The plan on board, for the autopilot's item numbers; None: made here.
-        policy: How the next robot is chosen; None: as the mission says.
-        waypoints: What is explored, in this order; None: the mission's waypoints, once.
-        ground: What the vehicle maps as it flies, painted by others; for seek policies.
+        policy: Chooses the next robot; None: the mission's policy.
+        waypoints: Waypoints to explore, in this order; None: the mission's waypoints, once.
+        ground: The vehicle's map, which others paint; for seek policies.
 
-    Other rooms use its methods; the parts below are for the tests of this room.
+    Other rooms use its methods. The attributes are for the tests of this room.
 
     Attributes:
-        context: What is known now.
-        gate: What was commanded to the vehicle.
-        navigator: Takes the vehicle to one goal at a time.
-        exploration: Which waypoint is next.
-        search: Whom to seek, and where.
-        states: What is flown in each state.
-        returns: When the mission ends, and whether a way leads home.
-        airspace_update: Zones that change.
+        context: State of the flight.
+        gate: Sends motions, and knows the last one sent.
+        navigator: Flies the vehicle to one goal at a time.
+        exploration: Knows the next waypoint.
+        search: Knows the robots and where to seek them.
+        states: The handler of each state.
+        returns: Decides when the vehicle comes home.
+        airspace_update: Changes zones in flight.
     """
 
     def __init__(  # noqa: PLR0913 - what a flight may be given
@@ -122,19 +121,19 @@ class Controller:
         plan = self._plan = plan if plan is not None else FlightPlan.of(mission)
         self._transitions = transitions(explores=explore)
         self._left = State.READY  # the state before this one
-        self._told_sought: str | None = None  # the robot in the last `Seeking`
-        self._told_waits: Interlock | None = None  # the row in the last `MissionWaits`
-        # What is known and kept.
+        self._announced_sought: str | None = None  # the robot in the last `Seeking`
+        self._recorded_wait: Interlock | None = None  # the row in the last `MissionWaits`
+        # The state of the flight, and the parts that act on it.
         task = Task(spec=STATES[State.READY])
         context = self.context = MissionContext(mission, router, self._signal, task=task)
-        gate = self.gate = CommandGate(context, plan)  # all motions pass it
+        gate = self.gate = CommandGate(context, plan)  # every motion passes it
         navigator = self.navigator = Navigator(context, gate)
-        # Of a flight that is gone on with some waypoints may be skipped already.
+        # A resumed flight may have skipped some waypoints already.
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
         self.search = Search(context, navigator, setup, exploration, policy, ground=ground)
         states = self.states = StateHandlers(context, gate, navigator, self.search)
-        # What is watched, in this order.
+        # Monitors, in the order in which they run.
         self._phase = FlightPhase(context, gate)
         home = HomeWatch(context)
         monitor = SafetyMonitor(context, gate, plan)
@@ -154,7 +153,7 @@ class Controller:
             self.airspace_update,
             standstill,
         )
-        # What pages show must change nothing: the way home that is planned for them is their own.
+        # Displays must not change the flight, so they plan the way home with their own monitor.
         shown = ReturnMonitor(context, states.reachability)
         self._shown_commands = replace(commands, _returns=shown)
         vehicle = TelemetryHandler(
@@ -175,18 +174,18 @@ class Controller:
             standstill,
             setup.pilot_arms,
         )
-        # Who takes which event in; others (links of others, metrics) only concern the record.
+        # The handler of each event; other events (links between peers, metrics) are only recorded.
         self._reactions: dict[type, Callable[[Any], Wanted | None]] = {
             Telemetry: vehicle.received,
             ItemReached: self._item_reached,
-            LinkSilent: authority.nothing_heard,
+            LinkSilent: authority.link_silent,
             CommandConfirmed: self._confirmed,
             CommandFailed: self._failed,
-            RobotPose: states.search.pose_heard,
-            RobotPath: states.search.path_heard,
+            RobotPose: states.search.pose_received,
+            RobotPath: states.search.path_received,
             RobotSought: states.search.sought_by_other,
-            ContactBegan: states.search.radio_heard,
-            ContactEnded: states.search.radio_heard,
+            ContactBegan: states.search.radio_received,
+            ContactEnded: states.search.radio_received,
             SyncStarted: states.comm.sync_started,
             SyncEnded: states.comm.sync_ended,
             AirspaceChanged: self.airspace_update.airspace_changed,
@@ -199,14 +198,14 @@ class Controller:
             PlanCompared: authority.plan_compared,
             WrongVehicle: authority.another_vehicle,
             MavlinkSpoofed: authority.spoofed,
-            **dict.fromkeys(get_args(AnyRequest), commands.asked),
+            **dict.fromkeys(get_args(AnyRequest), commands.handle),
         }
 
     def handle(self, event: Event, now_s: float) -> list[Action]:
-        """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
+        """Handle one event at vehicle time `now_s`; return the actions, in order."""
         context = self.context
         context.begin(now_s)
-        if context.silent_s > 0.0 and not self._authority.heard_again(event):
+        if context.silent_s > 0.0 and not self._authority.link_restored(event):
             return context.actions
         reaction = self._reactions.get(type(event))
         wanted = None if reaction is None else reaction(event)
@@ -214,48 +213,48 @@ class Controller:
             self.navigator.follow(wanted)
         context.actions.extend(context.alarms.due(context.now_s))
         sought = context.task.robot if context.task.spec.seeks else None
-        if sought != self._told_sought:
-            self._told_sought = sought
+        if sought != self._announced_sought:
+            self._announced_sought = sought
             context.actions.append(Seeking(sought))
-        self._tell_waiting()
+        self._record_waiting()
         return context.actions
 
-    def _tell_waiting(self) -> None:
-        """Record which row of `INTERLOCKS` keeps the mission waiting, once it is another."""
+    def _record_waiting(self) -> None:
+        """Record which row of `INTERLOCKS` blocks the mission, when that changes."""
         blocked = self.gate.waits_for()
         row = None if blocked is None else blocked.by
-        if row is self._told_waits:
+        if row is self._recorded_wait:
             return
-        self._told_waits = row
+        self._recorded_wait = row
         self.context.actions.append(self._waiting() or MissionWaits(None))
 
     def _waiting(self) -> MissionWaits | None:
-        """What keeps the mission from what it wants now; None: nothing does."""
+        """The interlock that blocks the mission, as data; None: none does."""
         blocked = self.gate.waits_for()
         if blocked is None:
             return None
         return MissionWaits(blocked.by.name, blocked.why(self.context), blocked.since_s)
 
-    # What becomes of what was commanded.
+    # Outcomes of commands.
 
     def _item_reached(self, event: ItemReached) -> None:
-        """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
+        """PX4 reports a plan item as reached: perhaps the end of the current leg."""
         context = self.context
-        waits = context.airspace.change is not None or context.interlocks.up(*Doubt)
+        waits = context.airspace.change is not None or context.interlocks.is_raised(*Anomaly)
         if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):
-            return  # the report may be of the node before; the vehicle has not confirmed the jump
+            return  # the report may concern the previous node: the jump is not confirmed
         node = self._plan.node_of(event.item)
         self.navigator.advance(self.navigator.update(context.telemetry, reached_node=node))
 
     def _confirmed(self, event: CommandConfirmed) -> None:
-        """It follows; if that was the hold before hands are off, it is let go."""
+        """The vehicle follows a command; after the hold of a release, it is released."""
         self.gate.confirmed(event)
         self._authority.check()
 
     def _failed(self, event: CommandFailed) -> None:
-        """It does not follow; perhaps because a pilot chose another mode before."""
+        """The vehicle does not follow a command, perhaps because a pilot chose another mode."""
         telemetry = self.context.telemetry
         ours = event.action is self.gate.pending and self.context.in_charge
         if event.taken is None or telemetry is None or not ours:
@@ -264,10 +263,10 @@ class Controller:
             taken = replace(telemetry, mode=event.taken)
             self._authority.taken(taken, crossed=event.sent)
 
-    # From state to state.
+    # State transitions.
 
     def _signal(self, signal: Signal) -> None:
-        """Something has happened to the mission: another state is entered, or the same anew."""
+        """Enter the next state for a signal; it may be the same state again."""
         context, left = self.context, self.context.task.state
         target = self._transitions[left].get(signal)
         if target is None:
@@ -289,7 +288,7 @@ class Controller:
         self.exploration.go_on(event.visited, event.left_out)
 
     def _let_go(self) -> None:
-        """Hands are off, or the flight is over."""
+        """Hands off, or the flight is over."""
         context = self.context
         done = context.task.state is State.DONE
         context.authority.let_go()
@@ -309,11 +308,16 @@ class Controller:
         ) and self._phase.killed is None
         context.actions.append(Finish(landed_by_us, why, context.authority.taken_by, refused))
 
-    # What others read.
+    # What other rooms read.
+
+    @property
+    def seek_fault(self) -> str | None:
+        """What went wrong in the seek policy of another package; None: nothing did."""
+        return self.search.fault
 
     @property
     def flown(self) -> FlownBefore | None:
-        """What another companion has to know to go on with this flight; None if there is none."""
+        """What another companion needs to resume this flight; None if there is none."""
         airborne_s = self.context.task.airborne_s
         if airborne_s is None or self.state is State.DONE:
             return None
@@ -322,22 +326,22 @@ class Controller:
 
     @property
     def state(self) -> State:
-        """What the mission is doing."""
+        """The state of the mission."""
         return self.context.task.state
 
     @property
     def mission(self) -> Mission:
-        """With the zones and fences of now."""
+        """The mission with the current zones and fences."""
         return self.context.airspace.mission
 
     @property
     def router(self) -> Router:
-        """Plans among these."""
+        """Plans routes among the current zones and fences."""
         return self.context.airspace.router
 
     @property
     def telemetry(self) -> Telemetry | None:
-        """What the vehicle reported last; None: nothing was received yet."""
+        """The vehicle's last telemetry; None: none was received yet."""
         return self.context.telemetry
 
     @property
@@ -347,21 +351,21 @@ class Controller:
 
     @property
     def in_charge(self) -> bool:
-        """Whether the vehicle in the air flies by our commands."""
+        """Whether this program commands the vehicle in the air."""
         return self.context.in_charge
 
     @property
     def may_be_taken(self) -> bool:
-        """Whether its mode was not received for so long that a pilot may have the vehicle."""
+        """Whether the flight mode has been missing for so long that a pilot may have taken over."""
         return self.context.silent_s > VEHICLE_SILENT_S or self.context.inputs.silent
 
     @property
     def ending_why(self) -> str | None:
-        """Why the vehicle comes home or lands, once it does."""
+        """Why the vehicle comes home or lands; None: it does neither."""
         return self.context.ending_why
 
     def status(self) -> FlightStatus:
-        """The flight as of now, without the links: those the node knows. Changes nothing."""
+        """The current status of the flight, without the node's links. Changes nothing."""
         context, goto = self.context, self.states.goto.goto_task
         airspace, targets = context.airspace, self.search.targets
         goes_to = context.task.state is State.GOTO and goto is not None
@@ -399,25 +403,25 @@ class Controller:
         age_s = self.context.now_s - track.ours_s(track.pose.stamp_s)
         return TargetStatus(track.pose.position, max(age_s, 0.0))
 
-    # What carries its decisions out asks, and tells, in between.
+    # For the flight loop, which carries the actions out.
 
     @property
     def pending(self) -> Motion | None:
-        """What was commanded and is not confirmed yet."""
+        """The motion that was commanded and is not confirmed yet."""
         return self.gate.pending
 
     @property
     def our_modes(self) -> frozenset[FlightMode]:
-        """In which flight modes the vehicle is by our commands."""
+        """The flight modes that follow from our commands."""
         return self.gate.modes
 
     @property
     def ended_modes(self) -> frozenset[FlightMode]:
-        """The flight modes that the pending motion may end: no others, a pilot has chosen them."""
+        """The flight modes that the pending motion may end; a pilot has chosen any other."""
         return self.gate.ends
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
-        """Why a motion decided a moment ago must not be commanded any more; None: it may."""
+        """Why a motion decided earlier must not be sent anymore; None if it may."""
         return self.navigator.objection(motion, now_s)
 
     def why_not_started(self, before: Telemetry, *, armed: bool) -> str | None:
@@ -426,36 +430,36 @@ class Controller:
 
     @property
     def reaction_s(self) -> float:
-        """How long a command takes to the vehicle at most, on its clock."""
+        """The longest delay of a command to the vehicle, on its clock."""
         return self.gate.reaction_s
 
     def reacts_within(self, reaction_s: float) -> None:
-        """A command takes at most so long to the vehicle, on its clock, from now on."""
+        """Set the longest delay of a command to the vehicle, on its clock."""
         self.gate.reacts_within(reaction_s)
 
     def home_by(self, now_s: float) -> None:
-        """Come home at this time on the vehicle's clock: the zones may be others later."""
+        """Come home at this time on the vehicle's clock: other zones may apply later."""
         self.context.task.come_home_by(now_s)
 
     @property
     def plan_is_ours(self) -> bool:
-        """Whether the plan on board is this mission's, as far as is known."""
-        return self.context.authority.on_board is OnBoard.OURS
+        """Whether the plan on board is this mission's, as far as known."""
+        return self.context.authority.on_board is PlanOwner.OURS
 
     def why_no_upload(self) -> str | None:
-        """Why nothing may be put on board any more; None: it may."""
+        """Why nothing may be uploaded anymore; None if it may."""
         return self.airspace_update.objection()
 
     @property
     def all_zones(self) -> bool:
-        """Whether every zone is to count whatever its height: the altitude is in doubt."""
+        """Whether all zones apply at every altitude, because the altitude is in doubt."""
         return self.airspace_update.all_zones
 
     @property
     def replans(self) -> bool:
-        """Whether a router among the zones as they count now is waited for."""
+        """Whether the controller waits for a router with the zones that apply now."""
         return self.airspace_update.replans
 
     def prepare(self, router: Router) -> None:
-        """Use this router, made elsewhere, for the zones that come next, if it is among them."""
+        """Use this router, made elsewhere, for the next zones, if it was made for them."""
         self.airspace_update.prepare(router)

@@ -1,33 +1,33 @@
-"""What follows where the vehicle is off what was planned, or inputs are missing.
+"""Responds to deviations from the plan and to missing inputs.
 
-Each deviation is told when it begins. What follows is in this table; nothing follows while a pilot
-flies, zones are being changed, or the vehicle lands.
+Each deviation is announced when it begins. This table has the responses. There is none while a
+pilot flies, zones are being changed, or the vehicle lands.
 
-| deviation | begins | what follows |
+| deviation | begins | response |
 |---|---|---|
-| home moved up or down | at once | hold, then on in the planned height, by points |
-| home moved to a side | at once | it is told: only the autopilot's own Return flies there |
-| too low or too high | 4 s off the altitudes of the mission | hold, then back to them and on |
-| the altitude jumps: within them, or off them | at once | hold, then on; hold until it is back |
-| one of the last two | 30 s | home |
-| the satellites' altitude leaves the autopilot's by 3.5 m | for some seconds | it is told |
-| by 6 m | for some seconds | home, and every zone counts whatever its height |
-| nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
-| satellites (h_acc) or wind worse than planned for | for 3 s | hold until they are good for 5 s |
-| that | 30 s | home |
+| home moved up or down | at once | hold, then on at the planned altitude, by position setpoints |
+| home moved sideways | at once | announced: only PX4's own Return flies there |
+| too low or too high | 4 s off the mission's altitudes | hold, then back to them and on |
+| the altitude jumps within them / off them | at once | hold, then on / hold until it recovers |
+| either of the last two | for 30 s | home |
+| GPS and PX4 altitudes differ by 3.5 m | for some seconds | announced |
+| by 6 m | for some seconds | home, and all zones apply at every altitude |
+| nearer to a zone or the fence than the clearance | at once | hold, then move away and on |
+| GPS accuracy (h_acc) or wind worse than planned | for 3 s | hold until good for 5 s |
+| the same | for 30 s | home |
 | faster than commanded | for 2 s | hold, then on at the commanded speed |
-| much slower | for 5 s of a leg | it is told |
-| one of these, a third time within 3 minutes | at once | home |
-| the battery at its reserve, or little above what the way home takes | at once | home |
-| this program stood still for 0.5 s, or was starved | at once | it is told, once in 30 s |
-| it stood still for 2 s | at once | hold, then on: what it flew over was not looked at |
-| the charge jumps by more than 5 % | at once | it counts after 3 s, or if the voltage fell |
-| the mission's duration, or the hours that its zones were chosen for, are over | at once | home |
+| much slower | for 5 s of a leg | announced |
+| a third hold for these within 3 minutes | at once | home |
+| the battery at its reserve, or near the charge for the way home | at once | home |
+| this program stalled for 0.5 s | at once | announced, once in 30 s |
+| it stalled for 2 s | at once | hold, then on: the track was not checked |
+| the charge jumps by more than 5 % | at once | counts after 3 s, or if the voltage fell |
+| the mission's duration, or its zones' active hours, are over | at once | home |
 
-Where no way home is clear of zones whatever their height it hovers; asked for `home` once more, or
-with the battery at its reserve, it comes home by a way that is clear at the autopilot's altitude.
+If no way home is clear of all zones at every altitude, the vehicle hovers. At the next `home`
+request, or with the battery at its reserve, it comes home by a way that is clear at PX4's altitude.
 
-For a fix, a position or the battery that is missing, `InputLimit` has what follows.
+`InputLimit` has the responses to a missing fix, position or battery.
 """
 
 from __future__ import annotations
@@ -46,23 +46,23 @@ from air_router.vehicle import (
     BE_READY_AT_HOME,
     INPUT_ALARMS,
     NO_OTHER_HOME,
-    InputNews,
+    InputAnnouncement,
+    InputResponse,
     InputStatus,
-    Stop,
     Telemetry,
 )
 
 
 @dataclass(slots=True, eq=False)
 class Deviations:
-    """Has a vehicle that flies its mission by our commands keep to what was planned.
+    """Carries out the responses while the vehicle flies its mission.
 
     Args:
-        context: Where it says what is off or missing, and has it come home.
-        gate: Has it hold.
-        returns: Looks at time and charge, which go on while inputs are missing.
-        lag: Whether this program itself has just stood still.
-        envelope: What is off.
+        context: Receives announcements, retries and returns.
+        gate: Commands holds.
+        returns: Checks time and charge, also while inputs are missing.
+        lag: Knows whether this program has just stalled.
+        envelope: Finds the deviations.
     """
 
     _context: MissionContext
@@ -70,119 +70,119 @@ class Deviations:
     _returns: ReturnMonitor
     _lag: LagMonitor
     _envelope: Envelope
-    _unsaid: set[str] = field(default_factory=set)  # what seemed to be missing just after a lag
+    _suppressed: set[str] = field(default_factory=set)  # inputs missing just after a stall
     _times: deque[float] = field(
         default_factory=partial(deque, maxlen=DEVIATION_TIMES)
-    )  # holds, when
+    )  # times of holds
 
     def follow(self, telemetry: Telemetry) -> None:
-        """Say what is off, or is over, and do what follows."""
-        for deviation in self._lag.look(telemetry) + self._envelope.look(telemetry):
-            again = deviation.counts and self._happens_again(self._context.heard.time_s)
+        """Announce each deviation and carry out its response."""
+        for deviation in self._lag.update(telemetry) + self._envelope.update(telemetry):
+            again = deviation.counts and self._happens_again(self._context.last_telemetry.time_s)
             self._respond(deviation._replace(response=Response.HOME) if again else deviation)
 
     def home_moved(self, moved: Response, *, cruises: bool) -> None:
-        """Do what follows home having been moved just now, which is told already.
+        """Respond to a change of home, which is announced already.
 
         Args:
-            moved: What that is.
-            cruises: The vehicle flies at its altitudes; if not, only a leg on which it is while
-                zones change is held for.
+            moved: The response.
+            cruises: The vehicle flies at its altitudes. If not, it holds only on a leg during a
+                change of zones.
         """
         if cruises:
-            self._respond(Deviation(moved, "home was moved", NO_OTHER_HOME), said=True)
+            self._respond(Deviation(moved, "home was moved", NO_OTHER_HOME), announced=True)
         elif moved is Response.HOLD and self._context.airspace.change is not None:
             self._gate.stop()
             self._context.airspace.stop_first()
             self._gate.hold("home was moved")
 
     def inputs_missing(self, status: InputStatus, telemetry: Telemetry) -> bool:
-        """Tell which inputs are missing; whether too few of them come to fly on by."""
+        """Announce missing inputs; return whether too few are received to fly on."""
         context = self._context
-        landing = context.task.state is State.LAND  # PX4 does so without a position too
-        self._tell_inputs(status, telemetry, landing=landing)
+        landing = context.task.state is State.LAND  # PX4 lands without a position, too
+        self._announce_inputs(status, telemetry, landing=landing)
         if status.home_why is not None:
             context.come_home(status.home_why, BE_READY_AT_HOME)
         if context.task.state is State.READY:
             return False
-        if status.stop is Stop.NONE:
+        if status.stop is InputResponse.NONE:
             if status.back:
                 context.retry_in(0.0)
             return False
-        # What is flown ends at once; a hold that was not followed is commanded again after a pause.
+        # The current leg ends at once; a hold that failed is commanded again after a pause.
         pauses = not context.take_retry() and context.task.retry_at_s is not None
         pauses &= self._gate.last is None
-        if status.stop is Stop.HOLD and not landing and not pauses:
-            self._gate.hold(status.why)  # unless that is what it does
-        self._returns.check(telemetry)  # time and charge go on
+        if status.stop is InputResponse.HOLD and not landing and not pauses:
+            self._gate.hold(status.why)  # has no effect if it holds already
+        self._returns.check(telemetry)  # time and charge still count
         if context.left_s == 0.0 and context.airspace.change is None:
             context.signal(Signal.TIMER)
         return True
 
-    def _tell_inputs(self, status: InputStatus, telemetry: Telemetry, *, landing: bool) -> None:
-        """Announce what is missing, and what is back."""
+    def _announce_inputs(self, status: InputStatus, telemetry: Telemetry, *, landing: bool) -> None:
+        """Announce inputs that are missing or received again."""
         context = self._context
-        for news in status.news:
-            if self._is_our_own(news):
+        for announcements in status.announcements:
+            if self._is_our_own(announcements):
                 continue
-            then = news.then
+            then = announcements.then
             if then and landing:
                 then = "landing on"
             elif then and context.task.state is State.READY:
-                then = "the climb goes on"  # it ends above home by itself
-            text = f"{news.what}: {then}" if then else news.what
-            if news.alarms and news.instruction is not None and not landing:
+                then = "the climb goes on"  # PX4 ends it above home on its own
+            text = f"{announcements.what}: {then}" if then else announcements.what
+            if announcements.alarms and announcements.instruction is not None and not landing:
                 context.alarm_until_over(
-                    news.about,
+                    announcements.about,
                     text,
-                    news.instruction,
-                    lasting=news.about,
-                    since_s=telemetry.told_s - news.age_s,
+                    announcements.instruction,
+                    lasting=announcements.about,
+                    since_s=telemetry.received_s - announcements.age_s,
                 )
             else:
-                context.announce(text, news.instruction)
+                context.announce(text, announcements.instruction)
         for about in set(context.alarms.shown) & INPUT_ALARMS - set(context.inputs.stopped):
             context.over(about)
 
-    def _is_our_own(self, news: InputNews) -> bool:
-        """Whether what seems to be missing may wait in this program's own sockets."""
-        if news.instruction is None:
-            told = news.about not in self._unsaid
-            self._unsaid.discard(news.about)
-            return not told
-        if self._lag.recent and not news.alarms:
-            self._unsaid.add(news.about)
+    def _is_our_own(self, announcements: InputAnnouncement) -> bool:
+        """Whether a missing input may only wait in this program's sockets after a stall."""
+        if announcements.instruction is None:
+            announced = announcements.about not in self._suppressed
+            self._suppressed.discard(announcements.about)
+            return not announced
+        if self._lag.recent and not announcements.alarms:
+            self._suppressed.add(announcements.about)
             return True
-        self._unsaid.discard(news.about)
+        self._suppressed.discard(announcements.about)
         return False
 
     def forget(self) -> None:
-        """It does not fly its mission by our commands just now: what was off is looked at anew."""
+        """Reset: the vehicle does not fly its mission now."""
         self._envelope.forget()
-        for doubt in OFF_PLAN:
-            self._context.interlocks.put(doubt, raised=False)
+        for anomaly in OFF_PLAN:
+            self._context.interlocks.put(anomaly, raised=False)
 
-    def _respond(self, deviation: Deviation, *, said: bool = False) -> None:
-        response, words, instruction, _, alarms, doubt = deviation
+    def _respond(self, deviation: Deviation, *, announced: bool = False) -> None:
+        response, words, instruction, _, alarms, anomaly = deviation
         context = self._context
-        if doubt is not None:  # raised and cleared here alone
-            context.interlocks.put(doubt, raised=response is Response.WAIT)
+        if anomaly is not None:  # raised and cleared only here
+            context.interlocks.put(anomaly, raised=response is Response.WAIT)
         if response is Response.HOME:
             comes_home = context.knows(Signal.COME_HOME)
             context.come_home(words, instruction)
             if comes_home:
                 return
         holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
-        if words and not said:
+        if words and not announced:
             text = f"{words}: holding" if holds else words
             context.announce(text, instruction, alarms=alarms)
         if holds:
             self._gate.hold(words)
-        if response is not Response.TELL:
+        if response is not Response.ANNOUNCE:
             context.retry_in(0.0 if response is Response.BACK else DEVIATION_HOLD_S)
 
     def _happens_again(self, now_s: float) -> bool:
-        """Whether it was held for so often lately that holding once more will not help."""
+        """Whether so many recent holds show that another one will not help."""
         self._times.append(now_s)
         if len(self._times) < DEVIATION_TIMES or now_s - self._times[0] > DEVIATION_WITHIN_S:
             return False

@@ -1,7 +1,7 @@
-"""Looks whether the flight keeps to what was planned: height, clearance, speed, charge and time.
+"""Checks the flight against its plan: altitude, clearance, speed, charge and time.
 
-Each is looked at in every telemetry while the vehicle flies its mission by our commands. What
-follows from what is found, `deviations` has in one table.
+Every telemetry update is checked while the vehicle flies its mission. `deviations` has the
+responses in one table.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from air_router.controller.conditions import ConditionsWatch
 from air_router.controller.limits import (
-    ALTITUDE_DOUBT_M,
+    ALTITUDE_DISAGREES_M,
     ALTITUDE_JUMP_CLIMB_M_S,
     ALTITUDE_JUMP_M,
     BACK_AT_ALTITUDE_S,
@@ -30,7 +30,7 @@ from air_router.controller.limits import (
     UNDERSPEED_S,
 )
 from air_router.controller.model import (
-    Doubt,
+    Anomaly,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -58,24 +58,24 @@ from geo.frame import Point
 
 @dataclass(slots=True, eq=False)
 class HeightWatch:
-    """Whether the vehicle is at the altitudes of the mission.
+    """Checks that the vehicle is at the mission's altitudes.
 
     Args:
-        context: They, as they are now.
+        context: The mission's altitudes.
     """
 
     _context: MissionContext
     _before: tuple[float, float] | None = None  # time, altitude above sea level
-    _out_m: float = 0.0  # the least that it was off its altitudes lately
-    _out_since_s: float | None = None  # since when it came no nearer
-    _off_since_s: float | None = None  # when it was announced
-    _back_since_s: float | None = None  # within its altitudes again since
+    _out_m: float = 0.0  # smallest recent distance from its altitudes
+    _out_since_s: float | None = None  # since when it has come no nearer
+    _off_since_s: float | None = None  # time of the announcement
+    _back_since_s: float | None = None  # at its altitudes again since
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether the altitude jumps, is off, or is back."""
+    def update(self, telemetry: Telemetry) -> Deviation | None:
+        """The deviation when the altitude jumps, is off, or has recovered."""
         band, now_s, before = self._context.airspace.mission.cruise, telemetry.time_s, self._before
         altitude_m = telemetry.altitude_m
-        # With nothing in it of home, which the autopilot corrects by a metre or two.
+        # Independent of home, which PX4 corrects by a meter or two.
         amsl_m = altitude_m if telemetry.altitude_amsl_m is None else telemetry.altitude_amsl_m
         self._before = (now_s, amsl_m)
         slack_m = max(
@@ -89,7 +89,7 @@ class HeightWatch:
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words, WATCH_HEIGHT)
             self._off_since_s, self._back_since_s = now_s, None
-            return Deviation(Response.WAIT, words, WATCH_HEIGHT, doubt=Doubt.ALTITUDE_JUMP)
+            return Deviation(Response.WAIT, words, WATCH_HEIGHT, anomaly=Anomaly.ALTITUDE_JUMP)
         if self._off_since_s is not None:
             return self._while_off(telemetry, out_m, self._off_since_s)
         if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - NEARER_ALTITUDE_M:
@@ -114,17 +114,17 @@ class HeightWatch:
                 Response.BACK,
                 f"at {telemetry.altitude_m:.0f} m again",
                 None,
-                doubt=Doubt.ALTITUDE_JUMP,
+                anomaly=Anomaly.ALTITUDE_JUMP,
             )
         self._back_since_s = None
         if now_s - off_since_s < OFF_ALTITUDE_HOME_S:
             return None
-        self._off_since_s = math.inf  # once, until it is back
+        self._off_since_s = math.inf  # only once, until it has recovered
         return Deviation(
             Response.HOME,
             f"too {self._off(telemetry.altitude_m)}",
             WATCH_HEIGHT,
-            doubt=Doubt.ALTITUDE_JUMP,
+            anomaly=Anomaly.ALTITUDE_JUMP,
         )
 
     def _off(self, altitude_m: float) -> str:
@@ -134,83 +134,83 @@ class HeightWatch:
         return f"{side}: {altitude_m:.0f} m above home, {flown}"
 
     def forget(self) -> None:
-        """It does not fly its mission by our commands just now."""
+        """Reset: the vehicle does not fly its mission now."""
         self._before = self._out_since_s = self._off_since_s = self._back_since_s = None
 
 
 @dataclass(slots=True, eq=False)
 class ClearanceWatch:
-    """Whether the vehicle keeps the clearance to zones and fence.
+    """Checks that the vehicle keeps the clearance from zones and fence.
 
     Args:
-        context: They, as they are now.
+        context: The zones and fences in force.
     """
 
     _context: MissionContext
-    _told_m: float | None = 0.0  # what was to spare when that was told last; None: it is kept
-    # So much was to spare there, at the cruise altitudes (elsewhere each may have other zones).
-    _spare: tuple[float, Point, bool, Mission] | None = None
+    _announced_m: float | None = 0.0  # last announced clearance left; None: kept
+    # Clearance left at a place, whether at the cruise altitudes (zones differ elsewhere), mission.
+    _clearance_left: tuple[float, Point, bool, Mission] | None = None
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether it has come too near to something, or nearer still."""
+    def update(self, telemetry: Telemetry) -> Deviation | None:
+        """The deviation when the vehicle comes too near to a zone or fence, or nearer still."""
         here = telemetry.position
         mission, altitude_m = self._context.airspace.mission, telemetry.altitude_m
         cruises = mission.cruise.lower_m <= altitude_m <= mission.cruise.upper_m
-        if self._spare is not None:
-            spare_m, there, cruised, among = self._spare
-            if among is not mission:
-                self._told_m = 0.0  # a zone may have been drawn near to the vehicle
-            elif cruises and cruised and math.dist(here, there) < spare_m:
+        if self._clearance_left is not None:
+            clear_m, there, cruised, checked_mission = self._clearance_left
+            if checked_mission is not mission:
+                self._announced_m = 0.0  # a zone may have been drawn near to the vehicle
+            elif cruises and cruised and math.dist(here, there) < clear_m:
                 return None
         airspace = mission.airspace_at(altitude_m)
-        spare_m, name = airspace.clearance_left_m(here)
-        self._spare = (spare_m, here, cruises, mission)
-        told_m = self._told_m
-        if spare_m >= -CLEARANCE_NOISE_M:
-            if spare_m >= 0.0:
-                self._told_m = None
+        clearance_left_m, name = airspace.clearance_left_m(here)
+        self._clearance_left = (clearance_left_m, here, cruises, mission)
+        announced_m = self._announced_m
+        if clearance_left_m >= -CLEARANCE_NOISE_M:
+            if clearance_left_m >= 0.0:
+                self._announced_m = None
             return None
-        if told_m is not None and spare_m > told_m - CLEARANCE_REPEATED_M:
+        if announced_m is not None and clearance_left_m > announced_m - CLEARANCE_REPEATED_M:
             return None
-        self._told_m = spare_m
-        kept_m = airspace.required_m(name)
-        left_m = max(spare_m + kept_m, 0.0)
-        words = f"too near to {names_of((name,))}: {left_m:.1f} m, {kept_m:g} m are to be kept"
-        if told_m is not None:
-            return Deviation(Response.TELL, words, FLY_OUT, alarms=True)
+        self._announced_m = clearance_left_m
+        required_m = airspace.required_m(name)
+        left_m = max(clearance_left_m + required_m, 0.0)
+        words = f"too near to {names_of((name,))}: {left_m:.1f} m, {required_m:g} m are required"
+        if announced_m is not None:
+            return Deviation(Response.ANNOUNCE, words, FLY_OUT, alarms=True)
         return Deviation(Response.HOLD, words, BE_READY, counts=True)
 
     def forget(self) -> None:
-        """It does not fly its mission by our commands just now."""
-        self._told_m, self._spare = 0.0, None
+        """Reset: the vehicle does not fly its mission now."""
+        self._announced_m, self._clearance_left = 0.0, None
 
 
 @dataclass(slots=True, eq=False)
 class SpeedWatch:
-    """Whether the vehicle flies as fast as it was told.
+    """Checks that the vehicle flies at the commanded speed.
 
     Args:
-        context: How fast that is.
-        gate: What it was told last.
+        context: The commanded speed.
+        gate: The last command.
     """
 
     _context: MissionContext
     _gate: CommandGate
     _fast_since_s: float | None = None  # faster than commanded
-    _fast_told: bool = True  # announced, or braking from a pilot's flight
+    _fast_announced: bool = True  # announced, or braking after a pilot's flight
     _slow_since_s: float | None = None  # slower than commanded, on this leg
-    _slow_told: bool = False  # until it is faster again
+    _slow_announced: bool = False  # until it is faster again
 
-    def look(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether it flies faster, or much slower, than it was told."""
+    def update(self, telemetry: Telemetry) -> Deviation | None:
+        """The deviation when the vehicle flies faster or much slower than commanded."""
         commanded_m_s = self._context.airspace.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
-        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + UNDERSPEED) / 2.0
+        self._slow_announced &= speed_m_s < commanded_m_s * (1.0 + UNDERSPEED) / 2.0
         if speed_m_s > UNDERSPEED * commanded_m_s:
             self._slow_since_s = None
         if speed_m_s > OVERSPEED * commanded_m_s + OVERSPEED_M_S:
             return self._fast(telemetry, speed_m_s)
-        self._fast_since_s, self._fast_told = None, False
+        self._fast_since_s, self._fast_announced = None, False
         if speed_m_s <= UNDERSPEED * commanded_m_s:
             return self._slow(telemetry, speed_m_s)
         return None
@@ -218,49 +218,49 @@ class SpeedWatch:
     def _fast(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
         if self._fast_since_s is None:
             self._fast_since_s = telemetry.time_s
-        if self._fast_told or telemetry.time_s - self._fast_since_s < OVERSPEED_S:
+        if self._fast_announced or telemetry.time_s - self._fast_since_s < OVERSPEED_S:
             return None
-        self._fast_told = True
+        self._fast_announced = True
         commanded_m_s = self._context.airspace.mission.speed_m_s
         words = (
-            f"it flies {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s: "
+            f"it flies at {speed_m_s:.1f} m/s, but {commanded_m_s:.1f} m/s were commanded: "
             "another ground station changed its speed, or the wind carries it"
         )
-        if isinstance(self._gate.last, HoldHere):  # for another reason; it brakes
-            return Deviation(Response.TELL, words, NO_OTHER_SPEED)
+        if isinstance(self._gate.last, HoldHere):  # it brakes for another reason
+            return Deviation(Response.ANNOUNCE, words, NO_OTHER_SPEED)
         return Deviation(Response.HOLD, words, NO_OTHER_SPEED, counts=True)
 
     def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
         leg, mission, far = self._gate.last, self._context.airspace.mission, False
         if self._gate.pending is None and isinstance(leg, FlyToNode | FlyToPoint):
             up_m = mission.altitude_of(leg.node) if isinstance(leg, FlyToNode) else leg.altitude_m
-            climbs = below(up_m, telemetry)  # PX4 does so before it sets out for an item
+            climbs = below(up_m, telemetry)  # PX4 climbs before it flies to an item
             far = math.dist(telemetry.position, leg.position) > UNDERSPEED_LEG_M and not climbs
         if not far:
             self._slow_since_s = None
             return None
         if self._slow_since_s is None:
             self._slow_since_s = telemetry.time_s
-        if self._slow_told or telemetry.time_s - self._slow_since_s < UNDERSPEED_S:
+        if self._slow_announced or telemetry.time_s - self._slow_since_s < UNDERSPEED_S:
             return None
-        self._slow_told = True
-        words = f"it flies only {speed_m_s:.1f} m/s and was told {mission.speed_m_s:.1f} m/s"
-        return Deviation(Response.TELL, words, TOO_MUCH_WIND)
+        self._slow_announced = True
+        words = f"it flies only at {speed_m_s:.1f} m/s, not {mission.speed_m_s:.1f} m/s"
+        return Deviation(Response.ANNOUNCE, words, TOO_MUCH_WIND)
 
     def forget(self) -> None:
-        """It does not fly its mission by our commands just now: out of another's it brakes."""
+        """Reset: the vehicle does not fly its mission now; it may brake after a pilot's flight."""
         self._fast_since_s = self._slow_since_s = None
-        self._fast_told = True
+        self._fast_announced = True
 
 
 @dataclass(slots=True, eq=False)
 class Envelope:
-    """Looks at height, clearance, speed and conditions together.
+    """Checks altitude, clearance, speed and conditions together.
 
     Args:
-        context: What was planned.
-        gate: What the vehicle was told last.
-        home: What the satellites say of the altitude.
+        context: The mission.
+        gate: The last command to the vehicle.
+        home: Compares the receiver's altitude.
     """
 
     _context: MissionContext
@@ -270,7 +270,7 @@ class Envelope:
     _clearance: ClearanceWatch = field(init=False)
     _speed: SpeedWatch = field(init=False)
     _conditions: ConditionsWatch = field(init=False)
-    _looks: bool = False  # the telemetry before was looked at
+    _updated: bool = False  # the previous telemetry was checked
 
     def __post_init__(self) -> None:
         self._height = HeightWatch(self._context)
@@ -278,33 +278,33 @@ class Envelope:
         self._speed = SpeedWatch(self._context, self._gate)
         self._conditions = ConditionsWatch(self._context)
 
-    def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
-        """What begins, or is over, of a vehicle that flies its mission by our commands."""
-        self._looks = True
-        in_doubt = abs(self._home.receiver_off_m) >= ALTITUDE_DOUBT_M
+    def update(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
+        """The deviations that begin or end in this telemetry."""
+        self._updated = True
+        in_doubt = abs(self._home.receiver_off_m) >= ALTITUDE_DISAGREES_M
         conditions, accuracy_m = self._conditions, telemetry.accuracy_m
         planned_m = self._context.airspace.mission.planner.position_accuracy_m
         poor = accuracy_m is not None and accuracy_m > planned_m
         rough = conditions.waits or poor or telemetry.wind_m_s is not None
         found = (
-            self._height.look(telemetry),
-            self._home.doubt(telemetry) if in_doubt else None,
-            self._clearance.look(telemetry),
-            self._speed.look(telemetry),
-            conditions.look(telemetry) if rough else None,
+            self._height.update(telemetry),
+            self._home.anomaly(telemetry) if in_doubt else None,
+            self._clearance.update(telemetry),
+            self._speed.update(telemetry),
+            conditions.update(telemetry) if rough else None,
         )
         return tuple(filter(None, found))
 
     def forget(self) -> None:
-        """It does not fly its mission by our commands just now: what was found is void."""
-        if self._looks:
-            self._looks = False
+        """Reset all checks: the vehicle does not fly its mission now."""
+        if self._updated:
+            self._updated = False
             for watch in (self._height, self._clearance, self._speed, self._conditions):
                 watch.forget()
 
 
 class Due(NamedTuple):
-    """Why the vehicle comes home now, and what the pilot does; None: it was to end like this."""
+    """Why the vehicle comes home now, with the pilot's action; None: a normal end."""
 
     why: str
     instruction: Instruction | None = None
@@ -312,11 +312,11 @@ class Due(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class ReturnMonitor:
-    """Decides when the mission ends, and says where no way leads home.
+    """Decides when the vehicle comes home, and announces that there is no way home.
 
     Args:
-        context: The charge, and since when the mission is in the air.
-        reachability: Whether zones leave a way home.
+        context: The charge and the time in the air.
+        reachability: Checks whether zones leave a way home.
     """
 
     _context: MissionContext
@@ -325,29 +325,29 @@ class ReturnMonitor:
 
     @property
     def need_home(self) -> float | None:
-        """The charge that flying home from here takes; None when unknown, or on the way already."""
+        """The charge needed to fly home from here; None: unknown, or coming home already."""
         return self._way_home.need_now if self._context.knows(Signal.COME_HOME) else None
 
     def check(self, telemetry: Telemetry) -> None:
-        """End the mission if it is time; say it, loudly, where no way leads home."""
+        """Come home if it is due; announce that there is no way home."""
         context, reachability = self._context, self._reachability
         if context.task.state is not State.LAND and (
-            telemetry.time_s >= reachability.look_at_s
+            telemetry.time_s >= reachability.next_check_s
             or reachability.walls is not None
-            or reachability.among is not context.airspace.router
+            or reachability.checked_router is not context.airspace.router
         ):
-            reachability.look(telemetry, due=context.task.state is State.HOME)
+            reachability.update(telemetry, due=context.task.state is State.HOME)
         if Signal.COME_HOME in context.task.spec.on:
             self.end_if_due(telemetry)
 
     def end_if_due(self, telemetry: Telemetry) -> None:
-        """Have it come home where its battery or its time demands that."""
+        """Come home if the battery or the time demands it."""
         due = self.due(telemetry)
         if due is not None:
             self._context.come_home(due.why, due.instruction)
 
     def due(self, telemetry: Telemetry, *, by_time: bool = True) -> Due | None:
-        """Why the vehicle comes home now, for its battery or its time; None to stay out."""
+        """Why the vehicle must come home now, for battery or time; None: it need not."""
         context, mission, charge = self._context, self._context.airspace.mission, telemetry.battery
         need_home = None
         if context.pace.endurance_s is not None:
@@ -357,7 +357,7 @@ class ReturnMonitor:
         if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
             return Due(
                 f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
-                f"{LANDING_MARGIN:.0%} are to be left on the ground",
+                f"{LANDING_MARGIN:.0%} must be left after landing",
                 BE_READY_AT_HOME,
             )
         if not by_time:
@@ -368,5 +368,5 @@ class ReturnMonitor:
             return Due(f"mission duration ({mission.duration_s:.0f} s) reached")
         over = task.home_by_s is not None and context.now_s >= task.home_by_s
         if over and mission.latest_start is not None:
-            return Due("the hours that its no-fly zones were chosen for are over")
+            return Due("the active hours of its selected no-fly zones are over")
         return None

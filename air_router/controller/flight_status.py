@@ -1,4 +1,4 @@
-"""The flight at one moment, as pages, the terminal, programs and records show it."""
+"""The status of the flight at one moment, for pages, terminal, programs and records."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from air_router.controller.model import (
     Goal,
     MissionWaits,
-    OnBoard,
+    PlanOwner,
     StandingAlarm,
     State,
     ZoneChange,
@@ -21,11 +21,11 @@ from mocha_link.links import LinkMetrics
 
 @dataclass(frozen=True, slots=True)
 class TargetStatus:
-    """What is known of a robot that may be sought.
+    """The last data of a robot that may be sought.
 
     Attributes:
-        position: Of its newest pose, metres east/north; None: no pose was received.
-        age_s: The age of that pose; None: no pose was received.
+        position: Its newest pose, meters east/north; None: no pose was received.
+        age_s: Age of that pose; None: no pose was received.
     """
 
     position: Point | None = None
@@ -39,7 +39,7 @@ class AirspaceStatus:
     Attributes:
         revision: Counts the changes of zones and fences, from 1 on.
         zones: How many no-fly zones apply at the flight's altitudes and hours.
-        change: How far a change of zones is; None: none is under way.
+        change: Stage of a change of zones; None: there is none.
     """
 
     revision: int
@@ -49,36 +49,34 @@ class AirspaceStatus:
 
 @dataclass(frozen=True, slots=True)
 class FlightStatus:
-    """A picture of the flight: nothing in it changes any more. Positions are metres east/north.
+    """An immutable status of the flight. Positions are meters east/north.
 
-    The terminal line, pages, programs, ROS 2 and records read this, and nothing else of the
-    controller.
+    The status line, pages, programs, ROS 2 and records read only this of the controller.
 
     Attributes:
-        time_s: When it was made, on the vehicle's clock.
-        state: What the mission is doing.
-        robot: Who is sought or hovered over; None: no robot is.
+        time_s: Time of the status, on the vehicle's clock.
+        state: State of the mission.
+        robot: The robot that is sought or hovered over; None: none.
         targets: The robots that may be sought, by name.
-        left_s: Seconds until the state's timer ends; None: it does not run.
-        goal: Where the vehicle is sent; None: nowhere.
-        legs: What is left of the way there, the leg under way first.
-        points_left: Requested points that are still to be flown to.
-        waypoints_left: Waypoints that are still to be explored.
-        no_way_home: Zones leave no way home.
+        left_s: Seconds until the state's timer expires; None: it does not run.
+        goal: The vehicle's goal; None: none.
+        legs: Remaining legs of the route, the current one first.
+        points_left: Number of requested points not reached yet.
+        waypoints_left: Number of waypoints not explored yet.
+        no_way_home: Zones block every way home.
         interlocks: The rows of `INTERLOCKS` that are raised; the first decides.
-        waiting: The verdict on the motion that the mission wants: the row that keeps it back, the
-            reason and since when; None: nothing keeps it back.
-        refusals: Why requests would be refused now, by their verbs.
-        alarms: What the pilot has to act on, by what each is about, until it is over.
-        need_home: The charge that flying home takes, 0 to 1; None: not known, or it flies there.
-        in_charge: The vehicle flies by our commands.
+        waiting: The interlock that blocks the mission, with the reason and since when; None: none.
+        refusals: Why requests would be refused now, by verb.
+        alarms: Alarms that last, by subject.
+        need_home: Charge needed to fly home, 0 to 1; None: unknown, or coming home already.
+        in_charge: This program commands the vehicle in the air.
         plan_owner: Whose the plan on board is.
         airspace: The zones and fences in force.
-        silent_s: For how long nothing was received from the vehicle; 0: the link is up.
-        missing_inputs: The inputs of the flight that have stopped, in words.
-        telemetry: What the vehicle reported last, with the age of each part in `ages`; None:
-            nothing was received yet.
-        links: Metrics of the link to each peer, as the node measured them last.
+        silent_s: Time without any message from the vehicle; 0: the link is up.
+        missing_inputs: The inputs that have stopped, as text.
+        telemetry: The vehicle's last telemetry, with the age of each part in `ages`; None: nothing
+            was received yet.
+        links: The node's last metrics of the link to each peer.
     """
 
     time_s: float
@@ -97,7 +95,7 @@ class FlightStatus:
     alarms: Mapping[str, StandingAlarm]
     need_home: float | None
     in_charge: bool
-    plan_owner: OnBoard
+    plan_owner: PlanOwner
     airspace: AirspaceStatus
     silent_s: float
     missing_inputs: tuple[str, ...]
@@ -106,5 +104,5 @@ class FlightStatus:
 
     @property
     def waiting_s(self) -> float:
-        """For how long the mission has been kept waiting without a break; 0: it is not."""
+        """How long the mission has been blocked without a break; 0: it is not."""
         return 0.0 if self.waiting is None else max(self.time_s - self.waiting.since_s, 0.0)

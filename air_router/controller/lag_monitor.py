@@ -1,7 +1,6 @@
-"""What follows where this program itself stood still: it is told, held for, and looked back on.
+"""Responds to a stall of this program: announces it, holds, and checks the missed track.
 
-Pure. What the vehicle did meanwhile is known by where it was before and where it is now; between
-two positions it is taken to have flown straight.
+Pure. The missed track is the straight line between the vehicle's positions before and after.
 """
 
 from __future__ import annotations
@@ -19,61 +18,61 @@ from geo.frame import Point
 
 @dataclass(slots=True, eq=False)
 class LagMonitor:
-    """Looks back on what was missed.
+    """Checks what a stall missed.
 
     Args:
-        context: The airspace; where it is told.
+        context: The airspace; receives announcements.
     """
 
     _context: MissionContext
-    _before: Telemetry | None = None  # the telemetry before the newest
-    _gap: tuple[Point, Point, float] | None = None  # the way that was not looked at, and until when
-    _lag_s: float = 0.0  # to be held for; 0: nothing
-    _lagged_at_s: float = -math.inf  # when it was told last, vehicle's clock
+    _before: Telemetry | None = None  # the previous telemetry
+    _gap: tuple[Point, Point, float] | None = None  # the unchecked track, and its end
+    _lag_s: float = 0.0  # the stall to respond to; 0: none
+    _lagged_at_s: float = -math.inf  # time of the last stall, vehicle's clock
 
     @property
     def recent(self) -> bool:
-        """Whether the program has just stood still: what seems to be missing may be its own."""
+        """Whether this program has just stalled: missing inputs may wait in its own sockets."""
         return self._context.now_s <= self._lagged_at_s + LAG_RECENT_S
 
     def note(self, telemetry: Telemetry) -> None:
-        """Take every telemetry in, also while a pilot has the vehicle."""
+        """Update from every telemetry, also while a pilot flies."""
         before, self._before = self._before, telemetry
         if (
             before is not None
-            and telemetry.told_s - before.told_s > TELEMETRY_GAP_S
+            and telemetry.received_s - before.received_s > TELEMETRY_GAP_S
             and telemetry.in_air
         ):
-            self._gap = (before.position, telemetry.position, telemetry.told_s)
+            self._gap = (before.position, telemetry.position, telemetry.received_s)
 
     def lagged(self, event: CompanionLagged) -> None:
-        """This program stood still, or was starved: say so."""
+        """Announce that this program stalled."""
         self._lagged_at_s = self._context.now_s
         telemetry = self._context.telemetry
         if telemetry is None or not (telemetry.armed or telemetry.in_air):
             return  # nothing moved
         self._context.warn(
-            f"this program stood still for {event.lag_s:.1f} s: it looked at nothing meanwhile",
+            f"this program stood still for {event.lag_s:.1f} s: it checked nothing meanwhile",
             FREE_PROCESSOR,
         )
         self._lag_s = max(self._lag_s, event.lag_s)
 
-    def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
-        """What follows, of a vehicle that is ours; once for each lag."""
+    def update(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
+        """The deviations of a vehicle that this program commands; once per stall."""
         lag_s, self._lag_s = self._lag_s, 0.0
         if lag_s == 0.0:
             return ()
         missed = self._missed(telemetry)
         if lag_s >= LAG_HOLD_S:
-            words = f"unwatched for {lag_s:.1f} s"
+            words = f"unmonitored for {lag_s:.1f} s"
             held = Deviation(Response.HOLD, words, FREE_PROCESSOR, counts=True)
             return (held,) if missed is None else (held, missed)
         return () if missed is None else (missed,)
 
     def _missed(self, telemetry: Telemetry) -> Deviation | None:
-        """The least clearance of the way that was not looked at, if it was too little."""
+        """The smallest clearance of the unchecked track, if it was too small."""
         gap, self._gap = self._gap, None
-        if gap is None or telemetry.told_s - gap[2] > LAG_RECENT_S:
+        if gap is None or telemetry.received_s - gap[2] > LAG_RECENT_S:
             return None
         start, end, _ = gap
         airspace = self._context.airspace.mission.airspace_at(telemetry.altitude_m)
@@ -86,13 +85,13 @@ class LagMonitor:
             )
             for share in shares
         ]
-        spare_m, name = min(airspace.clearance_left_m(place) for place in places)
-        if spare_m >= 0.0:
+        clearance_left_m, name = min(airspace.clearance_left_m(place) for place in places)
+        if clearance_left_m >= 0.0:
             return None
-        kept_m = airspace.required_m(name)
-        left_m = max(spare_m + kept_m, 0.0)
+        required_m = airspace.required_m(name)
+        left_m = max(clearance_left_m + required_m, 0.0)
         words = (
             f"meanwhile it may have been too near to {names_of((name,))}: {left_m:.1f} m, "
-            f"{kept_m:g} m are to be kept"
+            f"{required_m:g} m are required"
         )
-        return Deviation(Response.TELL, words, BE_READY)
+        return Deviation(Response.ANNOUNCE, words, BE_READY)

@@ -1,11 +1,10 @@
-"""The watchdog over all that may keep the vehicle from moving: where it should, an alarm says so.
+"""Watchdog for a vehicle that does not move although it should: it raises an alarm.
 
-Whatever holds a motion back (zones that change, a plan that is compared, a way that is not there,
-an input that is missing, a fault of this program), the vehicle hovers then, and a battery ends.
-So beside all of that one rule looks only at what shows: the vehicle is in a zone, or wanted
-elsewhere, and has not moved for some time. `WATCHES` has what is looked at, the gravest first;
-`CAUSES` what may keep it, in the order in which that counts. The alarm has the cause, and what the
-pilot does; it is repeated as long as that lasts.
+Many conditions hold a vehicle: a change of zones, a plan check, no clear way, a missing input, a
+fault of this program. The battery runs down meanwhile. So this watchdog checks only the effect: the
+vehicle is in a zone, or should be elsewhere, and has not moved for some time. `WATCHES` has the
+checks, most severe first; `CAUSES` the possible causes, in order of precedence. The alarm names the
+cause and the pilot's action, and repeats while the condition lasts.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ from air_router.controller.limits import (
     STANDS_FOR_PLAN_S,
     STANDS_IN_ZONE_S,
     STANDS_S,
-    STANDSTILL_LOOK_S,
+    STANDSTILL_CHECK_S,
 )
-from air_router.controller.model import Doubt, MissionContext, Progress, State, ZoneChange
+from air_router.controller.model import Anomaly, MissionContext, Progress, State, ZoneChange
 from air_router.controller.motion import raised
 from air_router.routing import names_of
 from air_router.vehicle import (
@@ -36,12 +35,12 @@ from air_router.vehicle import (
 )
 from geo.frame import Point
 
-STANDSTILL: Final = "the vehicle stands where it should not"
-"""What the alarm is about."""
+STANDSTILL: Final = "the vehicle does not move as it should"
+"""Subject of the alarm."""
 
 
 Cause = Callable[[MissionContext], str | None]
-"""What may keep the vehicle from moving, in words, where it does."""
+"""Returns what keeps the vehicle from moving, as text; None: this cause does not apply."""
 
 
 def _if(what: str, holds: Callable[[MissionContext], object]) -> Cause:
@@ -68,33 +67,33 @@ def _refusal(context: MissionContext) -> str | None:
 
 CAUSES: Final[tuple[Cause, ...]] = (
     lambda context: None if context.authority.held is None else context.authority.held.why,
-    _if("nothing is heard of it", lambda context: context.silent_s > 0.0),
+    _if("nothing is received from it", lambda context: context.silent_s > 0.0),
     lambda context: next(iter(context.inputs.stopped), None),
-    lambda context: context.interlocks.words(*Doubt),
+    lambda context: context.interlocks.first_raised(*Anomaly),
     _releasing,
     _plan_check,
     _zones,
     _refusal,
 )
-"""The first that holds is said."""
+"""The first that applies is announced."""
 
-UNKNOWN: Final = "it does not follow what it is told"
+UNKNOWN: Final = "it does not follow commands"
 
 
 def cause_of(context: MissionContext) -> str:
-    """Why the vehicle does not move, in words."""
+    """Why the vehicle does not move, as text."""
     found = (cause(context) for cause in CAUSES)
-    return next((words for words in found if words), UNKNOWN)
+    return next((text for text in found if text), UNKNOWN)
 
 
 class Watch(NamedTuple):
-    """Something that a vehicle which does not move must not last in.
+    """A condition in which a vehicle must not stay without moving.
 
     Attributes:
-        words: What that is.
-        holds: Whether it is so: more words about it, perhaps none; None: it is not.
-        after_s: For how long it has not moved.
-        instruction: What the pilot does.
+        words: The condition, as text.
+        holds: Checks the condition: details as text, perhaps empty; None: not true.
+        after_s: Longest time without moving.
+        instruction: The pilot's action.
     """
 
     words: str
@@ -105,11 +104,9 @@ class Watch(NamedTuple):
 
 def _in_zone(context: MissionContext, telemetry: Telemetry) -> str | None:
     if not telemetry.fix:
-        return None  # by a position that drifts
-    holders = context.airspace.mission.airspace_at(telemetry.altitude_m).zones_at(
-        telemetry.position
-    )
-    return names_of(holders) if holders else None
+        return None  # the position drifts
+    zones = context.airspace.mission.airspace_at(telemetry.altitude_m).zones_at(telemetry.position)
+    return names_of(zones) if zones else None
 
 
 def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
@@ -119,7 +116,7 @@ def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
 
 
 def _waits_for_plan(context: MissionContext, telemetry: Telemetry) -> str | None:
-    """A plan is put on board, or compared, which has an end of its own."""
+    """A plan is being uploaded or compared, which has its own timeout."""
     del telemetry
     waits = context.airspace.change is ZoneChange.UPLOADING or context.authority.plan_check
     return "" if waits else None
@@ -134,7 +131,7 @@ def _in(state: State) -> Callable[[MissionContext, Telemetry], str | None]:
 
 
 def _elsewhere(context: MissionContext, telemetry: Telemetry) -> str | None:
-    """Its mission goes on elsewhere; where it hovers for a robot, or on request, it does not."""
+    """The mission requires a motion; hovering over a robot or on request is none."""
     rests = {State.HOLD, State.COMM} | ({State.READY} if context.authority.held else set())
     if context.task.state in rests or _waits_for_plan(context, telemetry) is not None:
         return None
@@ -148,14 +145,14 @@ WATCHES: Final = (
     Watch("the battery is at its reserve", _at_reserve, STANDS_IN_ZONE_S, LAND_BY_HAND),
     Watch("it should come home", _in(State.HOME), STANDS_S, LAND_BY_HAND),
     Watch("it should land", _in(State.LAND), STANDS_S, LAND_BY_HAND),
-    Watch("its mission is to go on", _elsewhere, STANDS_S, HOME_OR_TAKE_OVER),
+    Watch("its mission should continue", _elsewhere, STANDS_S, HOME_OR_TAKE_OVER),
     Watch("its mission waits", _waits_for_plan, STANDS_FOR_PLAN_S, TAKE_OVER),
 )
-"""The first that is so for long enough is the alarm."""
+"""The first that lasts long enough raises the alarm."""
 
 
 class _Anchor(NamedTuple):
-    """Where the vehicle was when it had moved last, or was to move first."""
+    """Where the vehicle was when it last moved, or was first required to move."""
 
     time_s: float
     position: Point
@@ -169,25 +166,25 @@ class _Anchor(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Standstill:
-    """Watches over one flight.
+    """Monitors one flight.
 
     Args:
-        context: What it reads; where the alarm goes.
+        context: State of the flight; receives the alarm.
     """
 
     _context: MissionContext
     _anchor: _Anchor | None = None
-    _looked_s: float = -math.inf  # when it was looked at last, vehicle's clock
-    _told: Watch | None = None  # what it stands in now
-    _kept_back: bool = False  # an interlock kept it here when it was looked at last
-    _moves_by_s: float = -math.inf  # it was kept back until just now, and has to set out first
+    _checked_s: float = -math.inf  # last check, vehicle's clock
+    _announced: Watch | None = None  # the condition announced now
+    _was_blocked: bool = False  # an interlock blocked it at the last check
+    _moves_by_s: float = -math.inf  # grace period after an interlock cleared
 
-    def look(self, telemetry: Telemetry, *, ours: bool) -> None:
-        """Take a telemetry in, after all that was decided on it.
+    def update(self, telemetry: Telemetry, *, ours: bool) -> None:
+        """Check a telemetry update, after all decisions on it.
 
         Args:
-            telemetry: Of now.
-            ours: The vehicle is in the air, and flies by our commands.
+            telemetry: The current telemetry.
+            ours: This program commands the vehicle in the air.
         """
         now_s, anchor = telemetry.time_s, self._anchor
         if not ours:
@@ -197,10 +194,10 @@ class Standstill:
         if (
             anchor is not None
             and not anchor.left_by(telemetry)
-            and now_s < self._looked_s + STANDSTILL_LOOK_S
+            and now_s < self._checked_s + STANDSTILL_CHECK_S
         ):
             return
-        self._looked_s = now_s
+        self._checked_s = now_s
         here = _Anchor(now_s, telemetry.position, telemetry.altitude_m)
         if anchor is None or anchor.left_by(telemetry):
             self._anchor = here
@@ -209,41 +206,41 @@ class Standstill:
         found = {watch: watch.holds(self._context, telemetry) for watch in WATCHES}
         lasts = [(watch, more) for watch, more in found.items() if more is not None]
         if not lasts:
-            self._anchor = here  # it is where it is wanted
+            self._anchor = here  # it is where it should be
             self._over()
         stands_s = now_s - anchor.time_s
-        graves = [(watch, more) for watch, more in lasts if stands_s >= watch.after_s]
-        kept_back, self._kept_back = self._kept_back, bool(raised(self._context))
-        if kept_back and not self._kept_back and self._moves_by_s < anchor.time_s:
+        due = [(watch, more) for watch, more in lasts if stands_s >= watch.after_s]
+        was_blocked, self._was_blocked = self._was_blocked, bool(raised(self._context))
+        if was_blocked and not self._was_blocked and self._moves_by_s < anchor.time_s:
             self._moves_by_s = now_s + SETS_OUT_S  # once, until it has moved
-        if graves and now_s >= self._moves_by_s:
-            self._alarm(*graves[0], anchor.time_s)
+        if due and now_s >= self._moves_by_s:
+            self._alarm(*due[0], anchor.time_s)
 
     def _alarm(self, watch: Watch, more: str, since_s: float) -> None:
-        """Alarm of it until it is over, unless another alarm has the pilot take the vehicle."""
+        """Raise the alarm until it is over, unless another alarm is already up."""
         context = self._context
-        if watch is not self._told:
+        if watch is not self._announced:
             self._over()
-            self._told = watch
+            self._announced = watch
         if set(context.alarms.shown) - {STANDSTILL}:
             return
         what = f"{watch.words} ({more})" if more else watch.words
         stands = f"{what}, and has not moved"
         context.alarm_until_over(
             STANDSTILL,
-            f"{stands} for {self._looked_s - since_s:.0f} s: {cause_of(context)}",
+            f"{stands} for {self._checked_s - since_s:.0f} s: {cause_of(context)}",
             watch.instruction,
             lasting=stands,
             since_s=since_s,
         )
 
     def _over(self, words: str = "") -> None:
-        self._told = None
+        self._announced = None
         self._context.over(STANDSTILL, words)
 
     @property
     def why(self) -> str | None:
-        """Why the vehicle does not move, and what to do, where an alarm lasts; None: none does."""
-        if self._told is None:
+        """Why the vehicle does not move, with the pilot's action; None: no alarm lasts."""
+        if self._announced is None:
             return None
-        return f"{cause_of(self._context)}; {self._told.instruction}"
+        return f"{cause_of(self._context)}; {self._announced.instruction}"

@@ -1,8 +1,8 @@
-"""What follows from a telemetry: the gravest matter first, and only then the mission.
+"""Decides what to do after each telemetry update: the most severe finding first, the mission last.
 
-Two tables, read from the top. `MATTERS` has what a telemetry may show: the first that is found is
-followed, and nothing below it. Its last row flies the mission, in `STEPS`: each is taken, in this
-order, until one says that the rest waits. docs/state-machine.md prints both.
+Two tables, read from the top. `FINDINGS` lists the conditions that telemetry may show. Only the
+first true one is handled. The last finding flies the mission: it runs `STEPS` in order until one
+blocks the rest. docs/state-machine.md prints both tables.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.lag_monitor import LagMonitor
 from air_router.controller.model import (
     OFF_PLAN,
+    Anomaly,
     ControlHolder,
-    Doubt,
     MissionContext,
     Progress,
     Signal,
@@ -39,26 +39,26 @@ from air_router.controller.standstill import Standstill
 from air_router.controller.states import Exploration, StateHandlers
 from air_router.vehicle import (
     BE_READY_AT_HOME,
-    CALM,
     CHARGE_BELIEVED_S,
     CLIMB_BY_HAND,
     FLY_OUT,
     IN_YOUR_HANDS,
+    INPUTS_NOMINAL,
     WATCH_BATTERY,
     BatteryWatch,
     Telemetry,
 )
 
 
-class Seen(NamedTuple):
-    """One telemetry, and what shows at once.
+class Situation(NamedTuple):
+    """One telemetry update with what follows directly from it.
 
     Attributes:
-        telemetry: With the charge that is believed.
-        moved: What follows home having been moved just now; None: it was not.
-        ours: The vehicle flies, or is to take off, by our commands.
-        flies: It is in the air with its motors armed.
-        order: One that it seems to follow, and that is not ours; None: none shows.
+        telemetry: With the filtered charge; see `BatteryWatch`.
+        moved: Response to a change of home in this update; None: home did not change.
+        ours: This program commands the vehicle, in flight or for take-off.
+        flies: The vehicle is armed and in the air.
+        order: A foreign command that the vehicle seems to follow; None: there is none.
     """
 
     telemetry: Telemetry
@@ -70,25 +70,26 @@ class Seen(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class TelemetryHandler:
-    """Takes every telemetry of a flight in.
+    """Handles every telemetry update of a flight.
 
     Args:
-        context: What is known of the flight.
-        gate: What was commanded to the vehicle.
-        navigator: Flies legs.
-        exploration: Which waypoints are near.
-        states: What is flown in each state.
-        phase: Whether it has taken off, landed, or fallen.
-        home: Where home is, and whether the altitude is in doubt.
-        monitor: Orders of others, and breaches.
-        returns: When the mission ends.
-        lag: Whether this program itself stood still.
-        deviations: What follows from what is off.
-        authority: Gives the vehicle away.
-        airspace_update: Zones that change.
-        commands: What waits for its time.
-        standstill: Watches over all of it.
-        pilot_arms: The pilot arms: if the vehicle is disarmed again on the ground, it waits on.
+        context: State of the flight.
+        gate: Sends motions, and knows the last one sent.
+        navigator: Plans and flies routes.
+        exploration: Notes which waypoints are near.
+        states: The handler of each state.
+        phase: Whether the vehicle has taken off, landed, or fallen.
+        home: Checks home's position and the altitude.
+        monitor: Detects foreign commands, and breaches of zones and fences.
+        returns: Decides when the vehicle comes home.
+        lag: Detects that this program itself stalled.
+        deviations: Responds to deviations from the plan.
+        authority: Hands the vehicle over and releases it.
+        airspace_update: Changes zones in flight.
+        commands: Handles requests; some wait for a later state.
+        standstill: Announces a vehicle that does not move as commanded.
+        pilot_arms: The pilot arms the vehicle. If it is disarmed again on the ground, the mission
+            waits.
     """
 
     _context: MissionContext
@@ -110,131 +111,133 @@ class TelemetryHandler:
     _battery: BatteryWatch = field(default_factory=BatteryWatch)
 
     def received(self, telemetry: Telemetry) -> None:
-        """Follow the first of `MATTERS` that it shows."""
+        """Handle the first of `FINDINGS` that is true."""
         context = self._context
         telemetry = self._with_believed_charge(telemetry)
         context.received(telemetry)
         self._phase.note(telemetry)
         self._lag.note(telemetry)
         self._home.note(telemetry)
-        moved = self._home.look(telemetry) if telemetry.in_air else None
+        moved = self._home.update(telemetry) if telemetry.in_air else None
         flies = telemetry.in_air and telemetry.armed
         ours = context.in_charge
         order = self._monitor.foreign_order(telemetry) if ours else None
         self._suspect(order)
-        seen = Seen(telemetry, moved, ours, flies, order)
-        for matter in MATTERS:
-            found = matter.found(self, seen)
+        situation = Situation(telemetry, moved, ours, flies, order)
+        for finding in FINDINGS:
+            found = finding.found(self, situation)
             if found is not None and found is not False:
-                matter.then(self, seen, found)
+                finding.then(self, situation, found)
                 break
-        self._standstill.look(telemetry, ours=flies and context.in_charge)
+        self._standstill.update(telemetry, ours=flies and context.in_charge)
 
     def _with_believed_charge(self, telemetry: Telemetry) -> Telemetry:
-        """The same, with the charge that is believed; one that jumps is told."""
+        """Return it with the filtered charge, and announce a jump."""
         battery, before = self._battery, self._battery.doubted
         charge = battery.take(telemetry)
         if charge == telemetry.battery:
             return telemetry
         if before is None and battery.doubted is not None and telemetry.in_air:
             self._context.warn(
-                f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is believed if "
+                f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is accepted if "
                 f"that lasts for {CHARGE_BELIEVED_S:.0f} s",
                 WATCH_BATTERY,
             )
         return replace(telemetry, battery=charge)
 
     def _suspect(self, order: ForeignOrder | None) -> None:
-        """Wait while an order only seems to show, and plan anew what that kept back."""
+        """Raise the interlock for a suspected foreign command; replan when it clears."""
         interlocks = self._context.interlocks
-        interlocks.put(Doubt.FOREIGN_ORDER, raised=order is not None)
+        interlocks.put(Anomaly.FOREIGN_ORDER, raised=order is not None)
         if order is None and interlocks.take_deferred():
             self._context.retry_in(0.0)
 
-    # What a telemetry may show.
+    # Conditions that a telemetry update may show.
 
-    def over(self, seen: Seen) -> bool:
-        """It is on the ground, disarmed, after having been armed."""
+    def over(self, situation: Situation) -> bool:
+        """The vehicle is on the ground and disarmed, after it was armed."""
         ends = Signal.GROUNDED in self._context.task.spec.on
-        return ends and not self._phase.flies and self._phase.over(seen.telemetry)
+        return ends and not self._phase.flies and self._phase.over(situation.telemetry)
 
-    def fallen(self, _: Seen) -> str | None:
-        """Its motors were stopped in the air; where, in words."""
+    def fallen(self, _: Situation) -> str | None:
+        """Where the motors were stopped in the air, as text."""
         return None if self._phase.flies else self._phase.killed_now()
 
-    def taken(self, seen: Seen) -> bool:
-        """It flies in a mode that we did not ask for, or by a failsafe.
+    def taken(self, situation: Situation) -> bool:
+        """The vehicle flies in a mode that this program did not request, or PX4 is in a failsafe.
 
-        On the ground the autopilot changes its mode by itself, when it disarms. A failsafe may act
-        in the very mode that we asked for: a fence holds a vehicle that hovers in Hold.
+        On the ground PX4 changes the mode on its own when it disarms. A failsafe may act in the
+        mode that was requested: a fence failsafe holds a vehicle that hovers in Hold.
         """
-        chosen = seen.telemetry.failsafe or seen.telemetry.mode not in self._gate.modes
-        return seen.ours and seen.flies and chosen
+        chosen = situation.telemetry.failsafe or situation.telemetry.mode not in self._gate.modes
+        return situation.ours and situation.flies and chosen
 
-    def sent_elsewhere(self, seen: Seen) -> str | None:
-        """It surely follows an order that is not ours; which, in words."""
-        return seen.order.words if seen.order is not None and seen.order.sure else None
+    def sent_elsewhere(self, situation: Situation) -> str | None:
+        """Which foreign command the vehicle certainly follows, as text."""
+        return (
+            situation.order.words if situation.order is not None and situation.order.sure else None
+        )
 
-    def waits_for_hold(self, _: Seen) -> bool:
-        """It is being released, or the plan on board is being compared."""
+    def waits_for_hold(self, _: Situation) -> bool:
+        """The vehicle is being released, or its plan is being compared."""
         authority = self._context.authority
         return authority.releasing is not None or authority.plan_check is not None
 
-    def breach(self, seen: Seen) -> str | None:
-        """It is in a zone, or outside of a fence; in words."""
-        if not seen.ours:
+    def breach(self, situation: Situation) -> str | None:
+        """Which zone the vehicle is in, or which fence it is outside, as text."""
+        if not situation.ours:
             return None
-        return self._monitor.breach(seen.telemetry, self._context.airspace.exempt_zones)
+        return self._monitor.breach(situation.telemetry, self._context.airspace.exempt_zones)
 
-    def takes_off(self, _: Seen) -> bool:
-        """The mission has not begun in the air."""
+    def takes_off(self, _: Situation) -> bool:
+        """The mission has not begun in the air yet."""
         return self._context.task.state is State.READY
 
-    def is_not_ours(self, _: Seen) -> bool:
-        """A pilot or a failsafe has it."""
+    def is_not_ours(self, _: Situation) -> bool:
+        """A pilot or a failsafe flies the vehicle."""
         return self._context.task.state is State.PASSIVE
 
-    def is_ours(self, seen: Seen) -> bool:
-        """It flies its mission."""
-        return seen.ours
+    def is_ours(self, situation: Situation) -> bool:
+        """The vehicle flies its mission."""
+        return situation.ours
 
-    # What follows.
+    # Responses.
 
-    def end(self, _seen: Seen, _found: bool) -> None:
-        """The flight is over, or everything begins anew."""
+    def end(self, _situation: Situation, _found: bool) -> None:
+        """End the flight, or wait for the pilot to arm again."""
         if self._pilot_arms and self._context.task.state is State.READY and self._phase.again():
             self._states.ready.disarmed()
         else:
             self._context.signal(Signal.GROUNDED)
 
-    def say_fallen(self, _seen: Seen, where: str) -> None:
-        """Nothing can be done for it."""
+    def announce_fallen(self, _situation: Situation, where: str) -> None:
+        """Announce it; no command can help."""
         self._authority.fallen(where)
 
-    def give_away(self, seen: Seen, _found: bool) -> None:
-        """Hands off: the pilot or a failsafe flies it."""
-        self._authority.taken(seen.telemetry)
+    def give_away(self, situation: Situation, _found: bool) -> None:
+        """Hands off: the pilot or a failsafe flies the vehicle."""
+        self._authority.taken(situation.telemetry)
 
-    def follow_order(self, _seen: Seen, order: str) -> None:
-        """Hands off: a pilot or a ground station sends it elsewhere."""
+    def follow_order(self, _situation: Situation, order: str) -> None:
+        """Hands off: a pilot or a ground station sent the vehicle elsewhere."""
         self._authority.take_over(ControlHolder.PILOT, order, IN_YOUR_HANDS)
 
-    def wait_for_hold(self, seen: Seen, _found: bool) -> None:
-        """On with releasing it, or with the comparison."""
-        self._authority.wait(seen.telemetry)
+    def wait_for_hold(self, situation: Situation, _found: bool) -> None:
+        """Continue the release or the comparison."""
+        self._authority.wait(situation.telemetry)
 
-    def release(self, _seen: Seen, where: str) -> None:
-        """It holds, and hands are off."""
+    def release(self, _situation: Situation, where: str) -> None:
+        """Hold, then hands off."""
         self._authority.give_up(f"{where} is not resumed by itself", FLY_OUT)
 
-    def watch_take_off(self, seen: Seen, _found: bool) -> None:
-        """Look on as a pilot takes off, or lead the climb."""
-        context, telemetry = self._context, seen.telemetry
+    def watch_take_off(self, situation: Situation, _found: bool) -> None:
+        """Observe a pilot's take-off, or lead the climb."""
+        context, telemetry = self._context, situation.telemetry
         if telemetry.in_air and not context.authority.handed_over:
-            self._authority.look_on(telemetry)
+            self._authority.observe(telemetry)
         elif telemetry.in_air:
-            status = context.inputs.look(telemetry)
-            if status is not CALM:  # the climb ends above home by itself
+            status = context.inputs.update(telemetry)
+            if status is not INPUTS_NOMINAL:  # PX4 ends the climb above home on its own
                 self._deviations.inputs_missing(status, telemetry)
         if context.task.state is State.READY:
             self._states.ready.watch(telemetry)
@@ -243,80 +246,82 @@ class TelemetryHandler:
         )
         if climbs:
             self._returns.end_if_due(telemetry)
-        if seen.moved is Response.HOLD and context.in_charge:
+        if situation.moved is Response.HOLD and context.in_charge:
             context.come_home("home was moved in the climb", BE_READY_AT_HOME)
 
-    def look_on(self, seen: Seen, _found: bool) -> None:
-        """Say what the pilot may not see."""
-        self._authority.look_on(seen.telemetry)
+    def observe(self, situation: Situation, _found: bool) -> None:
+        """Announce conditions that the pilot may not see."""
+        self._authority.observe(situation.telemetry)
         self._deviations.forget()
 
-    def fly(self, seen: Seen, _found: bool) -> None:
-        """Take the `STEPS`, until one says that the rest waits."""
+    def fly(self, situation: Situation, _found: bool) -> None:
+        """Run the `STEPS` until one blocks the rest."""
         for step in STEPS:
-            if step.waits(self, seen):
+            if step.waits(self, situation):
                 self._gate.mission_waits()
                 return
 
-    # The steps: each says whether those below it wait.
+    # The steps: each returns whether it blocks those below it.
 
-    def look_at_inputs(self, seen: Seen) -> bool:
-        """Missing inputs are announced and held for; battery and time go on.
+    def check_inputs(self, situation: Situation) -> bool:
+        """Announce missing inputs and hold; battery and duration are still checked.
 
-        So does the state's timer, unless zones are being changed.
+        The state's timer runs on, unless zones are being changed.
         """
-        status = self._context.inputs.look(seen.telemetry)
-        return status is not CALM and self._deviations.inputs_missing(status, seen.telemetry)
+        status = self._context.inputs.update(situation.telemetry)
+        return status is not INPUTS_NOMINAL and self._deviations.inputs_missing(
+            status, situation.telemetry
+        )
 
-    def keep_to_plan(self, seen: Seen) -> bool:
-        """Deviations (altitude, clearance, speed, wind, home): the table in `deviations`."""
+    def keep_to_plan(self, situation: Situation) -> bool:
+        """Respond to deviations: altitude, clearance, speed, wind, home (table in `deviations`)."""
         context, climb = self._context, self._gate.climb.climb
         cruises = context.task.spec.cruises and context.airspace.change is None and climb is None
-        if seen.moved is not None:
-            self._deviations.home_moved(seen.moved, cruises=cruises)
+        if situation.moved is not None:
+            self._deviations.home_moved(situation.moved, cruises=cruises)
         if not cruises:
             self._deviations.forget()
-        elif not context.interlocks.up(Doubt.FOREIGN_ORDER):
-            self._deviations.follow(seen.telemetry)
+        elif not context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
+            self._deviations.follow(situation.telemetry)
         if self._home.in_doubt and context.task.spec.cruises:
-            self._airspace_update.altitude_doubted(seen.telemetry)
+            self._airspace_update.altitude_doubted(situation.telemetry)
         return False
 
-    def look_around(self, seen: Seen) -> bool:
-        """Which waypoints are near is remembered."""
-        exploration, here = self._exploration, seen.telemetry.position
+    def note_nearby(self, situation: Situation) -> bool:
+        """Remember which waypoints are near."""
+        exploration, here = self._exploration, situation.telemetry.position
         exploration.is_at(here)
-        search, now_s = self._states.search.search, self._context.now_s
-        search.links.update(here, seen.telemetry.altitude_m, search.targets, now_s)
-        if math.dist(here, exploration.looked_from) >= exploration.alike_m:
-            exploration.look_around(here, self._context.now_s)
+        search, altitude_m = self._states.search.search, situation.telemetry.altitude_m
+        search.links.update(here, altitude_m, search.targets, self._context.now_s)
+        if math.dist(here, exploration.checked_from) >= exploration.recheck_m:
+            exploration.note_nearby(here, self._context.now_s)
         return False
 
-    def come_home_in_time(self, seen: Seen) -> bool:
-        """The battery, the mission's duration and the way home."""
-        self._returns.check(seen.telemetry)
+    def come_home_in_time(self, situation: Situation) -> bool:
+        """Check the battery, the mission's duration and the way home."""
+        self._returns.check(situation.telemetry)
         return False
 
-    def wait_for_interlocks(self, seen: Seen) -> bool:
-        """Zones that change, and a climb, go on here; other interlocks are waited for."""
+    def wait_for_interlocks(self, situation: Situation) -> bool:
+        """Continue a zone update or a climb; wait for all other interlocks."""
         context, climb = self._context, self._gate.climb
-        if context.interlocks.up(Doubt.FOREIGN_ORDER):
-            return True  # a hold would end the order of a pilot before it is known as such
+        if context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
+            return True  # a hold would override a pilot's command before it is confirmed as one
         if context.airspace.change is not None:
-            self._airspace_update.go_on(seen.telemetry)
+            self._airspace_update.go_on(situation.telemetry)
             return True
-        if climb.climb is not None and climb.go_on(seen.telemetry, self._gate.last):
+        if climb.climb is not None and climb.go_on(situation.telemetry, self._gate.last):
             if climb.climb is None:
                 self._navigator.follow(context.task.handler.replan())
-            elif climb.stuck(seen.telemetry):
+            elif climb.stuck(situation.telemetry):
                 self._authority.give_up(
                     "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
                 )
             return True
-        return context.interlocks.up(*OFF_PLAN)
+        return context.interlocks.is_raised(*OFF_PLAN)
 
-    def end_the_state_in_time(self, _: Seen) -> bool:
-        """The state's time is over, or points wait for another state."""
+    def end_the_state_in_time(self, _: Situation) -> bool:
+        """End the state when its timer expires; carry out deferred requests."""
         self._gate.mission_goes_on()
         ends_s = self._context.task.ends_s
         over = ends_s is not None and self._context.now_s >= ends_s
@@ -326,15 +331,15 @@ class TelemetryHandler:
             self._commands.now_what_waited()
         return False
 
-    def fly_on(self, seen: Seen) -> bool:
-        """The next leg, when it is time for it."""
-        motion = self._navigator.update(seen.telemetry)
+    def fly_on(self, situation: Situation) -> bool:
+        """Send the next leg when it is due."""
+        motion = self._navigator.update(situation.telemetry)
         if motion is not None or self._context.task.way.progress is not Progress.FLYING:
             self._navigator.advance(motion)
         return False
 
-    def try_again(self, _: Seen) -> bool:
-        """What could not be done before."""
+    def try_again(self, _: Situation) -> bool:
+        """Retry what failed before."""
         task = self._context.task
         if task.retry_at_s is not None and not self._gate.pending and self._context.take_retry():
             self._navigator.follow(task.handler.retry())
@@ -342,116 +347,116 @@ class TelemetryHandler:
 
 
 @dataclass(frozen=True, slots=True)
-class Matter:
-    """Something that a telemetry may show.
+class Finding:
+    """A condition that a telemetry update may show.
 
     Attributes:
-        name: By which docs/state-machine.md knows it.
-        shows: What it is, in words.
-        found: Whether it shows, or what; None or False: it does not.
-        then: Follows it.
-        does: What that is, in words.
-        why: Why it comes after the rows above it and before those below.
+        name: Its name in docs/state-machine.md.
+        shows: The condition, as text.
+        found: Checks the condition; None or False: not true.
+        then: Handles it.
+        does: The handling, as text.
+        why: Why it comes after the rows above and before those below.
     """
 
     name: str
     shows: str
-    found: Callable[[TelemetryHandler, Seen], Any]
-    then: Callable[[TelemetryHandler, Seen, Any], None]
+    found: Callable[[TelemetryHandler, Situation], Any]
+    then: Callable[[TelemetryHandler, Situation, Any], None]
     does: str
     why: str
 
 
-MATTERS: Final = (
-    Matter(
+FINDINGS: Final = (
+    Finding(
         "OVER",
-        "it is on the ground, disarmed, after it was armed",
+        "it is on the ground and disarmed, after it was armed",
         TelemetryHandler.over,
         TelemetryHandler.end,
-        "the flight is over; it waits on if it has not flown and the pilot arms",
-        "nothing can be commanded any more",
+        "the flight is over; if it has not flown and the pilot arms, the mission waits for that",
+        "no command has an effect anymore",
     ),
-    Matter(
+    Finding(
         "FALLEN",
         "its motors were stopped in the air",
         TelemetryHandler.fallen,
-        TelemetryHandler.say_fallen,
+        TelemetryHandler.announce_fallen,
         "an alarm; nothing is commanded",
-        "a pilot's or ours, nothing can be done for it",
+        "no command can help, whoever flies it",
     ),
-    Matter(
+    Finding(
         "TAKEN",
-        "it flies in a mode that we did not ask for, or by a failsafe",
+        "it flies in a mode that we did not request, or PX4 is in a failsafe",
         TelemetryHandler.taken,
         TelemetryHandler.give_away,
         "hands off at once",
-        "the vehicle belongs to the pilot, whatever we are about to do",
+        "the pilot's choice overrides everything that we are about to do",
     ),
-    Matter(
+    Finding(
         "SENT_ELSEWHERE",
-        "for 1.5 s its plan item, or in Hold its target, has been none of ours",
+        "for 1.5 s its plan item, or its target in Hold, has been another station's",
         TelemetryHandler.sent_elsewhere,
         TelemetryHandler.follow_order,
         "hands off at once",
-        "so does this show a pilot, but it takes time to be sure; the mode above does not",
+        "this shows a pilot too, but takes 1.5 s to confirm; the mode above shows one at once",
     ),
-    Matter(
+    Finding(
         "WAITS_FOR_HOLD",
         "it is being released, or the plan on board is being compared",
         TelemetryHandler.waits_for_hold,
         TelemetryHandler.wait_for_hold,
-        "a hold is repeated until it shows; then it is released, or the mission planned again",
-        "the mission is over or in doubt; a breach below would release it, too",
+        "hold is sent until PX4 reports it; then it is released, or the mission is replanned",
+        "the mission has ended or is in doubt; a breach would only release the vehicle, too",
     ),
-    Matter(
+    Finding(
         "BREACH",
-        "it is in a no-fly zone or outside a fence; zones just drawn over it do not count",
+        "it is in a no-fly zone (not one just drawn over it), or outside a fence",
         TelemetryHandler.breach,
         TelemetryHandler.release,
         "it holds, and is released with an alarm",
-        "no leg may begin there",
+        "no leg may start there",
     ),
-    Matter(
+    Finding(
         "TAKES_OFF",
         "the mission has not begun in the air",
         TelemetryHandler.takes_off,
         TelemetryHandler.watch_take_off,
-        "the climb is watched, and led on to the mission's altitude",
-        "all below is about a mission that flies",
+        "the climb is monitored, and continued to the mission's altitude",
+        "the rows below apply only to a mission in flight",
     ),
-    Matter(
+    Finding(
         "NOT_OURS",
-        "a pilot or a failsafe has it",
+        "a pilot or a failsafe flies it",
         TelemetryHandler.is_not_ours,
-        TelemetryHandler.look_on,
-        "missing inputs are announced, and breaches while its position is known",
-        "only what is ours flies the mission",
+        TelemetryHandler.observe,
+        "missing inputs are announced, and breaches while the position is known",
+        "the mission is flown only while we command the vehicle",
     ),
-    Matter(
+    Finding(
         "OURS",
         "it flies its mission",
         TelemetryHandler.is_ours,
         TelemetryHandler.fly,
-        "the steps below",
-        "nothing graver shows",
+        "the steps below are run",
+        "nothing more severe is true",
     ),
 )
-"""The first that is found is followed, and nothing below it."""
+"""Only the first true finding is handled."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One of the things that are done with each telemetry of a mission that flies.
+    """One step of handling telemetry while the mission flies.
 
     Attributes:
-        name: By which docs/state-machine.md knows it.
-        waits: Does it; whether the steps below wait.
-        when: When they do, in words; empty: never.
-        why: Why it comes after the steps above it and before those below.
+        name: Its name in docs/state-machine.md.
+        waits: Runs the step; returns whether it blocks the steps below.
+        when: When it blocks them, as text; empty: never.
+        why: Why it comes after the steps above and before those below.
     """
 
     name: str
-    waits: Callable[[TelemetryHandler, Seen], bool]
+    waits: Callable[[TelemetryHandler, Situation], bool]
     when: str
     why: str
 
@@ -459,48 +464,46 @@ class Step:
 STEPS: Final = (
     Step(
         "INPUTS",
-        TelemetryHandler.look_at_inputs,
-        "too few inputs come to fly on by",
-        "all that follows is judged by them",
+        TelemetryHandler.check_inputs,
+        "too few inputs are received to fly on",
+        "every step below depends on the inputs",
     ),
     Step(
         "PLAN_KEPT",
         TelemetryHandler.keep_to_plan,
         "",
-        "it raises what INTERLOCKS waits for; by now the position is known",
+        "it raises interlocks; by now the position is known",
     ),
     Step(
         "WAYPOINTS_NEAR",
-        TelemetryHandler.look_around,
+        TelemetryHandler.note_nearby,
         "",
-        "it only remembers, for searches",
+        "it only collects data for searches",
     ),
     Step(
         "HOME_IN_TIME",
         TelemetryHandler.come_home_in_time,
         "",
-        "battery and time go on while the mission waits below",
+        "battery and duration count also while the mission waits",
     ),
     Step(
         "INTERLOCKS",
         TelemetryHandler.wait_for_interlocks,
-        "a row of `INTERLOCKS` is raised, or it climbs first",
-        "no leg begins and no state times out meanwhile; requests and coming home still do",
+        "an interlock is raised, or the vehicle climbs first",
+        "meanwhile no leg starts and no state times out; requests and the return are still handled",
     ),
     Step(
         "STATE_TIMER",
         TelemetryHandler.end_the_state_in_time,
         "",
-        "a state whose time is over begins no other leg",
+        "a state whose timer has expired starts no further leg",
     ),
-    Step(
-        "NEXT_LEG", TelemetryHandler.fly_on, "", "a state that has just changed has already set out"
-    ),
+    Step("NEXT_LEG", TelemetryHandler.fly_on, "", "a new state has already sent its first leg"),
     Step(
         "TRY_AGAIN",
         TelemetryHandler.try_again,
         "",
-        "nothing is retried while a command from the steps above is pending",
+        "no retry while a command from the steps above is pending",
     ),
 )
-"""Taken in this order, until one says that the rest waits."""
+"""Run in this order, until one blocks the rest."""

@@ -14,13 +14,16 @@ from air_router.files import (
     DEFAULT_SPEED_M_S,
     Area,
     AreaForm,
-    MissionDocument,
-    MissionPoint,
+    DocumentSource,
+    Findings,
+    HomeForm,
+    MissionForm,
     PlacedSource,
     PlannerSettings,
 )
-from air_router.files.maps import MapArea, MapCircle, MapOutline, add_zones, read_zones
-from air_router.mission import FlightWindow, areas_of, read_draft, validate
+from air_router.files.maps import MapArea, MapCircle, MapOutline, read_zones
+from air_router.files.missions import MissionPoint, PlacedForm
+from air_router.mission import FlightWindow, areas_of, read_placed, validate
 from geo.airspace import FENCE, Airspace, Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from mocha_link.team import Document, DocumentError, Problem
@@ -50,7 +53,8 @@ class Field:
 
     Attributes:
         area: the area to see, in metres east and north of the frame's origin.
-        draft: the mission that the waypoints are for, without its own.
+        placed: the mission that the waypoints are for, without its own.
+        source: the mission's file.
         frame: its frame.
         airspace: what rows and the ways between them keep away from.
         home: where the vehicle sets out; None if that is open.
@@ -58,7 +62,8 @@ class Field:
     """
 
     area: BaseGeometry
-    draft: MissionDocument
+    placed: PlacedForm
+    source: DocumentSource
     frame: LocalFrame
     airspace: Airspace
     home: Point | None
@@ -101,24 +106,25 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     for option, value in given.items():
         if value is not None:
             raise UsageError(f"{option} is the mission's to say; write it into {path}")
-    draft = read_draft(path)
-    if draft.home is None or draft.frame is None:
-        validate(draft)
-        raise DocumentError(draft.problems)
-    if draft.uavs and terms.altitude_m is not None:
+    placed, findings = read_placed(path)
+    if placed.home is None or placed.frame is None:
+        validate(placed, findings)
+        raise DocumentError(findings.problems)
+    if placed.uavs and terms.altitude_m is not None:
         raise UsageError(f"--altitude is that of a UAV's layer: write it into {path}")
-    altitude_m = terms.altitude_m or draft.altitude_m
-    own_m = None if draft.uavs else altitude_m  # of several UAVs each flies its own layer
-    draft.waypoints = [MissionPoint("waypoint 1", draft.home.position, draft.home.keys, own_m)]
-    draft.speed_m_s = terms.speed_m_s or draft.speed_m_s
-    mission = validate(draft)
-    problems = [p for p in draft.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
+    altitude_m = terms.altitude_m or placed.form.altitude_m
+    own_m = None if placed.uavs else altitude_m  # of several UAVs each flies its own layer
+    waypoint = MissionPoint("waypoint 1", placed.home.position, placed.home.keys, own_m)
+    placed = placed.with_settings(speed_m_s=terms.speed_m_s or placed.form.speed_m_s)
+    placed = replace(placed, waypoints=(waypoint,))
+    mission = validate(placed, findings)
+    problems = [p for p in findings.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
     if problems or mission is None:
         raise DocumentError(problems)
-    draft.problems.clear()
+    placed = placed.with_settings(uav=mission.uav)
     if area is not None:
-        shape = _shape(_drawn(area), draft.frame)
-    elif draft.fences:
+        shape = _shape(_drawn(area), mission.frame)
+    elif placed.fences:
         shape = shapely.intersection_all([fence.polygon for fence in mission.fences])
     else:
         raise UsageError(f"{path} has no fence, so it is not known what to cover; name an area")
@@ -127,7 +133,7 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     if terms.inside:
         fences = (*airspace.fences, _outline(shape))
         airspace = Airspace(fences, airspace.zones, airspace.clearance_m, airspace.margin_m)
-    return Field(shape, draft, draft.frame, airspace, mission.home, altitude_m)
+    return Field(shape, placed, findings.source, mission.frame, airspace, mission.home, altitude_m)
 
 
 def _of_area(path: Path, terms: CoverOptions) -> Field:
@@ -143,26 +149,27 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     settings = PlannerSettings(kind="shortest")  # from row to row, not over other rows' ends
     if terms.clearance_m is not None:
         settings = replace(settings, clearance_m=terms.clearance_m)
-    draft = MissionDocument(
-        source=zones[0].source or PlacedSource(path),
+    source = zones[0].source or PlacedSource(path)
+    findings = Findings(source)
+    form = MissionForm.model_construct(
         name=path.stem,
-        frame=frame,
+        home=HomeForm.model_construct(position=list(terms.home or origin)),
         altitude_m=terms.altitude_m,
         speed_m_s=terms.speed_m_s or DEFAULT_SPEED_M_S,
         planner=settings,
     )
-    if terms.home is not None:
-        draft.home = MissionPoint("home", frame.to_local(*terms.home), ())
+    home = None if terms.home is None else MissionPoint("home", frame.to_local(*terms.home), ())
+    placed = PlacedForm(form.of_file(source.path), frame, home)
     for file in terms.zones:
-        add_zones(draft, file, ())
-    if draft.problems:
-        raise DocumentError(draft.problems)
+        placed = placed.with_zones_of(file, (), findings)
+    if findings.problems:
+        raise DocumentError(findings.problems)
     shape = _shape(zones, frame)
     if terms.inside:
-        draft.fences.append(Area(FENCE, _outline(shape), ()))
-    areas = areas_of(draft, FlightWindow.of(datetime.now(UTC), None, None))
-    home = None if draft.home is None else draft.home.position
-    return Field(shape, draft, frame, areas.planning_airspace, home, terms.altitude_m)
+        placed = replace(placed, fences=(Area(FENCE, _outline(shape), ()),))
+    airspace = areas_of(placed, FlightWindow.of(datetime.now(UTC), None, None)).planning_airspace
+    takes_off = None if home is None else home.position
+    return Field(shape, placed, source, frame, airspace, takes_off, terms.altitude_m)
 
 
 def _drawn(path: Path) -> list[MapArea]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,8 @@ import numpy as np
 from air_router.coverage.camera import SurveyCamera
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, UsageError
-from air_router.files import MissionPoint, with_section
-from air_router.files.missions import mission_text, read_mission
+from air_router.files import Findings, with_section
+from air_router.files.missions import MissionPoint, mission_text, place, read_mission
 from air_router.mission import validate
 from air_router.routing import Pace, Way
 from geo.coverage import Coverage, Swath, UnseenCause
@@ -24,9 +25,9 @@ def facts_of(
     field: Field, plan: Coverage, camera: SurveyCamera, swath: Swath, overlap_percent: float
 ) -> dict[str, Any]:
     """What `--json` prints of a coverage, without its waypoints."""
-    speed_m_s = field.draft.speed_m_s
+    speed_m_s = field.placed.form.speed_m_s
     legs = list(plan.legs)
-    pace = Pace(speed_m_s, 0.0, field.draft.endurance_s)
+    pace = Pace(speed_m_s, 0.0, field.placed.form.endurance_s)
     pixel_m = camera.pixel_m(field.altitude_m)
     step_m = swath.along_m * (1 - overlap_percent / 100)
     missed = [
@@ -88,7 +89,7 @@ def lines_of(facts: dict[str, Any], field: Field) -> list[str]:
     if cut_m2 >= 1:
         lines.append(f"{cut_m2:,.0f} m2 of the area lie inside of no-fly zones and do not count")
     lines += [_missed_line(missed) for missed in facts["missed"] if missed["area_m2"] >= 1]
-    endurance_s = field.draft.endurance_s
+    endurance_s = field.placed.form.endurance_s
     if endurance_s is not None and facts["flight_time_s"] > endurance_s:
         lines.append(f"more than one battery lasts ({endurance_s:g} s): fly it in parts")
     return lines
@@ -141,7 +142,7 @@ def place_text(field: Field, waypoints: Sequence[Point]) -> str:
     lines = ["waypoints:"]
     for number, waypoint in enumerate(waypoints, start=1):
         pair = _pair(field, waypoint)
-        if field.altitude_m != field.draft.altitude_m and not field.draft.uavs:
+        if field.altitude_m != field.placed.form.altitude_m and not field.placed.uavs:
             pair = f"{{position: {pair}, altitude_m: {field.altitude_m:g}}}"
         lines.append(f"  - {pair}" + (f"  # {number}" if number % 5 in {0, 1} else ""))
     return "\n".join(lines) + "\n"
@@ -154,30 +155,33 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
         UsageError: there is no mission, and no home for one; or paths of the mission would be lost.
         DocumentError: the mission cannot be flown with these waypoints.
     """
-    draft = field.draft
-    if draft.home is None:
+    placed, form = field.placed, field.placed.form
+    if placed.home is None:
         raise UsageError("a mission needs a home; give --home LAT,LON, or leave --out away")
-    text = None
-    if draft.source.path == source and source.suffix.lower() in {".yaml", ".yml"}:
+    findings, text = Findings(field.source), None
+    if form.path == source and source.suffix.lower() in {".yaml", ".yml"}:
         old = source.read_text(encoding="utf-8")
         document = Document.from_text(old, source)
         text = with_section(old, document, "waypoints", place_text(field, waypoints))
     if text is not None:
-        if folder.resolve() != source.parent.resolve() and (draft.team or draft.world):
+        if folder.resolve() != source.parent.resolve() and (form.team or form.world):
             raise UsageError(
                 f"the mission names files beside it; write into {source.parent} as well"
             )
-        draft = read_mission(Document.from_text(text, source))
+        form, findings = read_mission(Document.from_text(text, source))
+        placed = place(form, findings)
     else:
-        own_m = None if draft.uavs else field.altitude_m
-        draft.waypoints = [
-            MissionPoint(f"waypoint {number}", place, (), own_m)
-            for number, place in enumerate(waypoints, start=1)
-        ]
-    validate(draft)  # home may be too near to a zone, its height not known that limits count from
-    if draft.problems:
-        raise DocumentError(draft.problems)
-    return mission_text(draft, folder) if text is None else text
+        own_m = None if placed.uavs else field.altitude_m
+        spots = (
+            MissionPoint(f"waypoint {number}", spot, (), own_m)
+            for number, spot in enumerate(waypoints, start=1)
+        )
+        placed = replace(placed, waypoints=tuple(spots))
+    # home may be too near to a zone, its height not known that limits count from
+    validate(placed, findings)
+    if findings.problems:
+        raise DocumentError(findings.problems)
+    return mission_text(placed, folder) if text is None else text
 
 
 def _check(plan: Coverage, field: Field) -> None:
@@ -196,14 +200,14 @@ def _check(plan: Coverage, field: Field) -> None:
 
 
 def _rounded(point: Point, field: Field) -> Point:
-    if field.draft.in_metres:
+    if field.placed.form.in_metres:
         return Point(round(point.east_m, _METRES), round(point.north_m, _METRES))
     latitude_deg, longitude_deg = field.frame.to_geodetic(point)
     return field.frame.to_local(round(latitude_deg, _DEGREES), round(longitude_deg, _DEGREES))
 
 
 def _pair(field: Field, place: Point) -> str:
-    if field.draft.in_metres:
+    if field.placed.form.in_metres:
         return f"[{place.east_m:.{_METRES}f}, {place.north_m:.{_METRES}f}]"
     latitude_deg, longitude_deg = field.frame.to_geodetic(place)
     return f"[{latitude_deg:.{_DEGREES}f}, {longitude_deg:.{_DEGREES}f}]"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
@@ -19,8 +19,15 @@ from shapely import Polygon, make_valid
 from air_router.editor.edits import Edit
 from air_router.editor.layouts import PlanParts, YamlParts
 from air_router.editor.parts import EditError, Parts, Region
-from air_router.files import Area, JsonDocument, MissionDocument, json_from_text, rewritten
-from air_router.files.missions import plan_draft, read_mission
+from air_router.files import (
+    Area,
+    Findings,
+    JsonDocument,
+    MissionForm,
+    json_from_text,
+    rewritten,
+)
+from air_router.files.missions import PlacedForm, place, read_mission, read_plan
 from air_router.mission import Mission, check_own, validate
 from air_router.routing import Route, Router, WaypointGraph
 from geo.airspace import Outline, ZoneError, polygons_of
@@ -58,10 +65,10 @@ class EditableMission:
         document = Document.from_text(text, path)
         return cls(path, text, document, YamlParts(document.data))
 
-    def mission_document(self) -> MissionDocument:
-        """The draft that the text describes, not yet validated."""
+    def form(self) -> tuple[MissionForm, Findings]:
+        """What the text says, not yet validated."""
         if isinstance(self.document, JsonDocument):
-            return plan_draft(self.document)
+            return read_plan(self.document)
         return read_mission(self.document)
 
     def edited(self, edit: Edit) -> EditableMission:
@@ -103,34 +110,39 @@ class OperatorLeg:
 
 @dataclass(frozen=True, slots=True)
 class MissionAnalysis:
-    """A document with its problems noted, and what could be planned with it all the same.
+    """What a text says, what is wrong with it, and what could be planned with it all the same.
 
     `mission`, `graph` and `router` are None if the text lacks what they need.
     """
 
-    document: MissionDocument
-    mission: Mission | None
-    graph: WaypointGraph | None
-    router: Router | None
-    legs: tuple[OperatorLeg, ...]  # in the operator's order
+    placed: PlacedForm
+    findings: Findings
+    uav: str | None  # whose mission it is
+    mission: Mission | None = None
+    graph: WaypointGraph | None = None
+    router: Router | None = None
+    legs: tuple[OperatorLeg, ...] = ()  # in the operator's order
 
     @classmethod
     def of(cls, editable: EditableMission) -> MissionAnalysis:
         """Judge a text."""
-        document = editable.mission_document()
-        mission = validate(document)
+        form, findings = editable.form()
+        placed = place(form, findings)
+        mission = validate(placed, findings)
+        uav = form.uav if mission is None else mission.uav
         parts = editable.parts
-        known = {area.keys for area in (*document.fences, *document.zones)}
+        known = {area.keys for area in (*placed.fences, *placed.zones)}
         unread = [region for region in parts.regions if region.keys not in known]
-        if mission is None or "planner" in document.unread or any(r.is_fence for r in unread):
-            return cls(document, None, None, None, ())
+        if mission is None or "planner" in form.unread or any(r.is_fence for r in unread):
+            return cls(placed, findings, uav)
         if unread:  # an unfinished area must not be planned across either
-            standing = [area for region in unread for area in _stand_ins(region, parts, document)]
-            zones = [*document.zones, *standing]
-            mission = validate(replace(document, zones=zones, problems=[], notes=[])) or mission
+            standing = [area for region in unread for area in _stand_ins(region, parts, mission)]
+            unfinished = placed.with_zones(standing)
+            mission = validate(unfinished, Findings(findings.source)) or mission
         graph = WaypointGraph(mission)
         router = Router(graph)
-        return cls(document, mission, graph, router, tuple(_legs(document, mission, graph, router)))
+        legs = tuple(_legs(placed, findings, mission, graph, router))
+        return cls(placed, findings, uav, mission, graph, router, legs)
 
     def length_m(self) -> float:
         """Of all legs that can be flown."""
@@ -138,13 +150,11 @@ class MissionAnalysis:
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
 
 
-def _stand_ins(region: Region, parts: Parts, document: MissionDocument) -> Iterator[Area]:
+def _stand_ins(region: Region, parts: Parts, mission: Mission) -> Iterator[Area]:
     """Areas that cover the corners of a zone that is not valid: one that crosses itself, say."""
-    if document.frame is None:
-        return
     for ring in region.rings[:1]:
         places = [parts.geodetic(corner.pair) for corner in ring.corners]
-        points = [document.frame.to_local(*place) for place in places if place is not None]
+        points = [mission.frame.to_local(*place) for place in places if place is not None]
         if len(points) < _LEAST_CORNERS:
             continue
         for polygon in polygons_of(make_valid(Polygon(points))):
@@ -154,7 +164,11 @@ def _stand_ins(region: Region, parts: Parts, document: MissionDocument) -> Itera
 
 
 def _legs(
-    document: MissionDocument, mission: Mission, graph: WaypointGraph, router: Router
+    placed: PlacedForm,
+    findings: Findings,
+    mission: Mission,
+    graph: WaypointGraph,
+    router: Router,
 ) -> Iterator[OperatorLeg]:
     airspace = mission.planning_airspace
     nodes = sorted(graph.positions)  # home, then the waypoints in their order
@@ -162,8 +176,8 @@ def _legs(
         return
     places = np.array([graph.position(node) for node in nodes])
     straight = airspace.legs_clear_between(places[:-1], places[1:])
-    wrong = {problem.keys for problem in document.problems}
-    spots = [*([document.home] if document.home else []), *document.waypoints]
+    wrong = {problem.keys for problem in findings.problems}
+    spots = [*([placed.home] if placed.home else []), *placed.waypoints]
     clear = airspace.points_clear([spot.position for spot in spots])
     legal = [spot.keys not in wrong and ok for spot, ok in zip(spots, clear, strict=True)]
     routes = _MOST_WORK // len(nodes)

@@ -11,9 +11,16 @@ from typing import Annotated, Any, ClassVar, Final, Literal, Union, get_type_hin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from air_router.editor.layouts import YamlParts
 from air_router.editor.parts import EditError, Handle, Parts
-from air_router.files import MissionForm, PlannerSettings, Timers, metres, value_at
+from air_router.files import (
+    FlownAltitude,
+    MissionForm,
+    PlannerSettings,
+    Radius,
+    Timers,
+    metres,
+    value_at,
+)
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3
@@ -50,7 +57,6 @@ _Longitude = Annotated[float, Field(ge=-540, le=540), AfterValidator(_on_earth)]
 """On a map around the antimeridian longitudes go on beyond 180 degrees."""
 
 _Place = tuple[_Latitude, _Longitude]
-_Radius = Annotated[float, Field(gt=0, le=10_000)]
 _Index = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
@@ -62,6 +68,9 @@ class Edit(BaseModel, ABC):
     label: ClassVar[str]
     """What undo calls it."""
 
+    in_plans: ClassVar[bool] = True
+    """QGroundControl plans have a place for it."""
+
     from_start: ClassVar[bool] = False
     """Of several in one gesture, each counts from the state before the first."""
 
@@ -71,6 +80,11 @@ class Edit(BaseModel, ABC):
         Raises:
             EditError: the mission has no such part, or would not survive.
         """
+        if not (self.in_plans or parts.settable):
+            raise EditError(
+                f"{self.label}: a plan has no place for it; edit it in QGroundControl, or convert "
+                "the plan to YAML"
+            )
         changed = parts.copied()
         self._change(changed)
         return changed
@@ -82,22 +96,6 @@ class Edit(BaseModel, ABC):
 
 class _PartEdit(Edit):
     keys: _Keys  # of the part of the mission that it is about
-
-
-class _YamlEdit(Edit):
-    """An edit of what a QGroundControl plan has no place for."""
-
-    def _change(self, parts: Parts) -> None:
-        if not isinstance(parts, YamlParts):
-            raise EditError(
-                f"{self.label}: a plan has no place for it; edit it in QGroundControl, or convert "
-                "the plan to YAML"
-            )
-        self._change_yaml(parts)
-
-    @abstractmethod
-    def _change_yaml(self, parts: YamlParts) -> None:
-        """Change the data of a mission file."""
 
 
 # Places
@@ -167,7 +165,7 @@ class SetAltitude(_PartEdit):
 
     label: ClassVar[str] = "altitude"
     do: Literal["set_altitude"]
-    altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
+    altitude_m: FlownAltitude | None
 
     def _change(self, parts: Parts) -> None:
         waypoint = parts.handle(self.keys)
@@ -220,7 +218,7 @@ class Resize(_PartEdit):
 
     label: ClassVar[str] = "resize circle"
     do: Literal["resize"]
-    radius_m: _Radius
+    radius_m: Radius
 
     def _change(self, parts: Parts) -> None:
         region = parts.region(self.keys)
@@ -254,7 +252,7 @@ class AddArea(Edit):
     do: Literal["add_area"]
     fence: bool = False
     corners: Annotated[tuple[_Place, ...], Field(min_length=1, max_length=500)]
-    radius_m: _Radius | None = None
+    radius_m: Radius | None = None
 
     def _change(self, parts: Parts) -> None:
         parts.add_area(self.corners, self.radius_m, fence=self.fence)
@@ -271,27 +269,29 @@ class Redraw(_PartEdit):
         parts.redraw(parts.region(self.keys), self.corners)
 
 
-class Rename(_PartEdit, _YamlEdit):
+class Rename(_PartEdit):
     """Give a no-fly zone another name."""
 
     label: ClassVar[str] = "rename"
+    in_plans: ClassVar[bool] = False
     do: Literal["rename"]
     name: Annotated[str, Field(min_length=1, max_length=80)]
 
-    def _change_yaml(self, parts: YamlParts) -> None:
+    def _change(self, parts: Parts) -> None:
         if parts.region(self.keys).is_fence:
             raise EditError("a fence has no name")
         parts.long_form(self.keys, "polygon")["name"] = self.name
 
 
-class SetCrossing(_PartEdit, _YamlEdit):
+class SetCrossing(_PartEdit):
     """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
 
     label: ClassVar[str] = "crossing"
+    in_plans: ClassVar[bool] = False
     do: Literal["set_crossing"]
     crosses: bool
 
-    def _change_yaml(self, parts: YamlParts) -> None:
+    def _change(self, parts: Parts) -> None:
         if parts.region(self.keys).is_fence:
             raise EditError("only zones cross the fence")
         zone = parts.long_form(self.keys, "polygon")
@@ -337,10 +337,11 @@ def _setting(name: str) -> str:
     return name
 
 
-class SetValue(_YamlEdit):
+class SetValue(Edit):
     """Change one of the mission's settings; None: its default."""
 
     label: ClassVar[str] = "setting"
+    in_plans: ClassVar[bool] = False
     do: Literal["set_value"]
     name: Annotated[str, AfterValidator(_setting)]
     value: (
@@ -349,7 +350,7 @@ class SetValue(_YamlEdit):
         | None
     )
 
-    def _change_yaml(self, parts: YamlParts) -> None:
+    def _change(self, parts: Parts) -> None:
         name, value, values = self.name, self.value, parts.data
         section = _SECTION_OF[name]
         if value is not None:
@@ -378,16 +379,17 @@ class SetValue(_YamlEdit):
             raise EditError(f"{self.name} cannot be '{self.value}': {why}") from None
 
 
-class Seek(_YamlEdit):
+class Seek(Edit):
     """Seek these robots, in this order."""
 
     label: ClassVar[str] = "whom to seek"
+    in_plans: ClassVar[bool] = False
     do: Literal["seek"]
     robots: Annotated[
         tuple[Annotated[str, Field(min_length=1, max_length=80)], ...], Field(max_length=500)
     ]
 
-    def _change_yaml(self, parts: YamlParts) -> None:
+    def _change(self, parts: Parts) -> None:
         """Write the list of robots, whatever stood there."""
         if not self.robots:
             raise EditError("a mission seeks at least one robot")

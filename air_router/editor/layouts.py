@@ -90,14 +90,6 @@ class YamlParts(Parts):
         elif isinstance(entry := self.at(waypoint.entry), dict):
             entry.pop("altitude_m", None)
 
-    def long_form(self, keys: Keys, key: str) -> dict[str, Any]:
-        """An entry as a mapping; one in short form becomes one, with its value under a key."""
-        parent, index = self.at(keys[:-1]), keys[-1]
-        if not isinstance(parent[index], dict):
-            parent[index] = {key: parent[index]}
-        entry: dict[str, Any] = self.at(keys)
-        return entry
-
     def _list(self, name: str) -> list[Any]:
         """A list of the file, begun if there is none."""
         if self.data.get(name) is None:

@@ -227,6 +227,14 @@ class Parts(ABC):
             value = value[key]
         return value
 
+    def long_form(self, keys: Keys, key: str) -> dict[str, Any]:
+        """An entry as a mapping; one in short form becomes one, with its value under a key."""
+        parent, index = self.at(keys[:-1]), keys[-1]
+        if not isinstance(parent[index], dict):
+            parent[index] = {key: parent[index]}
+        entry: dict[str, Any] = self.at(keys)
+        return entry
+
     def take_out(self, keys: Keys) -> None:
         """Remove an item of a list, or a key."""
         del self.at(keys[:-1])[keys[-1]]

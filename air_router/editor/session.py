@@ -182,7 +182,7 @@ class EditSession:
     @property
     def wrong(self) -> bool:
         """Whether the mission has problems."""
-        return bool(self._analysis.document.problems)
+        return bool(self._analysis.findings.problems)
 
     def edit(self, edit: Edit, *, revision: int | None = None, gesture: str | None = None) -> None:
         """Change the mission.
@@ -240,7 +240,7 @@ class EditSession:
             UnconfirmedError, ChangedOnDiskError, SaveError: the file is as it was.
         """
         if self.wrong and not confirmed:
-            count = len(set(self._analysis.document.problems))
+            count = len(set(self._analysis.findings.problems))
             raise UnconfirmedError(
                 f"the mission has {count} problem{'s' if count > 1 else ''} and cannot be flown "
                 "yet; save it anyway?"

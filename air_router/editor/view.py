@@ -8,7 +8,7 @@ from typing import Any
 from air_router.editor.editable_mission import MissionAnalysis
 from air_router.editor.edits import SETTINGS
 from air_router.editor.parts import Handle, Pair, Parts, Region
-from air_router.files import Area, Keys, MissionDocument
+from air_router.files import Area, Keys
 from air_router.mission import UAV_KIND, Mission, TrackingMargin
 from air_router.routing import Route
 from air_router.web import Degrees, Rings, area_beside, beside, buffer, degrees, line
@@ -23,7 +23,8 @@ _buffer = lru_cache(maxsize=4_000)(buffer)
 
 def view(parts: Parts, analysis: MissionAnalysis) -> dict[str, Any]:
     """Everything that the page draws."""
-    problems = sorted(set(analysis.document.problems)), sorted(set(analysis.document.notes))
+    found = analysis.findings
+    problems = sorted(set(found.problems)), sorted(set(found.notes))
     marks = _Marks(parts)
     shown = [marks.problem(problem, note=False) for problem in problems[0]]
     wrong = {tuple(keys) for entry in shown if (keys := entry["feature"])}
@@ -40,8 +41,8 @@ def view(parts: Parts, analysis: MissionAnalysis) -> dict[str, Any]:
 
 
 def _areas(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
-    document = analysis.document
-    areas = {area.keys: area for area in (*document.fences, *document.zones) if area.source is None}
+    placed = analysis.placed
+    areas = {area.keys: area for area in (*placed.fences, *placed.zones) if area.source is None}
     for region in parts.regions:
         area = areas.get(region.keys)
         yield {
@@ -51,11 +52,11 @@ def _areas(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterabl
             "crosses": area is not None and area.crosses_fence,
             "buffers": _kept(analysis, area, is_fence=region.is_fence),
         }
-    for area in (area for area in document.zones if area.source is not None):
-        if document.frame is not None:  # from another file: to be seen, not to be edited
+    for area in (area for area in placed.zones if area.source is not None):
+        if placed.frame is not None:  # from another file: to be seen, not to be edited
             yield area_beside(
                 area.name,
-                _buffer(document.frame, area.shape, 0.0),
+                _buffer(placed.frame, area.shape, 0.0),
                 _kept(analysis, area, is_fence=False),
                 _notes(area, analysis.mission),
             )
@@ -63,15 +64,15 @@ def _areas(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterabl
 
 def _kept(analysis: MissionAnalysis, area: Area | None, *, is_fence: bool) -> list[list[Rings]]:
     """How far to keep away, at least and when planning; as polygons with holes."""
-    document = analysis.document
-    if area is None or document.frame is None or "planner" in document.unread:
+    form, frame = analysis.placed.form, analysis.placed.frame
+    if area is None or frame is None or "planner" in form.unread:
         return []
-    planner = document.planner
+    planner = form.planner
     clearance_m = planner.clearance_m if area.terms.clearance_m is None else area.terms.clearance_m
-    margin_m = TrackingMargin.of(planner, document.speed_m_s).planned_m
+    margin_m = TrackingMargin.of(planner, form.speed_m_s).planned_m
     kept_m = (clearance_m, clearance_m + margin_m)
     sign = -1 if is_fence else 1
-    return [_buffer(document.frame, area.shape, sign * distance_m) for distance_m in kept_m]
+    return [_buffer(frame, area.shape, sign * distance_m) for distance_m in kept_m]
 
 
 def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any]:
@@ -133,9 +134,9 @@ class _Marks:
 
 
 def _places(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
-    document = analysis.document
-    spots = {spot.keys: spot for spot in document.waypoints}
-    numbers = {spot.keys: number for number, spot in enumerate(document.waypoints, start=1)}
+    placed = analysis.placed
+    spots = {spot.keys: spot for spot in placed.waypoints}
+    numbers = {spot.keys: number for number, spot in enumerate(placed.waypoints, start=1)}
     kinds = [("home", [parts.home] if parts.home else []), ("waypoint", parts.waypoints)]
     for kind, handles in [*kinds, ("rally", parts.rally_points)]:
         for index, handle in enumerate(handles, start=1):
@@ -154,14 +155,14 @@ def _places(parts: Parts, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterab
                 "removable": handle.entry is not None,
             }
     own = {handle.keys for handle in parts.waypoints}
-    for spot in document.waypoints:  # out of surveys: to be seen, not to be edited
-        if spot.keys not in own and document.frame is not None:
+    for spot in placed.waypoints:  # out of surveys: to be seen, not to be edited
+        if spot.keys not in own and placed.frame is not None:
             yield {
                 "keys": None,
                 "kind": "waypoint",
                 "index": numbers[spot.keys],
                 "node": numbers[spot.keys],
-                "at": degrees(document.frame, spot.position),
+                "at": degrees(placed.frame, spot.position),
                 "altitude_m": spot.altitude_m,
                 "wrong": spot.keys in wrong,
                 "removable": False,
@@ -247,31 +248,34 @@ def _legs(analysis: MissionAnalysis) -> list[dict[str, Any]]:
 
 
 def _settings(parts: Parts, analysis: MissionAnalysis) -> dict[str, Any]:
-    document, length_m = analysis.document, analysis.length_m()
+    form, length_m = analysis.placed.form, analysis.length_m()
     return {
         "settable": parts.settable,
         **{
-            name: getattr(getattr(document, section) if section else document, name)
+            name: getattr(getattr(form, section) if section else form, name)
             for section, names in SETTINGS.items()
             for name in names
         },
-        "team": document.team and relpath(document.team, document.source.path.parent),
-        "robots": _robots(document),
+        "name": form.title,
+        "uav": analysis.uav,
+        "team": form.team_file and relpath(form.team_file, form.path.parent),
+        "robots": _robots(analysis),
         "length_m": round(length_m),
-        "time_s": round(length_m / document.speed_m_s) if document.speed_m_s > 0 else None,
+        "time_s": round(length_m / form.speed_m_s) if form.speed_m_s > 0 else None,
     }
 
 
-def _robots(document: MissionDocument) -> list[dict[str, Any]]:
+def _robots(analysis: MissionAnalysis) -> list[dict[str, Any]]:
     """Whom the mission may seek, and whether it does; those that are sought in their order."""
-    if document.team is None:
+    form = analysis.placed.form
+    if form.team_file is None:
         return []
     try:
-        team = Team.load(document.team)
+        team = Team.load(form.team_file)
     except (DocumentError, OSError):
         return []  # the team's problems are listed
-    others = [name for name in team.robots if name != document.uav]
-    sought = document.seek or [name for name in others if team.robots[name].kind != UAV_KIND]
+    others = [name for name in team.robots if name != analysis.uav]
+    sought = form.seek.robots or [n for n in others if team.robots[n].kind != UAV_KIND]
     names = dict.fromkeys([*sought, *others])
     return [{"name": name, "sought": name in sought} for name in names]
 

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel
 
-from air_router.files.mission_document import Keys, MissionDocument
+from air_router.files.findings import Keys
 from mocha_link.team import Document, DocumentError, Problem
 
 UNUSUAL: Final = "unusual-value"
@@ -233,21 +233,6 @@ def parse_world(document: Document, model: type[M]) -> M:
         return document.parse(model)
     except DocumentError as error:
         raise explained(error, document.data, WORLD) from None
-
-
-def note_draft(draft: MissionDocument) -> None:
-    """Note unusual values of the altitudes and the speed of another program's file."""
-    by_field = {band.field: band for band in MISSION}
-    band = by_field["waypoints[].altitude_m"]
-    high = [(spot, spot.altitude_m) for spot in draft.waypoints if spot.altitude_m is not None]
-    found = [(spot, value) for spot, value in high if not band.holds(value)]
-    if found:
-        spot, value = found[0]
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        draft.note(spot.keys, band.note_text(f"the altitude of {spot.label}{more}", value), UNUSUAL)
-    speed = by_field["speed_m_s"]
-    if not speed.holds(draft.speed_m_s):
-        draft.note((), speed.note_text("the speed", draft.speed_m_s), UNUSUAL)
 
 
 def option_notes(given: Iterable[tuple[str, float | None, str]]) -> Iterator[str]:

@@ -13,8 +13,10 @@ from typing import Annotated, Any, Final, Self
 from pydantic import BaseModel, Field, PlainValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from geo.airspace import Band
+from air_router.files.findings import DocumentSource, Keys
+from geo.airspace import Band, Shape
 from geo.validity import DAY_NUMBERS, DAYS, NO_MOMENT, Hours, Period, Validity, moment_of
+from mocha_link.sanitize import sanitize
 
 
 class Reference(StrEnum):
@@ -119,6 +121,32 @@ class ZoneTerms:
 
 
 NO_TERMS: Final = ZoneTerms()
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A fence or a no-fly zone.
+
+    Attributes:
+        name: What people call it.
+        shape: Where it is, in the local frame.
+        keys: Where it stands in its file.
+        crosses_fence: It is meant to reach beyond the fence.
+        terms: How far, how high and when it is kept away from.
+        source: Its file, if that is another one than the mission's.
+    """
+
+    name: str
+    shape: Shape
+    keys: Keys
+    crosses_fence: bool = False
+    terms: ZoneTerms = NO_TERMS
+    source: DocumentSource | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", sanitize(self.name))
+
+
 """Kept away from as far as from all zones, at every altitude, always."""
 
 

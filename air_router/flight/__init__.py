@@ -1,4 +1,4 @@
-"""One flight: the asyncio shell around controller, vehicle and gossip."""
+"""One flight: connects controller, vehicle and gossip node on the asyncio event loop."""
 
 from mocha_link.lazy import door
 
@@ -7,7 +7,8 @@ __getattr__, __dir__, __all__ = door(
     {
         "flight": ("Flight",),
         "flight_loop": ("CommandService",),
-        "flight_stats": ("FlightResult", "FlownTrack"),
+        "flight_stats": ("FlightResult", "FlightStats", "FlownTrack"),
+        "flight_view": ("FlightView", "situation"),
         "limits": ("COMMAND_S",),
         "resumption": ("as_begun",),
         "terminal": ("StatusLine", "line_of"),

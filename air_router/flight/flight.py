@@ -1,7 +1,7 @@
-"""One flight, from connecting to the vehicle to the last report: the shell around the controller.
+"""One flight, from connecting to the vehicle to the final report.
 
-It feeds the controller with what the vehicle, the gossip node and the operator say, carries out
-what it answers, and decides nothing itself.
+It passes events of the vehicle, the gossip node and the operator to the controller, carries out the
+controller's actions, and decides nothing itself.
 """
 
 from __future__ import annotations
@@ -53,38 +53,38 @@ from air_router.vehicle import (
     WrongVehicle,
 )
 
-_Kept = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
-"""What comes before the vehicle is admitted, and is looked at then."""
+_EarlyEvent = PlanReplaced | PlanTried | PlanCompared | MavlinkSpoofed
+"""Events received before the vehicle is admitted; they are checked then."""
 
 
 class Flight:
     """Flies a mission once.
 
     Args:
-        mission: What to fly.
+        mission: The mission to fly.
         vehicle: A vehicle that is not yet connected.
-        clock: The vehicle's clock, told by the vehicle.
+        clock: The vehicle's clock, set by its messages.
         gossip: The UAV's node, not yet started.
         mapper: The map that `gossip` publishes.
         seek: The robots to seek, in order.
-        recorder: Where every event and decision goes.
-        status: What the operator sees.
+        recorder: Records every event and action.
+        status: The operator's status line.
         camera: Endpoint of the camera's patches, None without a camera.
-        control: Endpoint at which other programs may ask for something, None for none.
-        arm: Arm and start; otherwise wait for the pilot to do it.
-        survey: Looks at everything before the flight; None: nothing but the mission's router.
-        resume: Go on with a flight that is under way, instead of beginning one.
+        control: Endpoint for requests of other programs; None: none.
+        arm: Arm and start; else wait for the pilot.
+        survey: The pre-flight checks; None: a survey of mission and router only.
+        resume: Resume a flight in progress instead of starting one.
 
     Attributes:
         router: Plans the mission's routes.
-        controller: Decides.
-        status: Gives the flight's status, for all that show it.
-        stats: Counts for the flight result.
-        loop: Brings events to the controller, and carries out what it decides.
-        commands: Takes requests.
+        controller: Decides; see `Controller`.
+        status: Returns the flight's status, for displays.
+        stats: Statistics for the flight result.
+        loop: Passes events to the controller, and carries out its actions.
+        commands: Handles requests.
     """
 
-    def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
+    def __init__(  # noqa: PLR0913 - the parts of a flight
         self,
         mission: Mission,
         vehicle: Vehicle,
@@ -111,7 +111,7 @@ class Flight:
         self._camera = camera
         self._arm = arm
         self._resume = resume
-        self._plan = FlightPlan.of(mission)  # what goes on board
+        self._plan = FlightPlan.of(mission)  # the plan to upload
         self.router = Router(WaypointGraph(mission))
         self._survey = (survey or partial(PreflightSurvey, mission))(self.router)
         setup = FlightSetup(
@@ -141,24 +141,24 @@ class Flight:
             self.status,
             self.loop.decide,
             lambda: self.loop.reloader.report,
-            view.tell,
+            view.fields_for,
         )
         self._control = (
             None if control is None else ControlServer(control, self.commands.execute, gossip.node)
         )
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
-        self._newest: Telemetry  # before anything is decided
-        self._early: list[_Kept] = []  # likewise
-        self._starts: FlightMode | None = None  # of before, once it was told to take off
+        self._newest: Telemetry  # before the vehicle is admitted
+        self._early: list[_EarlyEvent] = []  # likewise
+        self._starts: FlightMode | None = None  # the mode before the take-off command
         self._interrupted = False  # by a signal of the operating system
-        self._admitted = False  # the vehicle may be flown: decisions begin
-        self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
+        self._admitted = False  # the vehicle may be flown: decisions start
+        self._vehicle_s = -math.inf  # latest telemetry; inf: the vehicle restarted
 
     async def run(self, page: Page | None = None) -> FlightResult:
         """Fly.
 
         Args:
-            page: Told of every event, and served meanwhile.
+            page: Receives every event, and is served during the flight.
 
         Raises:
             NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
@@ -166,13 +166,15 @@ class Flight:
         running = asyncio.get_running_loop()
         ended = self.loop.begin(page or NoPage())
         self._first = running.create_future()
-        self._recorder.report_to(lambda text: running.call_soon_threadsafe(self._status.say, text))
+        self._recorder.report_to(
+            lambda text: running.call_soon_threadsafe(self._status.print_line, text)
+        )
         for number in (signal.SIGINT, signal.SIGTERM):
             running.add_signal_handler(number, self._on_interrupt)
-        say = self._status.say
+        print_line = self._status.print_line
         try:
-            async with self.loop.page.serving(say):
-                with listening(partial(self.commands.typed, say), say):
+            async with self.loop.page.serving(print_line):
+                with listening(partial(self.commands.from_terminal, print_line), print_line):
                     self.loop.start(self._begin())
                     outcome, exit_code = await ended
         finally:
@@ -191,35 +193,35 @@ class Flight:
         if self._resume:
             self._go_on()
             return
-        await self.loop.reloader.settled()
+        await self.loop.reloader.finished()
         if self._arm:
             self._check_still()
             await self._vehicle.arm()
             self._check_still(armed=True)
             self._starts = self._first.result().mode
             await self._vehicle.start()
-            self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
+            self._status.print_line("armed and taking off; type 'home' to end, Ctrl-C to hold")
         else:
-            self._status.say("ready: waiting for the pilot to arm and choose Mission mode")
+            self._status.print_line("ready: waiting for the pilot to arm and choose Mission mode")
 
     async def _prepare(self) -> None:
         info = await self._vehicle.connect()
-        self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
+        self._status.print_line(f"{info.autopilot} {info.version}, system {info.system_id}")
         self._recorder.note("Vehicle", 0.0, dataclasses.asdict(info))
         if self._recorder.path is not None:
-            self._status.say(f"recording {self._recorder.path}")
+            self._status.print_line(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         try:
-            # wait_for of 3.11 may swallow that it is cancelled
+            # wait_for of 3.11 may swallow a cancellation
             async with asyncio.timeout(VEHICLE_LOST_S):
                 telemetry = await self._first
         except TimeoutError:
             raise NoVehicleError(
-                f"it answered, but told no position in {VEHICLE_LOST_S:.0f} s"
+                f"it answered, but sent no position in {VEHICLE_LOST_S:.0f} s"
             ) from None
         if telemetry.in_air:
             if (why_not := info.airframe.why_not_flown) is not None:
-                raise RefusedError(f"{why_not}; it flies, and is left as it is: {SET_UP}")
+                raise RefusedError(f"{why_not}; it is flying, and nothing is sent to it: {SET_UP}")
             await self._find_flight(info, telemetry)
             return
         if self._resume:
@@ -227,7 +229,7 @@ class Flight:
         self._take_card(await self._survey.card(self._vehicle, info, telemetry))
         self._admit()
         await self._vehicle.upload(self._plan)
-        self._status.say(f"on board and read back: {self._plan.size}")
+        self._status.print_line(f"on board and read back: {self._plan.size}")
         self.loop.reloader.plan_on_board()
 
     def _admit(self) -> None:
@@ -236,17 +238,17 @@ class Flight:
         if self._control is not None:
             self._control.open()
             self.loop.start(self._control.run())
-            self._status.say(f"requests are taken at {self._control.endpoint}")
+            self._status.print_line(f"requests are accepted at {self._control.endpoint}")
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
-        """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
+        """Handle a vehicle found in the air, perhaps flying this mission without a companion."""
         found = await recognised(self._vehicle, self._plan, telemetry, resume=self._resume)
-        self._status.say(found)
+        self._status.print_line(found)
         self._take_card(await self._survey.card_in_the_air(self._vehicle, info), in_air=True)
         record, rate = self._recorder, self._clock.rate
         find = partial(flown_before, folder=record.folder, own=record.path, rate=rate)
         found_out = await asyncio.to_thread(find, self._mission, info, self._newest)
-        self._status.say(found_out.words)
+        self._status.print_line(found_out.words)
         if found_out.home_amsl_m is not None:
             self._vehicle.count_heights_from(found_out.home_amsl_m)
         self.loop.reloader.plan_on_board()
@@ -256,22 +258,24 @@ class Flight:
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
-            return  # in Mission mode it was found to be on its way
-        answer = self.commands.ask(GoOn())
-        if not answer.accepted:
-            raise RefusedError(f"the flight is not resumed, and left as it is: {answer.why}")
+            return  # in Mission mode the flight continues already
+        ack = self.commands.submit(GoOn())
+        if not ack.accepted:
+            raise RefusedError(
+                f"the flight is not resumed, and nothing is sent to the vehicle: {ack.why}"
+            )
 
     def _take_card(self, card: Card, *, in_air: bool = False) -> None:
-        """Say what was looked at; refuse what cannot become a safe flight, unless it is one."""
+        """Print the card; refuse an unsafe flight, unless it is in the air already."""
         self._recorder.note(Recorder.PREFLIGHT, self._clock.boot_s(), card.as_json())
         if not (card.ready or in_air):
             raise PreflightRefusedError(card)
-        self._status.say(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")
+        self._status.print_line(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")
         for line in card.lines(all_of_them=False):
-            self._status.say(line)
+            self._status.print_line(line)
 
     def _check_still(self, *, armed: bool = False) -> None:
-        """Refuse to start what the pilot has started while we got ready."""
+        """Refuse to start if the pilot has taken the vehicle meanwhile."""
         why = self.controller.why_not_started(self._first.result(), armed=armed)
         if why is not None:
             raise RefusedError(f"{why}; it is left to the pilot")
@@ -280,7 +284,7 @@ class Flight:
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
         if self.loop.leaving:
-            return  # what still comes while the link is closed
+            return  # late messages while the link closes
         if isinstance(event, Telemetry) and self._restarted(event):
             self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
             return
@@ -293,39 +297,40 @@ class Flight:
             return
         self.loop.on_event(event)
         if isinstance(event, Telemetry):
-            self._gossip.tell(event)
+            self._gossip.publish_telemetry(event)
             self._recorder.map(self._mapper, event.time_s)
+            self._recorder.status(self.status, event.time_s)
             self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
             self._status.show(lambda: flight_line(self.status()))
 
     def _before_admission(self, event: VehicleEvent) -> None:
-        """Nothing is decided on a vehicle that may be refused."""
+        """Store events of a vehicle that may still be refused."""
         if isinstance(event, Telemetry):
             self._newest = event
             if not self._first.done():
                 self._first.set_result(event)
-        elif isinstance(event, _Kept):
+        elif isinstance(event, _EarlyEvent):
             self._early.append(event)
         elif isinstance(event, WrongVehicle) and event.why_not is not None:
             do = SEPARATE_TWINS if event.twins else SET_UP
             self.loop.end(f"refused: {event.why_not}; {do}", ExitCode.REFUSED)
 
     def _too_late(self, telemetry: Telemetry) -> bool:
-        """Whether it did not take off while its zones were the right ones; ends then."""
+        """Whether the take-off is too late for the zones' active hours; ends the flight then."""
         waits = self.controller.state is State.READY and not telemetry.armed
         latest = self.controller.mission.latest_start if waits else None
         if latest is None or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
             f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
-            "apply at certain times; start it anew",
+            "apply at certain times; start it again",
             ExitCode.REFUSED,
         )
         return True
 
     def _restarted(self, telemetry: Telemetry) -> bool:
-        """Whether its clock began anew: then neither timers nor what was read back are good."""
-        anew = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S  # and remains it
+        """Whether the vehicle's clock restarted: timers and the verified plan are void then."""
+        anew = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S  # and stays restarted
         self._vehicle_s = math.inf if anew else telemetry.time_s
         return anew
 
@@ -333,15 +338,15 @@ class Flight:
         if self._mapper.paint(patch):
             self._recorder.patch(patch, self._clock.boot_s())
 
-    # Ends.
+    # The end.
 
     def _on_interrupt(self) -> None:
-        """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
+        """First signal: hold (if the vehicle is ours) and end. Second: leave at once."""
         if self._interrupted:
             self._recorder.close()
             os._exit(ExitCode.INTERRUPTED)
         self._interrupted = True
-        self._status.say("interrupted; once more to leave at once")
+        self._status.print_line("interrupted; interrupt again to leave at once")
         self.loop.end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
@@ -351,28 +356,29 @@ class Flight:
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours and self.loop.may_be_taken():
-                await self._last_words(
-                    "the companion stops; the vehicle is left as it is, its flight mode was not "
-                    "heard",
+                await self._final_announcement(
+                    "the companion stops without a hold: the flight mode was not received",
                     TAKE_OVER,
                 )
             elif ours:
                 await self._vehicle.hold(out_of=self.controller.our_modes)
-                await self._last_words("the companion stops; the vehicle holds", TAKE_FROM_HERE)
+                await self._final_announcement(
+                    "the companion stops; the vehicle holds", TAKE_FROM_HERE
+                )
         except AirRouterError as error:
-            await self._last_words(
-                f"the companion stops; the vehicle was told to hold and did not confirm: {error}",
+            await self._final_announcement(
+                f"the companion stops; the vehicle did not confirm the hold command: {error}",
                 TAKE_OVER,
             )
         finally:
             self._status.end()
             if self._control is not None:
-                self._control.close()  # serves the node, which closes behind it
+                self._control.close()  # it serves the node, which is closed after it
             self._gossip.close()
             await self._vehicle.close()
 
-    async def _last_words(self, text: str, instruction: Instruction) -> None:
-        await self.loop.tell(Announce(text, Severity.ALARM, instruction))
+    async def _final_announcement(self, text: str, instruction: Instruction) -> None:
+        await self.loop.announce(Announce(text, Severity.ALARM, instruction))
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         report = self.stats.report(outcome, self._clock.now_s(), self._gossip.newest_stamps())

@@ -1,4 +1,4 @@
-"""How a flight stands, in the one line that is live while the vehicle flies."""
+"""The live status line of a flight."""
 
 from __future__ import annotations
 

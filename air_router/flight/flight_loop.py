@@ -1,7 +1,7 @@
-"""What happens in a flight is decided on, noted and done; requests are handed in here as well.
+"""The event loop of a flight: decides on events, records them, and carries actions out.
 
-Requests come from the terminal, from programs and from the map page. All come this way, so all are
-recorded, looked at and answered alike. Only the flight's own event loop may use it.
+Requests of the terminal, programs and the map page all pass through here, so they are recorded,
+checked and answered alike. Only the flight's own event loop may use it.
 """
 
 from __future__ import annotations
@@ -53,42 +53,42 @@ from geo.frame import LocalFrame
 from mocha_link.errors import RequestError
 
 _STARTING: Final = (FlightMode.HOLD, FlightMode.MISSION)
-"""Modes of a vehicle that was told to take off, if no pilot has chosen another."""
+"""Modes of a vehicle after the take-off command, unless a pilot chose another."""
 
 
 class Page(Served, Protocol):
-    """Shows a flight while it lasts."""
+    """Shows a flight in progress."""
 
     def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
-        """Take in what happened, and what was decided on it."""
+        """Handle an event and its actions."""
 
 
 class NoPage:
-    """The page of a flight that is not shown."""
+    """A page that shows nothing."""
 
     def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
-        """No page is open."""
+        """Do nothing."""
 
-    def serving(self, say: Say) -> AbstractAsyncContextManager[object]:
-        """Nothing is served."""
-        del say
+    def serving(self, print_line: Say) -> AbstractAsyncContextManager[object]:
+        """Serve nothing."""
+        del print_line
         return nullcontext()
 
 
-def _for_pilot(said: Announce) -> str:
-    """An announcement as ground stations show it: who speaks, before what."""
-    return f"air_router: {said.words}"
+def _for_pilot(announcement: Announce) -> str:
+    """An announcement for ground stations, prefixed with the program's name."""
+    return f"air_router: {announcement.words}"
 
 
 class CommandService:
-    """Hands requests to the flight, and its answers back.
+    """Passes requests to the flight, and returns the answers.
 
     Args:
-        frame: The mission's.
-        status: Gives the flight's status.
-        decide: Has a request decided as every event is; returns what was decided.
-        reading: Tells what became of the latest reading of the mission file.
-        view: Tells what a program asks that shows the flight, besides its situation.
+        frame: The mission's frame.
+        status: Returns the flight's status.
+        decide: Decides on a request like on any event; returns the actions.
+        reading: Returns the outcome of the latest reading of the mission file.
+        view: Returns further data for programs that show the flight.
     """
 
     def __init__(
@@ -104,34 +104,34 @@ class CommandService:
         self._frame = frame
         self._status = status
         self._decide = decide
-        self._number = 0  # of the latest request without an id
+        self._number = 0  # number of the latest request without an id
 
-    def ask(self, request: AnyRequest) -> CommandAck:
-        """Ask for something, in the mission's metres; the answer says whether it is done."""
+    def submit(self, request: AnyRequest) -> CommandAck:
+        """Submit a request, in the mission's meters; return the reply."""
         self._number += 1
         number = request.request_id or str(self._number)
         decided = self._decide(dataclasses.replace(request, request_id=number))
         for ack in decided:
-            # A station numbers its goals itself: those that wait may be answered now, too.
+            # A station numbers its own goals: deferred ones may be answered now, too.
             if isinstance(ack, CommandAck) and (ack.request_id, ack.by) == (number, request.by):
                 return ack
         return CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
 
-    def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:
-        """The operator has typed something; its answer is shown as every answer is."""
+    def from_terminal(self, print_line: Callable[[str], None], command: CommandRequest) -> None:
+        """Handle a request typed by the operator; its answer is shown like any other."""
         try:
             reply = self.execute(command, OPERATOR)
         except RequestError as error:
-            say(str(error))
+            print_line(str(error))
         else:
             if "accepted" not in reply:
-                say(json.dumps(reply))
+                print_line(json.dumps(reply))
 
     def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
-        """Ask for something, in degrees; returns what a program is answered, in JSON's values.
+        """Carry out a request, in degrees; return the answer as JSON values.
 
         Raises:
-            RequestError: a place cannot be told in the mission's frame.
+            RequestError: A place has no coordinates in the mission's frame.
         """
         request = command.for_mission(self._frame, by)
         if request is None:
@@ -142,19 +142,19 @@ class CommandService:
                 **situation(self._frame, self._status(), self._reading()),
                 **more,
             }
-        answer = self.ask(request)
+        ack = self.submit(request)
         reply: dict[str, Any] = {
             "ok": True,
             "id": command.id,
-            "accepted": answer.accepted,
-            "why": answer.why,
-            "code": answer.code,
+            "accepted": ack.accepted,
+            "why": ack.why,
+            "code": ack.code,
             "state": self._status().state.name,
         }
-        if answer.points:
+        if ack.points:
             reply["points"] = [
                 [round(degrees, DEGREE_DIGITS) for degrees in self._frame.to_geodetic(point)]
-                for point in answer.points
+                for point in ack.points
             ]
         return reply
 
@@ -163,26 +163,26 @@ class FlightLoop:
     """Events in, actions out.
 
     Args:
-        controller: Decides.
-        stats: Counts for the flight result.
-        plan: What goes on board.
-        vehicle: Flies what is decided.
-        clock: The vehicle's.
+        controller: Decides on events.
+        stats: Statistics for the flight result.
+        plan: The plan to upload.
+        vehicle: Carries out motions.
+        clock: The vehicle's clock.
         gossip: The UAV's node.
-        recorder: Where every event and decision goes.
-        status: What the operator sees.
+        recorder: Records every event and action.
+        status: The operator's status line.
 
     Attributes:
-        page: Told of every event; from `begin` on.
-        motions: Brings the controller's motions to the vehicle.
-        reloader: Reads the mission file again, and puts changed zones on board.
-        leaving: The vehicle is let go: what still comes is not decided on.
+        page: Receives every event; from `begin` on.
+        motions: Sends the controller's motions to the vehicle.
+        reloader: Reads the mission file again, and uploads changed zones.
+        leaving: The vehicle was released: late events are not decided on.
     """
 
     page: Page
     _finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends; from `begin` on
 
-    def __init__(  # noqa: PLR0913 - all that an action can reach
+    def __init__(  # noqa: PLR0913 - everything that an action may use
         self,
         controller: Controller,
         stats: FlightStats,
@@ -201,7 +201,7 @@ class FlightLoop:
         self._gossip = gossip
         self._recorder = recorder
         self._status = status
-        self._repeats = Repeats[str]()  # of what is said on the terminal
+        self._repeats = Repeats[str]()  # of terminal lines
         self.motions = MotionSender(
             vehicle,
             plan,
@@ -209,14 +209,14 @@ class FlightLoop:
             lambda: controller.ended_modes,
             self.on_event,
         )
-        self.reloader = MissionReloader(controller, vehicle, self.on_event, status.say)
+        self.reloader = MissionReloader(controller, vehicle, self.on_event, status.print_line)
         self.leaving = False
-        # what happened, what was decided on it and when, to be noted and carried out in order
+        # event, actions and time, to be recorded and carried out in order
         self._decided: deque[tuple[Event, list[Action], float]] = deque()
         self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
 
     def begin(self, page: Page) -> asyncio.Future[tuple[str, ExitCode]]:
-        """Get ready in the running event loop; the outcome of the flight, once it has one.
+        """Start in the running event loop; return a future for the outcome of the flight.
 
         Args:
             page: Shows the flight.
@@ -228,23 +228,23 @@ class FlightLoop:
         return self._finish
 
     def on_event(self, event: Event) -> None:
-        """Something happened: decide on it, and do what was decided."""
+        """Decide on an event, and carry out the actions."""
         try:
             self.decide(event)
         finally:
             self._carry_out()
 
     def decide(self, event: Event) -> list[Action]:
-        """Decide on what happened; that is carried out in the loop's next turn, if not before."""
+        """Decide on an event; the actions are carried out in the loop's next turn at the latest."""
         asyncio.get_running_loop().call_soon(self._carry_out)
         now_s, actions = self._clock.boot_s(), list[Action]()
-        self._decided.append((event, actions, now_s))  # also what leads to a fault is recorded
-        if not self.leaving:  # once the vehicle is let go nothing is decided any more
+        self._decided.append((event, actions, now_s))  # also before a fault
+        if not self.leaving:  # no decisions after the vehicle was released
             actions += self._controller.handle(event, now_s)
         return actions
 
     def _carry_out(self) -> None:
-        """Note what was decided, and have it done; all of it before what follows from that."""
+        """Record and carry out decided actions, before any events that follow from them."""
         while self._decided:
             event, actions, now_s = self._decided.popleft()
             self._recorder.event(event, now_s)
@@ -253,7 +253,7 @@ class FlightLoop:
             self.page.step(event, actions, now_s)
             for action in actions:
                 self._act(action, now_s)
-            self._say_repeats(now_s)
+            self._print_repeats(now_s)
 
     def _act(self, action: Action, now_s: float) -> None:
         match action:
@@ -263,16 +263,16 @@ class FlightLoop:
                 self._gossip.publish_map(now_s)
                 self._gossip.exchange()
             case Seeking(robot=robot):
-                self._gossip.tell_sought(robot, now_s)
+                self._gossip.publish_sought(robot, now_s)
             case ReadAgain() | RenewPlan() | ReplanAirspace():
                 self.start(self.reloader.work(action))
             case Announce():
                 self._show(action, now_s)
                 self.start(self._vehicle.announce(_for_pilot(action), action.severity))
             case CommandAck(by=by, accepted=accepted, why=why):
-                self._gossip.tell_answer(action)
-                word = "accepted" if accepted else "refused"
-                self._say(f"{by}: {word}: {why}", Severity.INFO, now_s, alone=True)
+                self._gossip.publish_ack(action)
+                verdict = "accepted" if accepted else "refused"
+                self._print(f"{by}: {verdict}: {why}", Severity.INFO, now_s, alone=True)
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
@@ -280,18 +280,18 @@ class FlightLoop:
                 self.end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
-        # Each is told: with their times they are the flight's history.
+        # Every change is printed: with the times they are the flight's history.
         words = f"{change.source.name} -> {change.target.name}"
-        self._status.say(f"{now_s:8.1f} s  {words}", Severity.INFO)
+        self._status.print_line(f"{now_s:8.1f} s  {words}", Severity.INFO)
         if change.target is State.PASSIVE:
             self.motions.call_off()
         if change.source is State.READY:
             self._reckon_with_time(now_s)
 
     def _reckon_with_time(self, now_s: float) -> None:
-        """What a command takes on its way is our time; in a fast simulation the vehicle's flies.
+        """Convert a command's delay from our time to the vehicle's, for a fast simulation.
 
-        And until when zones with hours are the right ones is told by the clock on the wall.
+        Also convert the end of the zones' active hours, which is in wall time.
         """
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
         self._controller.reacts_within(reaction_s)
@@ -304,58 +304,58 @@ class FlightLoop:
             self._recorder.note("HomeBy", now_s, {"home_by_s": now_s + left_s})
 
     def let_go(self) -> None:
-        """The vehicle is let go: what still comes is not decided on."""
+        """Release the vehicle: late events are not decided on."""
         self.leaving = True
 
-    async def tell(self, said: Announce) -> None:
-        """Tell the operator, here, and the pilot, by the ground station."""
-        self._show(said, self._clock.boot_s())
-        await self._vehicle.announce(_for_pilot(said), said.severity)
+    async def announce(self, announcement: Announce) -> None:
+        """Announce to the operator (terminal) and the pilot (ground station)."""
+        self._show(announcement, self._clock.boot_s())
+        await self._vehicle.announce(_for_pilot(announcement), announcement.severity)
 
-    def _show(self, said: Announce, now_s: float) -> None:
-        label = "" if said.severity is Severity.INFO else f"{said.severity.name}: "
-        self._say(f"{label}{said.words}", said.severity, now_s)
+    def _show(self, announcement: Announce, now_s: float) -> None:
+        label = "" if announcement.severity is Severity.INFO else f"{announcement.severity.name}: "
+        self._print(f"{label}{announcement.words}", announcement.severity, now_s)
 
-    def _say(self, text: str, severity: Severity, now_s: float, *, alone: bool = False) -> None:
-        """Say a line that stays; one that comes again and again is counted.
+    def _print(self, text: str, severity: Severity, now_s: float, *, alone: bool = False) -> None:
+        """Print a permanent line; repetitions are only counted.
 
         Args:
             text: The line.
-            severity: Only an info is counted.
+            severity: Only INFO lines are counted.
             now_s: The vehicle's time.
-            alone: Nor is this line.
+            alone: This line is never counted.
         """
         if alone or severity is Severity.ALARM:
-            self._say_repeats(now_s, last=True)
+            self._print_repeats(now_s, last=True)
             self._repeats.clear()
         elif severity is Severity.INFO and self._repeats.again(text, now_s):
-            return  # a warning is never late
-        self._status.say(f"{now_s:8.1f} s  {text}", severity)
+            return  # a warning is printed at once
+        self._status.print_line(f"{now_s:8.1f} s  {text}", severity)
 
-    def _say_repeats(self, now_s: float, *, last: bool = False) -> None:
-        """Say how often lines came again, once that is due; `last`: or is not due any more."""
+    def _print_repeats(self, now_s: float, *, last: bool = False) -> None:
+        """Print how often lines repeated, when due; `last`: at the end in any case."""
         for text, count in self._repeats.due(math.inf if last else now_s):
-            self._status.say(f"{now_s:8.1f} s  {times(count)}: {text}", Severity.INFO)
+            self._status.print_line(f"{now_s:8.1f} s  {times(count)}: {text}", Severity.INFO)
 
     def end(self, outcome: str, exit_code: ExitCode) -> None:
-        """The flight is over; the first outcome counts."""
+        """End the flight; only the first outcome counts."""
         if not self._finish.done():
             self._finish.set_result((outcome, exit_code))
 
     def start(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run something beside the flight; an error in it ends the flight."""
+        """Run a background task; an error in it ends the flight."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._on_task_done)
 
     async def stop(self) -> None:
-        """Cancel what runs beside the flight, and carry out what was decided."""
+        """Cancel the background tasks, and carry out pending actions."""
         tasks = tuple(self._tasks)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         self._carry_out()
-        self._say_repeats(self._clock.boot_s(), last=True)
+        self._print_repeats(self._clock.boot_s(), last=True)
 
     def _on_task_done(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
@@ -364,7 +364,7 @@ class FlightLoop:
             self._finish.set_exception(error)
 
     def _on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """An error in a callback, and so in a decision, ends the flight as one in a task does."""
+        """End the flight after an error in a callback, such as a decision."""
         error = context.get("exception")
         if isinstance(error, Exception) and "handle" in context and not self._finish.done():
             self._finish.set_exception(error)
@@ -372,19 +372,19 @@ class FlightLoop:
             loop.default_exception_handler(context)
 
     def may_be_taken(self) -> bool:
-        """Whether its mode has not been heard for so long that a pilot may have it."""
+        """Whether the flight mode has been missing for so long that a pilot may have taken over."""
         return self._controller.may_be_taken
 
     def flies_by_us(self, *, starts: FlightMode | None) -> bool:
-        """Whether the vehicle flies, or is about to, because we told it to.
+        """Whether the vehicle flies, or is taking off, by our command.
 
         Args:
-            starts: The mode from before it was told to take off, which may not show yet.
+            starts: The mode before the take-off command, while the new one is not reported yet.
         """
         controller, telemetry = self._controller, self._controller.telemetry
         if telemetry is None or telemetry.in_air:
             return telemetry is not None and controller.in_charge
-        # Armed in Mission mode on the ground it is about to take off, with no companion.
+        # Armed in Mission mode on the ground, the vehicle would take off without a companion.
         modes = {FlightMode.MISSION} if starts is None else {*_STARTING, starts}
         about_to = telemetry.armed and telemetry.mode in modes
         return about_to and controller.state in {State.READY, State.DONE}

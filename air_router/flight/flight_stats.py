@@ -1,4 +1,4 @@
-"""What a flight achieved, added up from the same events that the controller saw."""
+"""Statistics of a flight, from the same events that the controller received."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ _GOES_ON: Final = MissionWaits(None)
 
 @dataclass(slots=True)
 class FlightStats:
-    """Adds a flight up; `report` makes the object that `--json` prints.
+    """Collects the statistics of a flight; `report` makes the object that `--json` prints.
 
     Attributes:
-        changes: The latest changes of state: more than come between two looks of a program, in a
-            fast simulation too. `changed` counts them all.
+        changes: The latest changes of state, more than occur between two polls of a program, also
+            in a fast simulation. `changed` counts all.
     """
 
     flown: FlownTrack
     mapper: Mapper
-    found: dict[str, int]  # how often a search for a robot ended with its being heard
+    found: dict[str, int]  # searches that found the robot, by robot
     map_shares: dict[str, float] = field(default_factory=dict)  # at the last meeting, 0 to 1
     interactions: Interactions = field(default_factory=Interactions)
     states: list[State] = field(default_factory=list)  # in the order of their first time
-    # robot, and where the vehicle was
+    # robot, and the vehicle's position
     meetings: list[tuple[str, Point]] = field(default_factory=list)
     changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=CHANGES_KEPT))
     changed: int = 0
-    waited_s: dict[str, list[float]] = field(default_factory=dict)  # by the row that decided
+    waited_s: dict[str, list[float]] = field(default_factory=dict)  # by the deciding row
     _waits: MissionWaits = _GOES_ON
     _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
 
     @classmethod
     def of(cls, mission: Mission, mapper: Mapper, robots: Iterable[str]) -> FlightStats:
-        """Of a flight that begins; syncs with other robots count as interactions only."""
+        """Start the statistics of a flight; syncs with other robots count only as interactions."""
         return cls(FlownTrack(mission), mapper, dict.fromkeys(robots, 0))
 
     def step(self, event: Event, actions: Iterable[Action], now_s: float) -> None:
@@ -90,7 +90,7 @@ class FlightStats:
         Args:
             outcome: How it ended.
             unix_s: The vehicle's time.
-            stamps_s: By robot, how new the newest message of its own is that we hold.
+            stamps_s: By robot, the stamp of its newest message that we hold.
         """
         return {
             "outcome": outcome,
@@ -114,11 +114,11 @@ class FlightStats:
 
     @property
     def flew(self) -> bool:
-        """Whether the vehicle was off the ground by more than the estimate wanders."""
+        """Whether the vehicle left the ground by more than the noise of its estimate."""
         return self._highest_m > OFF_GROUND_M
 
     def _waits_for(self, change: MissionWaits) -> None:
-        """The mission waits for another row of `INTERLOCKS` now, or goes on."""
+        """Note another blocking row of `INTERLOCKS`, or that the mission resumes."""
         if self._waits.interlock is not None:
             spans = self.waited_s.setdefault(self._waits.interlock, [])
             spans.append(self._now_s - self._waits.since_s)
@@ -143,7 +143,7 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-# How a flight ended, for the program that started it.
+# The result of a flight, for the program that started it.
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +152,11 @@ class FlightResult:
 
     Attributes:
         report: What `--json` prints.
-        track: Where the vehicle was, in the mission's metres.
-        meetings: Whom it found, and where it was then.
+        track: The flown track, in the mission's meters.
+        meetings: The robots it found, and its positions then.
     """
 
-    outcome: str  # in words
+    outcome: str  # as text
     exit_code: ExitCode
     report: dict[str, object]
     track: tuple[Point, ...]
@@ -164,11 +164,11 @@ class FlightResult:
 
 
 def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, ExitCode]:
-    """The outcome in words, and the exit code, of a flight that the controller has finished.
+    """The outcome as text, and the exit code, of a flight that the controller has finished.
 
     Args:
-        finish: What the controller says.
-        aborted_why: Why it came home before it was off the ground; None: it flew.
+        finish: The controller's last action.
+        aborted_why: Why the mission ended before take-off; None: it flew.
     """
     match finish:
         case Finish(landed_by_us=True) if aborted_why is not None:
@@ -185,40 +185,40 @@ def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, Exit
             return f"ended: {finish.why}", ExitCode.ENDED_OTHERWISE
 
 
-# Where a vehicle flew, how far, and how near it came to what it was to keep away from.
+# The flown track, its length, and its distance to zones and fences.
 
 
 @dataclass(slots=True)
 class FlownTrack:
-    """Takes in what the controller heard and decided, live or out of a record.
+    """Follows the controller's events and actions, live or from a record.
 
     Attributes:
-        mission: With the zones and fences that it has by now.
-        points: Where the vehicle was in the air.
-        distance_m: Along them, without the wander of a vehicle that hovers.
-        armed_s: When it was first seen armed, on its clock; None if it was not.
-        ours: It is flown by us, not by a pilot.
-        now_s: The newest time that was heard, on its clock.
+        mission: The mission with the current zones and fences.
+        points: The vehicle's positions in the air.
+        distance_m: Their length, without the drift of a hovering vehicle.
+        armed_s: When it was first armed, on its clock; None: never.
+        ours: This program commands it, not a pilot.
+        now_s: The newest time received, on its clock.
     """
 
     mission: Mission
     points: list[Point] = field(default_factory=list)
     distance_m: float = 0.0
-    _counted: Point | None = None  # up to which place the distance counts
+    _counted: Point | None = None  # up to which point the distance counts
     armed_s: float | None = None
     ours: bool = True
     now_s: float = 0.0
-    _changed: Mission | None = None  # mission whose zones are not in force yet
-    _boarding: bool = False  # until the plan is renewed the controller refuses other zones
-    _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # of each airspace
+    _changed: Mission | None = None  # the mission with zones not in force yet
+    _boarding: bool = False  # the controller refuses other zones until the plan is renewed
+    _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # points by airspace
 
     def __post_init__(self) -> None:
         self._begin_part()
 
     def event(self, event: Event, now_s: float) -> None:
-        """Take in what happened."""
+        """Handle an event."""
         if self.armed_s is None and now_s < self.now_s - REBOOT_S:
-            self.now_s = now_s  # before take-off a vehicle may reboot
+            self.now_s = now_s  # a vehicle may reboot before take-off
         self.now_s = max(self.now_s, now_s)
         match event:
             case Telemetry(armed=True):
@@ -232,7 +232,7 @@ class FlownTrack:
                     self._begin_part()
 
     def action(self, action: Action) -> None:
-        """Take in what was decided."""
+        """Handle an action."""
         if isinstance(action, RenewPlan):
             self._boarding = True
         elif isinstance(action, StateChanged):
@@ -246,17 +246,17 @@ class FlownTrack:
         return 0.0 if self.armed_s is None else self.now_s - self.armed_s
 
     def closest_approach(self) -> tuple[float, str] | None:
-        """Closest distance of the flown track to any zone or fence border, and to which.
+        """The closest distance of the flown track to a zone or fence, and its name.
 
-        While it was ours: what others fly is theirs. None without a track, and for a mission
-        without zones and fence.
+        Only while this program commanded the vehicle. None without a track, or without zones and
+        fence.
         """
         closest = [airspace.track_distance_m(part) for airspace, part in self._parts if part]
         closest_m, what = min(closest, default=(0.0, ""))
         return (closest_m, what) if what else None
 
     def totals(self, closest: tuple[float, str] | None) -> dict[str, object]:
-        """As plain data; `closest`: what `closest_approach` has found."""
+        """The totals as plain data; `closest`: the result of `closest_approach`."""
         closest_m, closest_to = closest or (None, None)
         return {
             "duration_s": round(self.duration_s, 1),

@@ -1,4 +1,4 @@
-"""What a program that shows a flight asks of it: team, links, changes of state, areas, map."""
+"""Data for programs that show a flight: team, links, changes of state, areas, map."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from mocha_link.links import LinkMetrics
 
 
 class FlightView:
-    """Answers `view`; decides nothing. What is large is made once, and told when it is asked for.
+    """Answers `view`; decides nothing. Large data are made once, and sent on request.
 
     Args:
-        mission: For its frame and the UAV's name.
+        mission: The mission with its frame and the UAV's name.
         status: Gives the flight's status.
-        router: Gives the router among the zones in force.
-        stats: For the changes of state, and the map that the vehicle paints.
+        router: Returns the router for the zones in force.
+        stats: Has the changes of state, and the map that the vehicle paints.
     """
 
     def __init__(
@@ -46,8 +46,8 @@ class FlightView:
         self._map: str | None = None  # compressed, in base64
         self._map_cells = 0  # known in `_map`
 
-    def tell(self, command: View) -> dict[str, Any]:
-        """What is asked for, in JSON's values."""
+    def fields_for(self, command: View) -> dict[str, Any]:
+        """The requested data as JSON values."""
         status = self._status()
         about: dict[str, Any] = {
             "uav": self._name,
@@ -57,7 +57,7 @@ class FlightView:
                 {"about": about, "text": alarm.lasting, "instruction": alarm.instruction}
                 for about, alarm in status.alarms.items()
             ],
-            "heard": self._heard(status),
+            "heard": self._received(status),
             "links": [self._link(link) for _, link in sorted(status.links.items())],
             "areas_revision": status.airspace.revision,
             "known_cells": self._stats.mapper.known_cells,
@@ -73,7 +73,7 @@ class FlightView:
         return about
 
     def _changes(self) -> list[dict[str, Any]]:
-        """The latest changes of state, numbered from the first of the flight on."""
+        """The latest changes of state, numbered from the start of the flight."""
         first = self._stats.changed - len(self._stats.changes) + 1
         return [
             {
@@ -86,8 +86,8 @@ class FlightView:
             for number, change in enumerate(self._stats.changes, first)
         ]
 
-    def _heard(self, status: FlightStatus) -> dict[str, list[float]]:
-        """Where robots that can be sought were last."""
+    def _received(self, status: FlightStatus) -> dict[str, list[float]]:
+        """The last positions of robots that may be sought."""
         return {
             robot: degrees(self._frame, target.position)
             for robot, target in status.targets.items()
@@ -121,7 +121,7 @@ class FlightView:
 
 
 def waiting_of(status: FlightStatus) -> dict[str, Any] | None:
-    """What keeps the mission from what it wants, as plain data; None: nothing does."""
+    """The interlock that blocks the mission, as plain data; None: none."""
     waiting = status.waiting
     if waiting is None:
         return None
@@ -135,9 +135,9 @@ def waiting_of(status: FlightStatus) -> dict[str, Any] | None:
 def situation(
     frame: LocalFrame, status: FlightStatus, reading: ReloadReport | None
 ) -> dict[str, Any]:
-    """What the flight is doing now.
+    """The current situation of the flight.
 
-    `reading`: what became of the latest reading of the mission file.
+    `reading`: the outcome of the latest reading of the mission file.
     """
     telemetry, goal, left_s = status.telemetry, status.goal, status.left_s
     about: dict[str, Any] = {

@@ -1,7 +1,7 @@
-"""Reads the mission file again in flight, and puts on board what has changed in it.
+"""Reads the mission file again in flight, and uploads its changes.
 
-Only fences and no-fly zones may be others. A file with any other change, or with any error, changes
-nothing; but waypoints that zones were drawn over are no error here: they are left out.
+Only fences and no-fly zones may change. A file with any other change or an error has no effect.
+Waypoints covered by new zones are no error here: they are skipped.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from air_router.mission import (
     FlightPlan,
     Mission,
     checked,
-    choose,
-    read_draft,
+    chosen,
+    read_placed,
 )
 from air_router.routing import Router, WaypointGraph
 from air_router.vehicle import Vehicle
@@ -51,44 +51,45 @@ _AREAS: Final = frozenset(
     {"fences", "zones", "idle_zones", "airspace", "planning_airspace", "climb_airspace"}
     | {"above_airspace", "drawn_zones", "window", "notes", "path", "name"}
 )
-"""Fields of a mission that follow from its fences and zones, or that nothing flies by."""
+"""Fields of a mission derived from its fences and zones, or not used in flight."""
 
 _FROM_OPTIONS: Final = frozenset({"duration_s", "seek_policy", "uav", "explore", "layers"})
-"""Fields that the command line may have said: a file that says otherwise has not changed them."""
+"""Fields that the command line may override: a different value in the file is no change."""
 
 
 class NotReloadedError(AirRouterError):
-    """The mission file was read again and changes nothing; the message says why."""
+    """The mission file was read again without effect; the message gives the reason."""
 
     exit_code = ExitCode.INVALID_FILE
 
 
 def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> AirspaceChanged:
-    """The fences and zones that a mission's file has now.
+    """Read the current fences and zones of a mission's file.
 
     Args:
-        mission: As it is flown.
-        on_board: What the autopilot has of it; None: all.
+        mission: The mission as it is flown.
+        on_board: The plan on board; None: this mission's.
 
     Raises:
-        DocumentError: with every problem of the file.
-        NotReloadedError: more has changed than these, or nothing has, or it does not fit on board.
+        DocumentError: The file has errors; contains all of them.
+        NotReloadedError: Other fields have changed, nothing has, or it does not fit on board.
     """
-    draft = read_draft(mission.path)
+    placed, findings = read_placed(mission.path)
     if mission.layers and mission.uav is not None:
-        choose(draft, mission.uav)
+        placed = chosen(placed, mission.uav)
     latest, today = mission.window.latest_start, datetime.now(UTC)
-    late = latest is not None and today > latest  # its window may be over before it is
-    # The zones of this flight, not of one that begins now.
-    draft.begin_at(today if late else mission.window.start, mission.duration_s)
-    now = checked(draft, besides=DRAWN_OVER)
+    late = latest is not None and today > latest  # its window may end before the flight does
+    # The zones of this flight, not of one that starts now.
+    placed = placed.with_settings(duration_s=mission.duration_s)
+    start = today if late else mission.window.start
+    now = checked(placed, findings, start=start, besides=DRAWN_OVER)
     if late:
         now = now.with_areas(now.fences, _whatever_the_hour(now))
     follows = ("cruise", "climb_corridors")
     fields = sorted(dataclasses.fields(mission), key=lambda field: field.name in follows)
     others = [
         field.name
-        for field in fields  # what follows from others is told last
+        for field in fields  # derived fields are named last
         if field.name not in _AREAS | _FROM_OPTIONS
         and getattr(mission, field.name) != getattr(now, field.name)
     ]
@@ -110,7 +111,7 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
 
 
 def _whatever_the_hour(mission: Mission) -> tuple[Zone, ...]:
-    """The zones of a mission, those that apply in its window without their hours."""
+    """The zones of a mission; those that apply in its window without their hours."""
     start, end = mission.window.start, mission.window.end
     return tuple(
         dataclasses.replace(zone, validity=None)
@@ -122,12 +123,12 @@ def _whatever_the_hour(mission: Mission) -> tuple[Zone, ...]:
 
 @dataclass(frozen=True, slots=True)
 class ReloadReport:
-    """What became of the latest reading of the mission file.
+    """The outcome of the latest reading of the mission file.
 
     Attributes:
-        under_way: It is being read and judged now.
-        good: Its fences and zones are what the flight keeps to; they go on board after that.
-        why: In a sentence.
+        under_way: The file is being read and checked.
+        good: Its fences and zones are in force; they are uploaded after that.
+        why: The outcome as a sentence.
     """
 
     under_way: bool = True
@@ -136,18 +137,18 @@ class ReloadReport:
 
 
 class MissionReloader:
-    """Carries out what the controller wants done when zones change.
+    """Carries out the controller's actions when zones change.
 
-    Before the plan itself is on board nothing else is put there: what changes meanwhile waits.
+    Changes wait until the plan itself is on board.
 
     Attributes:
-        latest: What became of the latest reading; None before the first.
+        latest: The outcome of the latest reading; None before the first.
 
     Args:
-        controller: Whose mission it is.
-        vehicle: Gets the changed plan.
-        deliver: Takes the events that follow.
-        say: Tells the operator.
+        controller: The controller with the mission.
+        vehicle: Receives the changed plan.
+        deliver: Called with the resulting events.
+        print_line: Informs the operator.
     """
 
     def __init__(
@@ -155,44 +156,44 @@ class MissionReloader:
         controller: Controller,
         vehicle: Vehicle,
         deliver: Callable[[Event], None],
-        say: Callable[[str], None],
+        print_line: Callable[[str], None],
     ) -> None:
         self._controller = controller
         self._vehicle = vehicle
         self._deliver = deliver
-        self._say = say
+        self._print = print_line
         self.latest: ReloadReport | None = None
-        self._reading = self._once_more = False  # the file is read; asked again meanwhile
-        self._on_board = FlightPlan.of(controller.mission)  # the plan last sent
-        # the first; nothing is under way
+        self._reading = self._once_more = False  # the file is being read; requested again meanwhile
+        self._on_board = FlightPlan.of(controller.mission)  # the last uploaded plan
+        # the plan is on board; nothing is in progress
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
         self._idle.set()
-        self._at_work = 0  # readings and uploads under way
-        self._uploads = 0  # begun; the newest counts
+        self._at_work = 0  # readings and uploads in progress
+        self._uploads = 0  # started; the newest counts
 
     @property
     def report(self) -> ReloadReport | None:
-        """What became of the latest reading, as things are on board now; None before the first."""
+        """The outcome of the latest reading and its upload; None before the first."""
         if self.latest is None or not self.latest.good:
             return self.latest
         if self._controller.plan_is_ours:
             return self.latest
         why = (
             "the flight keeps to the changed fences and zones, but another plan is on board: "
-            "'resume upload' puts this mission's there"
+            "'resume upload' uploads this mission's"
         )
         return ReloadReport(under_way=False, why=why)
 
     def plan_on_board(self) -> None:
-        """The plan itself is on board: what has changed since may follow."""
+        """The plan itself is on board: later changes may be uploaded."""
         self._uploaded.set()
 
-    async def settled(self) -> None:
-        """Wait until nothing is being read or put on board."""
+    async def finished(self) -> None:
+        """Wait until nothing is being read or uploaded."""
         await self._idle.wait()
 
     def work(self, action: ReadAgain | RenewPlan | ReplanAirspace) -> Coroutine[Any, Any, None]:
-        """What the controller wants done, to be awaited."""
+        """The coroutine that carries an action out."""
         self._at_work += 1
         self._idle.clear()
         if isinstance(action, ReadAgain):
@@ -211,9 +212,9 @@ class MissionReloader:
                 self._idle.set()
 
     async def read(self) -> None:
-        """Read the file, and make the router among the new zones, beside the flight."""
+        """Read the file and make the router for the new zones, in the background."""
         if self._reading:
-            self._once_more = True  # what was saved meanwhile may not have been read
+            self._once_more = True  # a file saved meanwhile may not have been read
             return
         self._reading = True
         try:
@@ -232,7 +233,7 @@ class MissionReloader:
             )
         except (AirRouterError, DocumentError) as error:
             return self._failed(f"not reloaded: {error}")
-        except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
+        except Exception as error:  # noqa: BLE001 - no edited file may end a flight
             _log.exception("%s was not reloaded", self._controller.mission.path)
             return self._failed(f"not reloaded, by a fault of this program: {error!r}")
         self._controller.prepare(router)
@@ -244,14 +245,14 @@ class MissionReloader:
         return ReloadReport(under_way=False, good=good, why=why)
 
     def _failed(self, why: str) -> ReloadReport:
-        self._say(why)
+        self._print(why)
         return ReloadReport(under_way=False, why=why)
 
     async def board(self) -> None:
-        """Put the changed plan on board; if that fails, what was there before.
+        """Upload the changed plan; if that fails, restore the previous one.
 
-        One that is not waited for any more ends with the list under way. What became of it is told
-        unless another was begun meanwhile.
+        A superseded upload ends after its current list. Its outcome is announced unless another
+        upload was started meanwhile.
         """
         self._uploads += 1
         number = self._uploads
@@ -273,16 +274,16 @@ class MissionReloader:
             self._deliver(PlanRenewed(why_not))
 
     async def replan(self) -> None:
-        """Make the router among the zones as they count now, beside the flight."""
+        """Make the router for the zones that apply now, in the background."""
         controller = self._controller
         router = await asyncio.to_thread(_router, controller.mission, controller.all_zones)
-        if controller.replans:  # no other change has come first
+        if controller.replans:  # no other change came first
             controller.prepare(router)
             now = controller.mission
             self._deliver(AirspaceChanged(now.fences, now.drawn))
 
     async def _renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> str | None:
-        """Put a plan on board; returns why that failed, if it did."""
+        """Upload a plan; return why that failed, if it did."""
         try:
             async with asyncio.timeout(PLAN_ON_BOARD_S):
                 await self._vehicle.renew(plan, objection)

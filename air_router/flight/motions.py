@@ -21,14 +21,14 @@ from air_router.vehicle import FlightMode, TakenOverError, Vehicle
 
 
 class MotionSender:
-    """A place for one motion, and what takes it to the vehicle.
+    """Holds one motion, and sends it to the vehicle.
 
     Args:
-        vehicle: Who is told.
+        vehicle: Receives the motions.
         plan: The plan on board.
-        objection: Why a motion must not be sent now, after all; None if it may.
-        out_of: The flight modes that the motion which was decided on last may end.
-        report: Takes what became of a motion. One that was replaced or called off is not reported.
+        objection: Returns why a motion must not be sent anymore; None: it may.
+        out_of: Returns the flight modes that the last decided motion may end.
+        report: Called with the outcome of a motion, unless it was replaced or canceled.
     """
 
     def __init__(
@@ -43,18 +43,18 @@ class MotionSender:
         self._plan = plan
         self._objection = objection
         self._out_of = out_of
-        self._modes: frozenset[FlightMode] = frozenset()  # that the waiting motion may end
+        self._modes: frozenset[FlightMode] = frozenset()  # modes that the waiting motion may end
         self._report = report
         self._waiting: Motion | None = None  # replaced by a newer one
         self._given = asyncio.Event()  # a motion waits to be sent
         self._sending: asyncio.Task[None] | None = None  # until the vehicle follows
-        self._objected: str | None = None  # to what is sent, while it is
+        self._objected: str | None = None  # objection to the motion being sent
 
     def give(self, motion: Motion) -> None:
-        """Send this next; one that still waits is void.
+        """Send this motion next; it replaces a waiting one.
 
-        A hold leaves at once: it does not wait until what was sent before is confirmed. That may
-        arrive late all the same: controller and vehicle reckon with it.
+        A hold is sent at once, without waiting for the confirmation of the previous motion. The
+        previous motion may still arrive late; controller and vehicle account for that.
         """
         self._waiting, self._modes = motion, self._out_of()
         self._given.set()
@@ -62,13 +62,13 @@ class MotionSender:
             self._sending.cancel()
 
     def call_off(self) -> None:
-        """The pilot flies: what waits is void, and what is under way is not repeated."""
+        """The pilot flies: drop the waiting motion, and do not repeat the one being sent."""
         self._waiting = None
         if self._sending is not None:
             self._sending.cancel()
 
     async def run(self) -> None:
-        """Send what is given, until cancelled."""
+        """Send motions until canceled."""
         while True:
             await self._given.wait()
             self._given.clear()
@@ -96,7 +96,8 @@ class MotionSender:
             sent = sent and not (isinstance(error, TakenOverError) and not error.sent)
             self._report(CommandFailed(motion, str(error), sent=sent, taken=taken))
         else:
-            # What waits was decided on before: the vehicle is in the mode of this one by our order.
+            # The waiting motion was decided before: the vehicle is in this one's mode by our
+            # command.
             self._modes |= {MODES[type(motion)]}
             self._report(CommandConfirmed(motion))
 

@@ -1,9 +1,9 @@
-"""What is known of a flight that another companion goes on with: by its record, or by the vehicle.
+"""The progress of a flight to be resumed, from its record or from the vehicle.
 
-The record is replayed: the controller that flew knows since when it flew, and what it explored.
-Without a record the vehicle knows since when it flies, and nothing of what was explored: its plan
-item is where it was sent to last, perhaps to seek a robot or to come home past items that it never
-flew. So none of the waypoints counts as explored then, and all are flown again.
+The record is replayed: the recorded controller knows the take-off time and the explored waypoints.
+Without a record the vehicle knows its take-off time, but not the explored waypoints: its plan item
+is only its last destination, perhaps to seek a robot or on the way home past unvisited items. So
+all waypoints are flown again.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ _log = logging.getLogger(__name__)
 
 
 def as_begun(mission: Mission, folder: Path | None, now: datetime) -> tuple[Mission, str]:
-    """A mission among the zones that count in a flight of it that is under way, and how so.
+    """The mission with the zones of a flight in progress, and the source as text.
 
-    Zones with hours were chosen as it began: chosen anew, the plan on board would be another. The
-    newest record of the mission tells when that was, unless such a flight must be over by now.
+    Zones with hours were selected when the flight began; a new selection would make the plan on
+    board differ. The newest record of the mission has that time, unless such a flight must be over
+    by now.
 
     Args:
-        mission: As it would begin now.
-        folder: Where records are; None where nothing is recorded.
-        now: By our clock.
+        mission: The mission, as started now.
+        folder: Folder of records; None: nothing is recorded.
+        now: Current time by our clock.
     """
     if all(zone.validity is None for zone in mission.zones):
         return mission, ""
@@ -58,7 +59,7 @@ def as_begun(mission: Mission, folder: Path | None, now: datetime) -> tuple[Miss
 
 
 def _moved(window: FlightWindow, began: FlightWindow) -> FlightWindow:
-    """The window of a flight that began earlier, and was perhaps to stay out for longer."""
+    """The window of a flight that began earlier, perhaps with a longer duration."""
     later = began.start - window.start
     end, latest = (None if t is None else t + later for t in (window.end, window.latest_start))
     if end is not None and (began.end is None or began.end > end):
@@ -69,10 +70,10 @@ def _moved(window: FlightWindow, began: FlightWindow) -> FlightWindow:
 async def recognised(
     vehicle: Vehicle, plan: FlightPlan, telemetry: Telemetry, *, resume: bool
 ) -> str:
-    """That a vehicle in the air flies this mission, in words.
+    """Verify that a vehicle in the air flies this mission; return it as text.
 
     Raises:
-        RefusedError: it does not; or it does, and is not to be flown on.
+        RefusedError: It does not, or it does but `--resume` is not given.
     """
     flies = f"the vehicle is flying ({telemetry.mode.value} mode)"
     try:
@@ -84,17 +85,17 @@ async def recognised(
         ) from None
     found = f"{flies} with this mission on board"
     if not resume:
-        raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
+        raise RefusedError(f"{found}; land it, or give --resume to resume the flight")
     return found
 
 
 class Resumption(NamedTuple):
-    """What is known of the flight until now.
+    """The progress of the flight so far.
 
     Attributes:
-        flown: Since when, and what is explored.
-        home_amsl_m: How high home was at the take-off, metres above mean sea level; None: unknown.
-        words: Both, for the operator, and how it is known.
+        flown: Take-off time and explored waypoints.
+        home_amsl_m: Home's altitude at the take-off, meters above mean sea level; None: unknown.
+        words: Both, and their source, for the operator.
     """
 
     flown: FlownBefore
@@ -102,7 +103,7 @@ class Resumption(NamedTuple):
     words: str
 
 
-def flown_before(  # noqa: PLR0913 - all that something is known by
+def flown_before(  # noqa: PLR0913 - all sources of the progress
     mission: Mission,
     info: VehicleInfo,
     telemetry: Telemetry,
@@ -112,15 +113,15 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
     rate: float = 1.0,
     unix: Callable[[], float] = time.time,
 ) -> Resumption:
-    """Since when a vehicle flies this mission and what it has explored, and how that is known.
+    """Determine the progress of a flight, from its record or from the vehicle.
 
     Args:
-        mission: To be gone on with.
-        info: The vehicle, which may know when it took off.
-        telemetry: It flies.
-        folder: Where records are, also if none can be added; None where nothing is recorded.
-        own: The record of this companion, which has just begun there; None if there is none.
-        rate: Seconds of the vehicle's clock in one of ours.
+        mission: The mission to resume.
+        info: The vehicle, which may know its take-off time.
+        telemetry: Telemetry of the vehicle in the air.
+        folder: Folder of records, perhaps read-only; None: nothing is recorded.
+        own: The record that this companion has just started there; None: none.
+        rate: The vehicle's seconds per second of ours.
         unix: Our clock.
     """
     for path in _newest(folder, own):
@@ -130,17 +131,17 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
             _log.info("%s: %s", path, error)
             continue
         if recorded is not None and recorded[0].airborne_s >= (info.took_off_s or 0.0):
-            words = _words(mission, recorded[0], telemetry, f"by its record {path}")
+            words = _summary(mission, recorded[0], telemetry, f"by its record {path}")
             return Resumption(*recorded, words)
     flown = FlownBefore(info.took_off_s or 0.0)
-    how = "by what the vehicle says"
+    how = "by the vehicle's report"
     if info.took_off_s is None:
-        how = "since when is not known, so from when it was switched on"
+        how = "the take-off time is not known, so counted from when it was switched on"
     how += (
         "; without a record all waypoints are explored again, and heights count from the home that "
         "it has now"
     )
-    return Resumption(flown, None, _words(mission, flown, telemetry, how))
+    return Resumption(flown, None, _summary(mission, flown, telemetry, how))
 
 
 def _newest(folder: Path | None, own: Path | None) -> list[Path]:
@@ -153,7 +154,7 @@ def _newest(folder: Path | None, own: Path | None) -> list[Path]:
 def _recorded(
     path: Path, mission: Mission, now_s: float, rate: float, unix_s: float
 ) -> tuple[FlownBefore, float | None] | None:
-    """What a record knew at its end, and how high home was; None if that was another flight."""
+    """The progress at a record's end, and home's altitude; None: another flight."""
     since_s = max(0.0, unix_s - path.stat().st_mtime) * rate
     setup = _setup(path)
     if setup is None or _identity(setup.mission) != _identity(mission):
@@ -161,7 +162,7 @@ def _recorded(
     controller = Controller(setup)
     until_s = replay_record(Log(path), controller).until_s
     if abs(now_s - until_s - since_s) > RESUMED_CLOCKS_APART_S + RESUMED_CLOCKS_APART * since_s:
-        return None  # it was switched off since
+        return None  # the vehicle was switched off since
     flown, last = controller.flown, controller.telemetry
     if flown is None:
         return None
@@ -170,16 +171,16 @@ def _recorded(
 
 
 def _setup(path: Path) -> FlightSetup | None:
-    """What was flown, by a record."""
+    """The setup of a recorded flight."""
     return next((entry.value for entry in Log(path) if entry.kind == "setup"), None)
 
 
 def _identity(mission: Mission) -> tuple[object, ...]:
-    """What makes it the same mission, whatever zones were drawn since."""
+    """The identity of a mission, independent of zones drawn since."""
     return mission.home, mission.uav, mission.waypoints
 
 
-def _words(mission: Mission, flown: FlownBefore, telemetry: Telemetry, how: str) -> str:
+def _summary(mission: Mission, flown: FlownBefore, telemetry: Telemetry, how: str) -> str:
     done, flown_s = flown.visited - len(flown.left_out), telemetry.time_s - flown.airborne_s
     return (
         f"in the air for {flown_s:.0f} s, {done} of {len(mission.waypoints)} waypoints "

@@ -1,4 +1,4 @@
-"""The status of a flight, complete: the controller's, with the links that the node measures."""
+"""The complete status of a flight: the controller's, with the links measured by the node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class StatusSource:
     """Makes a `FlightStatus` whenever one is read.
 
     Args:
-        controller: Gives all but the links.
+        controller: Returns the status without links.
         links: Measures the links to all peers.
         now_s: The vehicle's clock.
     """
@@ -27,11 +27,11 @@ class StatusSource:
         now_s: Callable[[], float],
     ) -> None:
         self._controller, self._measure, self._now_s = controller, links, now_s
-        self._links: Mapping[str, LinkMetrics] = {}  # as measured last
+        self._links: Mapping[str, LinkMetrics] = {}  # last measured
         self._measured_s = -math.inf  # when
 
     def status(self) -> FlightStatus:
-        """The flight as of now; its links were measured at most `LINKS_REFRESH_S` ago."""
+        """The current status; its links were measured at most `LINKS_REFRESH_S` ago."""
         now_s = self._now_s()
         if not 0.0 <= now_s - self._measured_s < LINKS_REFRESH_S:  # or the vehicle has restarted
             self._links, self._measured_s = self._measure(), now_s

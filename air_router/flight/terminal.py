@@ -1,6 +1,6 @@
-"""Where a person looks while the vehicle flies, and types: one live line, and news above it.
+"""The operator's terminal: a live status line with log lines above it, and typed requests.
 
-It knows nothing of flights: an experiment shows its progress by it, in processes that start often.
+It is independent of flights: experiments also show their progress with it.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from air_router.flight.limits import (
 from air_router.vehicle import Severity
 from mocha_link.errors import RequestError
 
-_LOOK: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
+_STYLE: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
 _PLAIN: Final = "\x1b[0m"
 """ANSI: yellow; bold red, and a bell. The line itself says "WARNING" or "ALARM"."""
 
 
 class StatusLine:
-    """Draws the line on a terminal, prints it now and then elsewhere; always on stderr."""
+    """Draws the line on a terminal, or prints it at intervals elsewhere; always on stderr."""
 
     def __init__(
         self,
@@ -46,11 +46,11 @@ class StatusLine:
         self._live = out.isatty()  # on a terminal: one line, redrawn in place
         self._out = _patient(out)
         self._monotonic = monotonic
-        self._shown_s = -math.inf  # when it was written last
-        self._width = 0  # of the line that is overwritten
+        self._shown_s = -math.inf  # last write
+        self._width = 0  # of the line to overwrite
 
     def show(self, line: Callable[[], str]) -> None:
-        """Draw the line if the last one is old enough; `line` is asked only then."""
+        """Draw the line if the last one is old enough; `line` is called only then."""
         now_s = self._monotonic()
         if now_s - self._shown_s < (TERMINAL_REFRESH_S if self._live else TERMINAL_PLAIN_REFRESH_S):
             return
@@ -64,10 +64,10 @@ class StatusLine:
         else:
             self._write(text + "\n")
 
-    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Print a line that stays; on a terminal graver ones in colour, and alarms with a bell."""
-        if self._live and severity in _LOOK:
-            text = f"{_LOOK[severity]}{text}{_PLAIN}"
+    def print_line(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Print a permanent line; on a terminal warnings in color, and alarms with a bell."""
+        if self._live and severity in _STYLE:
+            text = f"{_STYLE[severity]}{text}{_PLAIN}"
         if self._live:
             text = "\r" + " " * self._width + "\r" + text
             self._width = 0
@@ -75,23 +75,23 @@ class StatusLine:
         self._write(text + "\n")
 
     def end(self) -> None:
-        """Leave the line standing and go on below it."""
+        """Keep the last status line and continue below it."""
         if self._live and self._width:
             self._write("\n")
             self._width = 0
 
     def _write(self, text: str) -> None:
-        with contextlib.suppress(OSError):  # the terminal is gone; the flight goes on without
+        with contextlib.suppress(OSError):  # the terminal is closed
             self._out.write(text)
             self._out.flush()
 
 
 class _Screen(io.TextIOBase):
-    """What goes without what it does not take at once, after Ctrl-S or while SSH stalls.
+    """An output that drops text if the terminal does not accept it (Ctrl-S, stalled SSH).
 
     Args:
-        path: Of the terminal or pipe; opened once more, since for other programs it is to stay as
-            it is.
+        path: Path of the terminal or pipe; opened again, so its mode does not change for other
+            programs.
     """
 
     def __init__(self, path: str) -> None:
@@ -99,7 +99,7 @@ class _Screen(io.TextIOBase):
         self._raw = io.FileIO(descriptor, "w")
 
     def write(self, text: str) -> int:
-        """Write what it takes."""
+        """Write as much as possible."""
         self._raw.write(text.encode(errors="replace"))
         return len(text)
 
@@ -110,7 +110,7 @@ class _Screen(io.TextIOBase):
 
 
 def _patient(out: TextIO) -> TextIO | _Screen:
-    """The same terminal or pipe, as one that keeps nothing waiting; others stay as they are."""
+    """Wrap a terminal or pipe so that it never blocks; return other outputs unchanged."""
     try:
         descriptor = out.fileno()
         if stat.S_ISFIFO(os.fstat(descriptor).st_mode):  # `| less`, and `| tee` while SSH stalls
@@ -124,12 +124,12 @@ def _patient(out: TextIO) -> TextIO | _Screen:
 
 
 SIGNALS: Final = MappingProxyType({signal.SIGUSR1: "home", signal.SIGUSR2: "resume"})
-"""What another terminal or a service manager can send: `kill -USR1 PID`, `kill -USR2 PID`."""
+"""Signals for another terminal or a service manager: `kill -USR1 PID`, `kill -USR2 PID`."""
 
 _STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-"""With these a terminal stops a program: zones and battery would be watched no more."""
+"""Signals by which a terminal stops a program: zones and battery would no longer be monitored."""
 
-_GONE: Final = "the terminal is gone; the flight goes on without it"
+_CLOSED: Final = "the terminal is gone; the flight goes on without it"
 
 
 @contextlib.contextmanager
@@ -138,15 +138,15 @@ def listening(
     complain: Callable[[str], None],
     keyboard: TextIO | None = None,
 ) -> Iterator[None]:
-    """Hand what is asked for to `deliver` on the running event loop while this lasts.
+    """Pass typed requests and signals to `deliver` on the running event loop.
 
-    Nothing that a terminal does stops the program meanwhile: no Ctrl-Z, no line that is typed while
-    it runs in the background, no log that the terminal does not take.
+    Meanwhile nothing at the terminal stops the program: not Ctrl-Z, not input while in the
+    background, not a blocked output.
 
     Args:
-        deliver: Takes a request.
-        complain: Told about words that mean nothing.
-        keyboard: A terminal to read; default: stdin. What is no terminal is left alone.
+        deliver: Called with each request.
+        complain: Called with an error for invalid input.
+        keyboard: The terminal to read; default: stdin. Not read if it is no terminal.
     """
     loop = asyncio.get_running_loop()
     keyboard = keyboard if keyboard is not None else sys.stdin
@@ -161,11 +161,11 @@ def listening(
         else:
             deliver(command)
 
-    loop.add_signal_handler(signal.SIGHUP, complain, _GONE)
-    for number, word in SIGNALS.items():
-        loop.add_signal_handler(number, deliver, parse_command(word))
+    loop.add_signal_handler(signal.SIGHUP, complain, _CLOSED)
+    for number, name in SIGNALS.items():
+        loop.add_signal_handler(number, deliver, parse_command(name))
     try:
-        with _typed(keyboard, on_line), _unstopped():
+        with _lines_typed(keyboard, on_line), _unstopped():
             yield
     finally:
         for number in (signal.SIGHUP, *SIGNALS):
@@ -173,8 +173,8 @@ def listening(
 
 
 @contextlib.contextmanager
-def _typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
-    """Hand each line that is typed at a terminal to `take` while this lasts."""
+def _lines_typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
+    """Pass each line typed at a terminal to `take`."""
     if not keyboard.isatty():
         yield
         return
@@ -188,7 +188,7 @@ def _typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
             take(line)
             return
         loop.remove_reader(keyboard)
-        if keyboard.isatty():  # it is still there
+        if keyboard.isatty():  # it still exists
             again = loop.call_later(TERMINAL_READ_AGAIN_S, loop.add_reader, keyboard, read)
 
     loop.add_reader(keyboard, read)
@@ -202,7 +202,7 @@ def _typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _unstopped() -> Iterator[None]:
-    """No terminal stops the program while this lasts, nor has it wait for a line of its log."""
+    """Keep the terminal from stopping the program or blocking its log."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in _STOPS}
     logs = [log for log in logging.getLogger().handlers if isinstance(log, logging.StreamHandler)]
     streams = [log.stream for log in logs]
@@ -219,10 +219,10 @@ def _unstopped() -> Iterator[None]:
 
 
 def line_of(keyboard: TextIO) -> str:
-    """What was typed; empty at Ctrl-D, in the background, and once the terminal is gone."""
+    """The typed line; empty at Ctrl-D, in the background, and after the terminal is closed."""
     try:
         return keyboard.readline()
     except OSError:
         return ""
-    except UnicodeDecodeError as error:  # bytes that are no letters here: a request of no meaning
+    except UnicodeDecodeError as error:  # invalid bytes: an unknown request
         return error.object.decode(error.encoding, "replace")

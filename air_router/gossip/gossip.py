@@ -1,4 +1,4 @@
-"""The UAV's gossip node: what it tells the team, and what the team tells the mission."""
+"""The UAV's gossip node: publishes to the team, and receives messages for the mission."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ _log = logging.getLogger(__name__)
 
 POSE_INTERVAL_S: Final = 1.0
 MAP_INTERVAL_S: Final = 5.0
-"""The map is aggregated: several patches, one database update."""
+"""The map is aggregated: one database update for several patches."""
 
 
 SILENT_SYNCS: Final = 5
-"""A robot that was met so often, and has not said where it is, is told of."""
+"""A robot that was synced with this often without publishing a pose is announced."""
 
 SEEK_INTERVAL_S: Final = 30.0
-"""Whom we seek is said again: what others heard of it holds for some minutes only."""
+"""The sought robot is published repeatedly: peers use it only for some minutes."""
 
 
 class Gossip:
@@ -55,20 +55,20 @@ class Gossip:
         frame: The mission's local frame.
         team: The shared configuration.
         name: The UAV's name in it.
-        clock: Stamps and ages follow the vehicle's time.
+        clock: The vehicle's clock, for stamps and ages.
         mapper: The map to publish.
-        metrics: Endpoint at which other programs may watch the links, None for none.
-        keys: The folder with the UAV's secret, if the team has a key for it.
-        goals_from: Whose goals are requests to the mission.
-        node: Used instead of a new one; a rehearsal's has no sockets.
+        metrics: Endpoint with link metrics for other programs; None: none.
+        keys: The folder with the UAV's secret key, if the team has a key for it.
+        goals_from: Senders whose goals are requests to the mission.
+        node: Used instead of a new node; a rehearsal's has no sockets.
 
     Raises:
-        UnknownRobotError: the team has no robot of the UAV's name.
-        MissingExtraError: the team's ROS messages need the extra `ros`.
+        UnknownRobotError: The team has no robot with the UAV's name.
+        MissingExtraError: The team's ROS messages need the extra `ros`.
         PortInUseError: from `start`.
     """
 
-    def __init__(  # noqa: PLR0913 - what a node is put together from
+    def __init__(  # noqa: PLR0913 - the parts of a node
         self,
         frame: LocalFrame,
         team: Team,
@@ -90,13 +90,13 @@ class Gossip:
         self._clock = clock
         self._name = name
         topics = team.topics_of(name)
-        self._topics = {topic.name for topic in topics}  # names of this UAV's own
+        self._topics = {topic.name for topic in topics}  # names of this UAV's own topics
         # OccupancyGrid: the map for ROS
         self._grid_topics = [topic.name for topic in topics if topic.type == OCCUPANCY]
         # makes such a message
         self._grid_of = occupancy_writer(team, name) if self._grid_topics else None
-        self._unreadable: set[tuple[str, str]] = set()  # robot and topic, told once
-        # topic with its position
+        self._unreadable: set[tuple[str, str]] = set()  # robot and topic, announced once
+        # topic with the robot's position
         self._found_by = {peer: pose_topic(team, peer) for peer in team.robot(name).peers}
         self._met: Counter[str] = Counter()  # syncs ended, by robot
         self.node = node or Node(team, self._name, clock=clock, keys=keys)
@@ -104,13 +104,13 @@ class Gossip:
         self._pose_at_s = float("-inf")  # published last, vehicle's clock
         self._map_at_s = float("-inf")  # published last, vehicle's clock
         self._budget = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
-        self._goals: dict[str, GoTo] = {}  # not affordable yet; the newest of each sender
+        self._goals: dict[str, GoTo] = {}  # over the budget; the newest of each sender
         self._deliver: Callable[[Event], None]  # to the flight; set by `run`
-        self._sought: str | None = None  # published again now and then
-        self._seek_at_s = float("inf")  # no peer is told before a robot is sought
+        self._sought: str | None = None  # published repeatedly
+        self._seek_at_s = float("inf")  # nothing is published before a robot is sought
 
     def start(self, deliver: Callable[[Event], None]) -> None:
-        """Open the sockets; hand link events and robots' news to `deliver` on this event loop."""
+        """Open the sockets; pass link events and messages to `deliver` on this event loop."""
         loop = asyncio.get_running_loop()
         self._deliver = deliver
 
@@ -118,7 +118,7 @@ class Gossip:
             try:
                 loop.call_soon_threadsafe(self._translate, event)
             except RuntimeError:
-                _log.debug("a link event came after the flight had ended")
+                _log.debug("a link event was received after the end of the flight")
 
         self.node.subscribe(from_node)
         self.node.start()
@@ -130,11 +130,11 @@ class Gossip:
         return self.node.links()
 
     def held(self) -> dict[str, dict[tuple[str, str], float]]:
-        """What every peer is known to hold; see `Node.held`."""
+        """The messages that every peer is known to hold; see `Node.held`."""
         return {peer: self.node.held(peer) for peer in self.node.robot.peers}
 
-    def tell(self, telemetry: Telemetry) -> None:
-        """Publish pose and map when their time has come."""
+    def publish_telemetry(self, telemetry: Telemetry) -> None:
+        """Publish pose and map when they are due."""
         if telemetry.time_s - self._pose_at_s >= POSE_INTERVAL_S and POSE_TOPIC in self._topics:
             self._pose_at_s = telemetry.time_s
             latitude_deg, longitude_deg = self._frame.to_geodetic(telemetry.position)
@@ -148,19 +148,19 @@ class Gossip:
         if telemetry.time_s - self._map_at_s >= MAP_INTERVAL_S:
             self.publish_map(telemetry.time_s)
         if telemetry.time_s - self._seek_at_s >= SEEK_INTERVAL_S:
-            self.tell_sought(self._sought, telemetry.time_s)
+            self.publish_sought(self._sought, telemetry.time_s)
         self._hand_on_goals()
 
-    def tell_sought(self, robot: str | None, time_s: float) -> None:
-        """Tell the team whom we seek; None: no robot."""
+    def publish_sought(self, robot: str | None, time_s: float) -> None:
+        """Publish which robot this UAV seeks; None: none."""
         self._sought, self._seek_at_s = robot, time_s
         if SEEK_TOPIC not in self._topics:
             return
         message = SeekMessage(stamp_s=self._clock.now_s(), robot=robot)
         self.node.publish(SEEK_TOPIC, message.encode(), now=True)
 
-    def tell_answer(self, answer: CommandAck) -> None:
-        """Tell a base station what became of its goals."""
+    def publish_ack(self, answer: CommandAck) -> None:
+        """Publish the answer to a base station's goals."""
         if ANSWERS_TOPIC not in self._topics or answer.by not in self._goals_from:
             return
         message = AnswerMessage(
@@ -174,7 +174,7 @@ class Gossip:
         self.node.publish(ANSWERS_TOPIC, message.encode(), now=True)
 
     def publish_map(self, time_s: float) -> None:
-        """Put the newest map into the database now, if it has grown."""
+        """Publish the newest map now, if it has grown."""
         if MAP_TOPIC not in self._topics and not self._grid_topics:
             return
         self._map_at_s = time_s
@@ -189,12 +189,12 @@ class Gossip:
                 self.node.publish(topic, grid, now=True)
 
     def exchange(self) -> None:
-        """Pull from the robot that is sought now, and have it pull, not only by the timers."""
+        """Sync with the sought robot in both directions now, ahead of the timers."""
         if self._sought in self.node.robot.peers:
             self.node.sync(self._sought, both=True)
 
     def newest_stamps(self) -> dict[str, float]:
-        """Unix seconds of the newest message of every robot that we hold anything of."""
+        """Unix time of the newest message of every robot that the node holds messages of."""
         newest: dict[str, float] = {}
         for message in self.node.messages():
             newest[message.robot] = max(newest.get(message.robot, 0.0), message.stamp_s)
@@ -214,43 +214,43 @@ class Gossip:
             return
         if self._reader.reads(event.robot, event.topic):  # a map takes long to decompress
             message = self.node.latest(event.robot, event.topic)
-            news = None if message is None else self._news(message, event.peer)
-            if isinstance(news, GoTo):
-                self._goals[news.by] = news
+            found = None if message is None else self._event_of(message, event.peer)
+            if isinstance(found, GoTo):
+                self._goals[found.by] = found
                 self._hand_on_goals()
-            elif news is not None:
-                self._deliver(news)
+            elif found is not None:
+                self._deliver(found)
 
     def _note_silence(self, peer: str) -> None:
-        """Say once of a robot that was met, and does not say where it is, that it is silent."""
+        """Announce once that a robot in contact publishes no pose."""
         topic = self._found_by.get(peer)
         self._met[peer] += 1
         if self._met[peer] != SILENT_SYNCS or topic is None:
             return
         if self.node.latest(peer, topic.name) is None:
             words = (
-                f"{peer} was synced with {SILENT_SYNCS} times and has said nothing on {topic.name} "
-                f"({topic.type}), by which it would be found"
+                f"{peer} was synced with {SILENT_SYNCS} times but published nothing on "
+                f"{topic.name} ({topic.type}), by which it would be found"
             )
             self._deliver(PeerFault(words))
 
     def _hand_on_goals(self) -> None:
-        """Ways are planned to no more goals than for other requests; of one sender the newest."""
+        """Pass goals on within the budget for routes; of one sender only the newest."""
         for robot, request in list(self._goals.items()):
             if self._budget.affords_routes(len(request.points)):
                 del self._goals[robot]
                 self._deliver(request)
 
     def _refuse(self, robot: str, data: bytes, why: str) -> None:
-        """Answer goals that cannot be read, if they say which they are, and are for us."""
+        """Refuse unreadable goals, if they have an id and are for this UAV."""
         with contextlib.suppress(MessageError):
             goals = GoalsHead.decode(data)
             if goals.to in {None, self._name}:
-                self.tell_answer(CommandAck(goals.id, robot, False, why, Refusal.NOT_READ))
+                self.publish_ack(CommandAck(goals.id, robot, False, why, Refusal.NOT_READ))
 
-    def _news(self, message: Message, peer: str) -> Event | None:
-        """What a stored message means to the mission; junk is told once, and left alone."""
-        data = message.parts[-1] if message.parts else message.data  # of several the newest
+    def _event_of(self, message: Message, peer: str) -> Event | None:
+        """The event of a stored message; an unreadable one is announced once and ignored."""
+        data = message.parts[-1] if message.parts else message.data  # the newest of several
         try:
             return self._reader.event_of(
                 message.robot,
@@ -258,16 +258,16 @@ class Gossip:
                 data,
                 peer=peer,
                 unix_s=self._clock.now_s(),
-                said_s=message.stamp_s,
+                source_stamp_s=message.stamp_s,
             )
         except (MessageError, FrameError) as error:
             if message.topic == GOALS_TOPIC:
                 self._refuse(message.robot, data, str(error))
             words = sanitize(
-                f"{message.topic} of {message.robot} cannot be read and is left alone, told once: "
-                f"{error}"
+                f"{message.topic} of {message.robot} cannot be read and is ignored "
+                f"(announced once): {error}"
             )
-            told = (message.robot, message.topic) in self._unreadable
+            reported = (message.robot, message.topic) in self._unreadable
             self._unreadable.add((message.robot, message.topic))
             _log.debug(words)
-            return None if told else PeerFault(words)
+            return None if reported else PeerFault(words)

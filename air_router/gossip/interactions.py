@@ -1,4 +1,4 @@
-"""Contacts and syncs of a flight, added up once for its page, its result and its report."""
+"""Contacts and syncs of a flight, collected for its page, its result and its report."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from mocha_link.links import (
 
 @dataclass(frozen=True, slots=True)
 class ContactSpan:
-    """A time in which a robot was heard well enough."""
+    """A time span with a usable link to a robot."""
 
     robot: str
     from_s: float  # on the vehicle's clock
@@ -38,19 +38,19 @@ class Sync:
 
 @dataclass(slots=True)
 class Interactions:
-    """Adds up contacts, and syncs by how they ended."""
+    """Collects contacts, and syncs by outcome."""
 
-    contacts: list[ContactSpan] = field(default_factory=list)  # in the order of their ends
-    syncs: list[Sync] = field(default_factory=list)  # likewise
-    begun: Counter[str] = field(default_factory=Counter)  # syncs, by robot; some never ended
-    synced_s: dict[str, float] = field(default_factory=dict)  # when each last sync ended well
+    contacts: list[ContactSpan] = field(default_factory=list)  # by end time
+    syncs: list[Sync] = field(default_factory=list)  # by end time
+    begun: Counter[str] = field(default_factory=Counter)  # syncs by robot; some never ended
+    synced_s: dict[str, float] = field(default_factory=dict)  # last complete sync, by robot
     moved: Counter[str] = field(default_factory=Counter)  # bytes in syncs, by robot
-    _near: dict[str, float] = field(default_factory=dict)  # when each contact began
-    _parted: dict[str, float] = field(default_factory=dict)  # when each ended last
-    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # when each sync began
+    _near: dict[str, float] = field(default_factory=dict)  # begin of current contacts
+    _parted: dict[str, float] = field(default_factory=dict)  # end of the last contact
+    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # current syncs
 
     def take(self, t: float, event: LinkEvent) -> None:
-        """Take in what happened; `t` is the vehicle's clock."""
+        """Handle an event; `t` is the vehicle's clock."""
         match event:
             case ContactBegan(peer=peer):
                 self._near.setdefault(peer, t)
@@ -69,31 +69,31 @@ class Interactions:
             case SyncTimedOut(peer=peer, direction=direction):
                 began_s = self._open.pop((peer, direction), t)
                 parted_s = self._parted.get(peer, t)
-                # Found out long after the robot was out of reach, perhaps.
+                # Perhaps detected long after the robot left radio range.
                 t = parted_s if began_s <= parted_s < t else t
                 self.syncs.append(Sync(peer, direction.value, began_s, t, 0, 0, "broken off"))
 
     @property
     def busy(self) -> set[str]:
-        """With whom a sync is under way."""
+        """The robots with a sync in progress."""
         return {peer for peer, _ in self._open}
 
     def end(self, t: float) -> None:
-        """There is no more: contacts that still last end here."""
+        """End of the flight: current contacts end here."""
         for peer in list(self._near):
             self._part(peer, t)
 
     def counts(self) -> dict[str, int]:
-        """How many syncs began, and how they ended."""
+        """The number of syncs started, and by outcome."""
         outcomes = Counter(sync.outcome for sync in self.syncs)
         words = {"completed": "complete", "partial": "partial", "timed_out": "broken off"}
         return {
             "started": self.begun.total(),
-            **{key: outcomes[word] for key, word in words.items()},
+            **{key: outcomes[outcome] for key, outcome in words.items()},
         }
 
     def totals(self, robot: str | None = None) -> dict[str, int]:
-        """Syncs that were not broken off and their bytes, of one robot or of all."""
+        """Complete and partial syncs with their bytes, of one robot or of all."""
         totals = dict.fromkeys(("syncs_in", "syncs_out", "bytes_in", "bytes_out"), 0)
         for sync in self.syncs:
             if robot in (None, sync.robot) and sync.outcome != "broken off":

@@ -8,4 +8,4 @@ RESOLUTION_M: Final = 1.0
 """Side of a cell of the map that a camera paints."""
 
 MARGIN_M: Final = 60.0
-"""How far the map reaches beyond what the mission flies over: about one camera footprint."""
+"""Margin of the map beyond the flown area: about one camera footprint."""

@@ -1,4 +1,4 @@
-"""The semantic map that the UAV paints as it flies and hands to every peer it meets."""
+"""The semantic map that the UAV paints in flight and publishes to every peer."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _DRAWN_IN: Final = 0.99
 
 @dataclass(frozen=True, slots=True)
 class MapVersion:
-    """How much of the map was painted at a time on the vehicle's clock."""
+    """The painted part of the map at a time on the vehicle's clock."""
 
     time_s: float
     known_cells: int  # painted by then
 
 
 class Mapper:
-    """Puts camera patches together into one grid and remembers how it grew."""
+    """Assembles camera patches into one grid, with its history."""
 
     def __init__(self, mission: Mission) -> None:
         places = [mission.home, *(waypoint.position for waypoint in mission.waypoints)]
@@ -39,15 +39,15 @@ class Mapper:
         north_east = Point(
             max(p.east_m for p in places) + MARGIN_M, max(p.north_m for p in places) + MARGIN_M
         )
-        # where the mission may fly; of one that is too wide the part around home
+        # the area where the mission may fly; if it is too large, the part around home
         corners = _around(mission.home, south_west, north_east)
         self.grid = SemanticGrid.blank(mission.frame.origin, RESOLUTION_M, *corners)
         self.known_cells = 0  # painted at least once
-        self.refused = 0  # patches that cannot be read
-        self.published: list[MapVersion] = []  # each version that gossip has, in order
+        self.refused = 0  # unreadable patches
+        self.published: list[MapVersion] = []  # each published version, in order
 
     def paint(self, patch: bytes) -> bool:
-        """Enter a patch from the camera; False (and counted) if it is not one."""
+        """Add a patch from the camera; False (and counted) if it is unreadable."""
         try:
             self.known_cells += self.grid.paint(GridPatch.decode(patch))
         except GridError:
@@ -56,19 +56,19 @@ class Mapper:
         return True
 
     def publish(self, time_s: float) -> bytes | None:
-        """The map for the gossip database, or None when nothing has been painted since."""
+        """The map to publish; None if nothing was painted since the last version."""
         if self.published and self.published[-1].known_cells == self.known_cells:
             return None
         self.published.append(MapVersion(time_s, self.known_cells))
         return self.grid.encode()
 
     def published_before(self, time_s: float) -> int:
-        """Known cells of the newest version that was published at or before a time."""
+        """Known cells of the newest version published at or before a time."""
         return next((v.known_cells for v in reversed(self.published) if v.time_s <= time_s), 0)
 
 
 def _around(home: Point, south_west: Point, north_east: Point) -> tuple[Point, Point]:
-    """The rectangle, drawn in towards home until it is small enough for a grid."""
+    """The rectangle, shrunk toward home until it fits a grid."""
 
     def cells() -> float:
         sides_m = (b - a for a, b in zip(south_west, north_east, strict=True))
@@ -83,7 +83,7 @@ def _around(home: Point, south_west: Point, north_east: Point) -> tuple[Point, P
 
 
 async def receive_patches(endpoint: str, take: Callable[[bytes], object]) -> None:
-    """Hand every patch of a camera (ZeroMQ PUB at `endpoint`) to `take`, until cancelled.
+    """Pass every patch of a camera (ZeroMQ PUB at `endpoint`) to `take`, until canceled.
 
     Raises:
         RefusedError: ZeroMQ cannot connect to such an endpoint.

@@ -1,7 +1,7 @@
-"""ROS messages on the air: where robots are and drive, and the UAV's map for them.
+"""ROS messages in gossip: robots' poses and paths, and the UAV's map for them.
 
-A robot's local frame begins at its `datum` in the team file. What cannot be what it says (numbers
-that are none, places that are not on Earth) becomes a MessageError, as with JSON.
+A robot's local frame has its origin at its `datum` in the team file. Impossible values (NaN, places
+not on Earth) raise a MessageError, as with JSON.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ OCCUPANCY: Final = "nav_msgs/OccupancyGrid"
 MAP_FRAME: Final = "map"
 
 ROS_LIMIT_BYTES: Final = 1 << 18
-"""Of a path of 3,000 poses: to read it takes a tenth of a second, in which nothing else is done."""
+"""Size of a path of 3,000 poses, which takes a tenth of a second of blocking time to parse."""
 
 _CLOCK_SET_S: Final = 1e9
-"""An earlier stamp, before 2001, is of a clock that shows no time of day."""
+"""An earlier stamp, before 2001, comes from a clock that was never set."""
 
 _OCCUPIED: Final = np.full(max(Terrain) + 1, 0, dtype=np.int8)
 _OCCUPIED[Terrain.UNKNOWN] = -1
 _OCCUPIED[Terrain.VEGETATION] = 50
 _OCCUPIED[[Terrain.BUILDING, Terrain.VEHICLE, Terrain.HUMAN]] = 100
-"""How likely a cell stops a robot, in percent; -1: not known."""
+"""Probability in percent that a cell is an obstacle for a robot; -1: unknown."""
 
 Reader = Callable[[bytes], GossipMessage | None]
-"""What a message of a topic says; None: nothing, for now. Raises MessageError."""
+"""Parses a message of a topic; None: no data for now. Raises MessageError."""
 
 
 @dataclass(frozen=True, slots=True)
 class Datum:
-    """A robot's local frame: metres, x turned from east by `yaw` radians counterclockwise.
+    """A robot's local frame in meters, with x rotated from east by `yaw` radians counterclockwise.
 
     Raises:
-        FrameError: from its methods: what is no place on Earth, or too far away.
+        FrameError: From its methods: a place is not on Earth, or too far away.
     """
 
     frame: LocalFrame
@@ -61,14 +61,14 @@ class Datum:
 
     @classmethod
     def of(cls, robot: Robot) -> Datum | None:
-        """That of the team file; None: it has none."""
+        """The datum in the team file; None: there is none."""
         if robot.datum is None:
             return None
         latitude_deg, longitude_deg, *yaw_deg = robot.datum
         return cls(LocalFrame(Geodetic(latitude_deg, longitude_deg)), math.radians(sum(yaw_deg)))
 
     def to_geodetic(self, positions: Sequence[Any]) -> list[list[float]]:
-        """Latitude and longitude of positions of ROS, which have an x and a y."""
+        """Latitude and longitude of ROS positions with x and y."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         points = [(p.x * cos - p.y * sin, p.x * sin + p.y * cos) for p in positions]
         places: list[list[float]] = self.frame.to_geodetic_many(points).tolist()
@@ -82,10 +82,10 @@ class Datum:
 
 
 def readers_of(team: Team) -> dict[tuple[str, str], Reader]:
-    """What reads poses and paths of the team's robots, by robot and topic.
+    """The parsers of poses and paths of the team's robots, by robot and topic.
 
     Raises:
-        MissingExtraError: some of them are ROS messages, and the extra `ros` is not installed.
+        MissingExtraError: Some are ROS messages, and the extra `ros` is not installed.
     """
     readers: dict[tuple[str, str], Reader] = {}
     types = None
@@ -103,9 +103,9 @@ def readers_of(team: Team) -> dict[tuple[str, str], Reader]:
 
 
 def occupancy_writer(team: Team, robot: str) -> Callable[[SemanticGrid, float], bytes]:
-    """What turns the UAV's map, at a time in Unix seconds, into an OccupancyGrid.
+    """A function that converts the UAV's map, at a time in Unix seconds, to an OccupancyGrid.
 
-    The grid is placed in the frame of the UAV's `datum`, or else in the map's own.
+    The grid is in the frame of the UAV's `datum`, or else in the map's own.
 
     Raises:
         MissingExtraError: the extra `ros` is not installed.
@@ -142,13 +142,13 @@ def occupancy_of(
 
 
 def stamp(unix_s: float) -> dict[str, int]:
-    """A time as ROS has it."""
+    """A ROS time."""
     seconds, part = divmod(unix_s, 1.0)
     return {"sec": int(seconds), "nanosec": int(part * 1e9)}
 
 
 def _place(grid: SemanticGrid, datum: Datum | None) -> tuple[float, float, float]:
-    """The grid's south-west corner in a local frame, and by how much its rows are turned there."""
+    """The grid's south-west corner and rotation in a local frame."""
     if datum is None:
         return grid.west_m, grid.south_m, 0.0
     frame, width_m = LocalFrame(grid.origin), grid.resolution_m * grid.cells.shape[1]
@@ -165,13 +165,13 @@ def _types(team: Team) -> Types:
 
 
 def _ros_reader(types: Types, kind: str, robot: Robot) -> Reader:
-    datum, says = Datum.of(robot), _SAYS[kind]
+    datum, convert = Datum.of(robot), _EVENT_OF[kind]
 
     def read(data: bytes) -> GossipMessage | None:
         if len(data) > ROS_LIMIT_BYTES:
             raise MessageError(f"{kind} of {len(data)} bytes: at most {ROS_LIMIT_BYTES} are read")
         try:
-            return says(types.decode(kind, data, robot.ros), datum)
+            return convert(types.decode(kind, data, robot.ros), datum)
         except (TypedError, FrameError) as error:
             raise MessageError(f"{kind}: {error}") from None
 
@@ -200,13 +200,13 @@ def _path(message: Any, datum: Datum) -> PathMessage:
 
 
 def _stamp_s(message: Any) -> float:
-    """Unix seconds; 0 where its maker's clock shows no time of day."""
+    """Unix seconds; 0 if the sender's clock was never set."""
     stamp = message.header.stamp
     stamp_s = float(stamp.sec) + stamp.nanosec * 1e-9
     return stamp_s if stamp_s >= _CLOCK_SET_S else 0.0
 
 
-_SAYS: Final[Mapping[str, Callable[[Any, Any], GossipMessage | None]]] = {
+_EVENT_OF: Final[Mapping[str, Callable[[Any, Any], GossipMessage | None]]] = {
     FIX: _fix,
     **dict.fromkeys(LOCAL_POSES, _pose),
     PATH: _path,

@@ -1,6 +1,6 @@
-"""What a message of another robot means to the mission. Pure: whatever medium brought it.
+"""Converts messages of other robots to events for the mission. Pure; independent of the transport.
 
-The flight's gossip node and the experiments in simulated time both ask here.
+The flight's gossip node and the experiments in simulated time use it.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from geo.frame import FrameError, LocalFrame, Point
 
 PATH_POINTS: Final = 64
 PATH_DETAIL_M: Final = 1.0
-"""A path of more points is drawn with less detail: so much, then twice as much, and so on."""
+"""A path with more points is simplified with this tolerance, doubled until it fits."""
 
 GOALS_KEPT: Final = 64
-"""So many ids of each sender's goals are remembered."""
+"""Number of goal ids remembered per sender."""
 
 _JSON: Final[Mapping[str, Reader]] = {
     POSE_TOPIC: PoseMessage.decode,
@@ -41,18 +41,18 @@ _JSON: Final[Mapping[str, Reader]] = {
 }
 
 PATH_READ: Final = 500
-"""Of a longer path every second point is looked at, or every third, and so on: to find those that
-matter takes a time that grows with the square of their number."""
+"""Of a longer path only every second (third, ...) point is used, because simplifying takes time
+quadratic in the number of points."""
 
 
 class TeamMessageDecoder:
-    """Reads messages of robots.
+    """Parses messages of robots.
 
     Args:
-        frame: The mission's local frame, in which events speak of places.
-        name: This UAV's, to know which goals are meant for it.
-        goals_from: Whose goals are requests; those of others are nothing to the mission.
-        readers: What reads poses and paths, by robot and topic; None: they are JSON of every robot.
+        frame: The mission's local frame, used in events.
+        name: This UAV's name, to find its goals.
+        goals_from: Senders whose goals are requests; others' goals are ignored.
+        readers: Parsers of poses and paths, by robot and topic; None: JSON for every robot.
     """
 
     def __init__(
@@ -67,16 +67,16 @@ class TeamMessageDecoder:
         self._name = name
         self._goals_from = goals_from
         self._readers = readers
-        # ids known, by sender
+        # known ids, by sender
         self._goals: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=GOALS_KEPT))
 
     def reads(self, robot: str, topic: str) -> bool:
-        """Whether what a robot says on a topic may be an event at all: others need no reading."""
+        """Whether messages of a robot's topic may be events; others need no parsing."""
         if topic == GOALS_TOPIC:
             return robot in self._goals_from
         return topic == SEEK_TOPIC or self._reader(robot, topic) is not None
 
-    def event_of(  # noqa: PLR0913 - what came with it
+    def event_of(  # noqa: PLR0913 - the metadata of a message
         self,
         robot: str,
         topic: str,
@@ -84,36 +84,38 @@ class TeamMessageDecoder:
         *,
         peer: str,
         unix_s: float,
-        said_s: float = 0.0,
+        source_stamp_s: float = 0.0,
     ) -> Event | None:
-        """The event that a message is to the mission; None: it is none.
+        """The event of a message; None: it has none.
 
-        Nothing is said later than it is heard: one stamp of a time to come, from a clock that is
-        wrong or a robot that lies, would make everything that follows old.
+        A stamp is limited to the time of reception: a stamp from the future, of a wrong clock or a
+        hostile robot, would make all later messages old.
 
         Args:
-            robot: Who made it.
-            topic: Of which of its topics.
-            data: What it says.
-            peer: Who handed it to us.
-            unix_s: The time now, in Unix seconds.
-            said_s: When its maker's node took it, for a message without a stamp.
+            robot: The message's author.
+            topic: Its topic.
+            data: Its content.
+            peer: The peer that sent it.
+            unix_s: Current Unix time.
+            source_stamp_s: When its author's node published it, for a message without a stamp.
 
         Raises:
-            MessageError: it is not what its topic promises.
-            FrameError: it speaks of a place that cannot be near.
+            MessageError: It does not match its topic.
+            FrameError: It contains a place that is too far away.
         """
         read = self._reader(robot, topic)
-        said = None if read is None else read(data)
-        if isinstance(said, PoseMessage):
-            place = self._near(self._frame.to_local(said.latitude_deg, said.longitude_deg))
-            return RobotPose(robot, place, min(said.stamp_s or said_s, unix_s), peer)
-        if isinstance(said, PathMessage):
-            stamp_s = min(said.stamp_s or said_s, unix_s)
-            return RobotPath(robot, self._way(said), stamp_s) if said.points else None
+        published = None if read is None else read(data)
+        if isinstance(published, PoseMessage):
+            place = self._near(
+                self._frame.to_local(published.latitude_deg, published.longitude_deg)
+            )
+            return RobotPose(robot, place, min(published.stamp_s or source_stamp_s, unix_s), peer)
+        if isinstance(published, PathMessage):
+            stamp_s = min(published.stamp_s or source_stamp_s, unix_s)
+            return RobotPath(robot, self._way(published), stamp_s) if published.points else None
         if topic == SEEK_TOPIC:
             seek = SeekMessage.decode(data)
-            if unix_s - seek.stamp_s <= SOUGHT_BY_OTHER_S:  # it may be carried news
+            if unix_s - seek.stamp_s <= SOUGHT_BY_OTHER_S:  # it may have been carried for long
                 return RobotSought(robot, seek.robot, min(seek.stamp_s, unix_s))
         if topic == GOALS_TOPIC and robot in self._goals_from:
             return self._request_of(robot, GoalsMessage.decode(data), unix_s)
@@ -123,7 +125,7 @@ class TeamMessageDecoder:
         return _JSON.get(topic) if self._readers is None else self._readers.get((robot, topic))
 
     def _request_of(self, robot: str, goals: GoalsMessage, unix_s: float) -> GoTo | None:
-        """Goals as a request, the first time that they come."""
+        """The request of goals, when they are first received."""
         left_s = math.inf if goals.until_s is None else goals.until_s - unix_s
         known = self._goals[robot]
         if left_s < 0.0 or goals.to not in {None, self._name} or goals.id in known:
@@ -133,7 +135,7 @@ class TeamMessageDecoder:
         return GoTo(points, goals.hold_s, waits=True, waits_s=left_s, by=robot, request_id=goals.id)
 
     def _way(self, path: PathMessage) -> tuple[Point, ...]:
-        """A path in the local frame, with as few points as tell where it leads."""
+        """A path in the local frame, simplified to few points."""
         every = -(-len(path.points) // PATH_READ)
         read = (*path.points[:-1:every], path.points[-1])
         latitudes_deg, longitudes_deg = zip(*read, strict=True)

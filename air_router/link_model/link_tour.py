@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from air_router.link_model.limits import AROUND, ASIDE_M, FRESH_S, GOOD_SHARE
 from air_router.link_model.link_model import PATH_LOSS, SEMANTIC, LinkModel, ModelKind, fitted
-from air_router.seek_policies import SearchPlace, SeekContext, Stop, TargetList, Tour
+from air_router.seek_policies import SearchPlace, SeekContext, TargetList, Tour, TourStop
 from geo.frame import Point
 
 Numbers = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ class LinkTour(Tour):
     def _model(self, context: SeekContext) -> LinkModel:
         return fitted(self.kind, context.links, context.ground)
 
-    def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
+    def _stops(self, targets: TargetList, context: SeekContext) -> list[TourStop]:
         """As of `Tour`, by links."""
         model = self._model(context)
         return [

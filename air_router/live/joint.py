@@ -1,8 +1,8 @@
-"""One page for several flights, each of which serves a page of its own elsewhere.
+"""One page for several flights, each with its own page elsewhere.
 
-Texts are carried between browsers and those pages. Nothing is kept, and nothing read: for each
-browser there is a connection of its own to the flight, so that a browser is served as if it were
-there. What one end does not take is not read from the other.
+Messages are relayed between browsers and those pages, without being stored or parsed. Each browser
+has its own connection to the flight, so it is served as if connected directly. A slow receiver
+slows the reading from the sender.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from aiohttp import ClientWSTimeout, WSCloseCode, WSMsgType, web
 from air_router.web import HERE, PageAddress, Say, Site, Web, cookie_of
 
 MOST_BYTES: Final = 16 * 1024 * 1024
-"""No text of a flight is longer; the longest are its map, and the track of a long day."""
+"""Longest message of a flight: its map, or the track of a long day."""
 
 ANSWER_S: Final = 5.0
-"""A flight's page that has not answered by then is not there."""
+"""Time-out for the answer of a flight's page."""
 
 _HEARTBEAT_S: Final = 10.0
 _CLOSE_S: Final = 1.0
 
-# Why a flight's page cannot be reached, as the page shows it behind the flight's name.
+# Why a flight's page cannot be reached, shown after the flight's name.
 _NO_ANSWER: Final = "does not answer"
 _NO_FLIGHT: Final = "is not the page of a flight"
 _NO_TOKEN: Final = "requires another token"  # noqa: S105 - a message
@@ -38,15 +38,15 @@ _Socket = aiohttp.ClientWebSocketResponse | web.WebSocketResponse
 
 
 class JointPage:
-    """Shows flights side by side; it decides nothing, and knows only their addresses.
+    """Shows flights side by side; it knows only their addresses.
 
     Args:
-        names: The names of the flights until each reports its own; all differ.
+        names: Unique names of the flights, until each reports its own.
         web: Where the page is served.
     """
 
     def __init__(self, names: Iterable[str], web: Web = HERE) -> None:
-        self._places: dict[str, PageAddress | None] = dict.fromkeys(names)  # None until it is known
+        self._places: dict[str, PageAddress | None] = dict.fromkeys(names)  # None until known
         self._web = web
         self._session: aiohttp.ClientSession  # while it serves
         self._site = Site(web, "air_router.live", "live")
@@ -54,17 +54,17 @@ class JointPage:
         self._site.add_socket("/flights/{name}/socket", self._converse)
 
     def found(self, name: str, address: PageAddress) -> None:
-        """It is known where the flight's page is; may be called from any thread."""
+        """Set the address of a flight's page; may be called from any thread."""
         self._places[name] = address
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
-        """Serve while in the context; gives the page's address, and prints it.
+        """Serve while in the context; yield and print the page's address.
 
         Raises:
-            ServeError: the address is taken, or none of this machine's.
+            ServeError: The address is in use, or not this machine's.
         """
-        # Neither their cookies nor where they send us to are of interest.
+        # Cookies and redirects are ignored.
         async with (
             aiohttp.ClientSession(
                 cookie_jar=aiohttp.DummyCookieJar(),
@@ -77,7 +77,7 @@ class JointPage:
             yield address
 
     def _flights(self) -> dict[str, Any]:
-        """The flights, and the address of each."""
+        """The flights with their addresses."""
         return {
             "flights": [
                 {"name": name, "socket": f"/flights/{quote(name, safe=':')}/socket"}
@@ -87,7 +87,7 @@ class JointPage:
         }
 
     async def _converse(self, request: web.Request, browser: web.WebSocketResponse) -> None:
-        """Connect a browser with a flight until one of them leaves; then close both."""
+        """Relay between a browser and a flight until one disconnects; then close both."""
         address, why = self._places.get(request.match_info["name"]), _NO_ANSWER
         try:
             if address is not None:
@@ -96,8 +96,8 @@ class JointPage:
         except aiohttp.ClientResponseError as error:
             why = _NO_TOKEN if error.status == HTTPStatus.UNAUTHORIZED else _NO_FLIGHT
         except (aiohttp.ClientError, OSError, TimeoutError):
-            pass  # it does not answer
-        except ValueError:  # an address or a token that no request can have
+            pass  # no answer
+        except ValueError:  # an invalid address or token
             why = _NO_FLIGHT
         await browser.close(code=WSCloseCode.TRY_AGAIN_LATER, message=why.encode())
 
@@ -116,7 +116,7 @@ class JointPage:
 
 
 async def _carry(browser: web.WebSocketResponse, flight: aiohttp.ClientWebSocketResponse) -> str:
-    """Carry texts both ways until one end closes; returns the reason."""
+    """Relay messages both ways until one end closes; return the reason."""
     ways = [
         asyncio.create_task(_forward(browser, flight)),
         asyncio.create_task(_forward(flight, browser)),
@@ -137,13 +137,13 @@ async def _forward(source: _Socket, target: _Socket) -> None:
                 return
             await target.send_str(message.data)
     except (aiohttp.ClientError, OSError):
-        return  # the other end has just left
+        return  # the other end has just disconnected
 
 
 async def _stay(
     request: aiohttp.ClientRequest, handler: aiohttp.ClientHandlerType
 ) -> aiohttp.ClientResponse:
-    """A flight's page redirects no client; whatever does is none."""
+    """Reject redirects: a flight's page never redirects."""
     response = await handler(request)
     if HTTPStatus.MULTIPLE_CHOICES <= response.status < HTTPStatus.BAD_REQUEST:
         response.close()

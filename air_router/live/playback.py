@@ -1,19 +1,19 @@
-"""Shows a recorded flight on the live page: its decisions run again, at any speed.
+"""Shows a recorded flight on the live page by replaying its decisions at any speed.
 
-Events come out of the record at their time and go to a fresh controller, as in a replay; what it
-decides is shown, and states, times left and routes are its own again.
+Recorded events go to a new controller at their times, as in a replay. Its decisions, states, timers
+and routes are shown.
 """
 
 import asyncio
 import dataclasses
 import math
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Collection, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from air_router.control import CommandRequest
 from air_router.controller import Controller, FlightStatus
-from air_router.controller.model import Announce, FlightSetup, PublishMap
+from air_router.controller.model import Action, Announce, Event, FlightSetup, PublishMap
 from air_router.errors import RefusedError
 from air_router.gossip import MAP_INTERVAL_S, Mapper
 from air_router.live.scene import LiveScene
@@ -27,32 +27,35 @@ from mocha_link.links import LinkMetrics
 
 MOST_SPEED: Final = 100.0
 _STEPS: Final = 400
-"""Entries that are processed before browsers are served again."""
+"""Entries processed before browsers are served again."""
 
 
-RecordConsumer = LiveScene | LivePage
-"""What takes in the entries of a record."""
+class RecordConsumer(Protocol):
+    """Receives what happens in a recorded flight while it is played."""
+
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """An event, what was decided on it, and when."""
 
 
 class _FinishedFlight:
-    """The command service of a flight that is over."""
+    """The command service of a finished flight."""
 
     def execute(self, command: CommandRequest, by: str) -> dict[str, Any]:
-        """Refuses every request."""
+        """Refuse every request."""
         del command, by
         raise RequestError("this flight is over: it is shown from its record")
 
 
 class RecordedFlight:
-    """A recorded flight, as far as it was played.
+    """A recorded flight, up to the playback time.
 
     Attributes:
-        mapper: The map as it grew.
-        now_s: How far it is, on the vehicle's clock; `begin_s` and `end_s`: from where to where.
-        name: The vehicle's.
+        mapper: The map at that time.
+        now_s: Playback time, on the vehicle's clock, between `begin_s` and `end_s`.
+        name: The vehicle's name.
 
     Raises:
-        RefusedError: the record has no setup, or no event.
+        RefusedError: The record has no setup or no event.
     """
 
     def __init__(self, entries: Iterable[RecordEntry]) -> None:
@@ -62,31 +65,31 @@ class RecordedFlight:
         if not setups or not times:
             raise RefusedError("there is no flight in the record that could be shown")
         self._steps = list(steps_of(kept))
-        self._setup: FlightSetup = setups[0]  # the first: a flight has one
+        self._setup: FlightSetup = setups[0]  # a flight has one
         self.name = self._setup.name
         self.begin_s, self.end_s = times[0], max(times)
         self.rewind()
 
     def status(self) -> FlightStatus:
-        """The flight as far as it was played, with the links as recorded."""
+        """The status at the playback time, with the recorded links."""
         return dataclasses.replace(self._controller.status(), links=self._links)
 
     def router(self) -> Router:
-        """Plans among the zones in force."""
+        """The router for the zones in force."""
         return self._controller.router
 
     def rewind(self) -> None:
-        """Back to the beginning."""
+        """Return to the beginning."""
         self._controller = Controller(self._setup)
         self._replayer = Replayer(self._controller)
         self.mapper = Mapper(self._setup.mission)
         self._links: Mapping[str, LinkMetrics] = {}
         self.now_s = self.begin_s
-        self._next = 0  # place in the steps
+        self._next = 0  # index in the steps
         self._published_s = -math.inf
 
     def plotted(self) -> dict[str, Any]:
-        """The timeline of the whole flight; afterwards playback begins again."""
+        """The timeline of the whole flight; rewinds afterward."""
         scene = LiveScene(self._setup.mission, self.status, self.router, self.name)
         while not self.go_on(self.end_s, scene):
             pass
@@ -94,7 +97,7 @@ class RecordedFlight:
         return {"type": "record", "rows": scene.rows.since(), "marks": scene.log.since()}
 
     def go_on(self, until_s: float, page: RecordConsumer, most: int = _STEPS) -> bool:
-        """Play the record up to a time; False if that takes another call."""
+        """Play the record up to a time; False if another call is needed."""
         for _ in range(most):
             if self._next >= len(self._steps) or self._steps[self._next].t > until_s:
                 self.now_s = min(max(self.now_s, until_s), self.end_s)
@@ -126,13 +129,13 @@ class RecordedFlight:
 
 
 class Playback:
-    """Plays a recorded flight on a page; a viewer may pause, go elsewhere, go faster."""
+    """Plays a recorded flight on a page; viewers may pause, jump, and change the speed."""
 
     def __init__(self, recorded: RecordedFlight, web: Web, *, speed: float = 1.0) -> None:
         self._recorded = recorded
         self._speed = speed
-        self._paused = False  # a viewer has paused it
-        self._wanted_s: float | None = None  # where a viewer wants to go
+        self._paused = False  # paused by a viewer
+        self._wanted_s: float | None = None  # requested by a viewer
         record = recorded.plotted()
         self._page = LivePage(
             recorded.status,
@@ -147,7 +150,7 @@ class Playback:
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
-        """Play while in the context; gives the page's address, and prints it.
+        """Play while in the context; yield and print the page's address.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.

@@ -1,7 +1,7 @@
-"""What the live page shows: a mission as it lies there, and what moves in it.
+"""The contents of the live page: the mission, and everything that moves.
 
-Pure: what moves is put together from the events and actions that are recorded, so that what a
-flight hands in as it happens, a recorded flight can hand in again.
+Pure: it is derived from the recorded events and actions, so a recorded flight can be shown like a
+live one.
 """
 
 import math
@@ -38,54 +38,54 @@ TRACK_STEP_M: Final = 0.5
 """Positions nearer than this to the last one add nothing to a line on a map."""
 
 MAX_LOG_LINES: Final = 200
-"""Lines of the log kept for a page that is opened later."""
+"""Log lines kept for a page that is opened later."""
 
 MOST_ALARMS: Final = 5
-"""So many of the newest are shown at once: more would hide the map."""
+"""Number of newest alarms shown: more would hide the map."""
 
 SAMPLE_S, MOST_ROWS = 1.0, 3_600
-"""How often a row of plotted values is kept, and how many rows."""
+"""Interval and number of rows of plotted values."""
 
 _LIT_S: Final = 1.0
-"""A link stays lit for so long after a sync, so that a short one can be seen."""
+"""A link stays lit this long after a sync, so a short sync is visible."""
 
 _MOST_EDGES: Final = 20_000
 
 _WAITS_S: Final = 0.5
-"""What keeps the mission waiting is shown from then on: our own order shows a moment late."""
+"""An interlock is shown only after this time: our own command is visible with a delay."""
 
 Item = TypeVar("Item")
 
 
 class History(Generic[Item]):
-    """What was added one after the other; the oldest is forgotten beyond a limit.
+    """A list that forgets its oldest items beyond a limit.
 
     Attributes:
-        count: How many there ever were.
+        count: Number of items ever added.
     """
 
     def __init__(self, most: int | None = None) -> None:
         self.count = 0
-        self._kept: deque[Item] = deque(maxlen=most)  # the newest are last
+        self._kept: deque[Item] = deque(maxlen=most)  # newest last
 
     def add(self, item: Item) -> None:
-        """Add the newest."""
+        """Add an item."""
         self.count += 1
         self._kept.append(item)
 
     def since(self, start: int = 0) -> list[Item]:
-        """From the n-th on, as far as they are kept."""
+        """The kept items from the n-th on."""
         return list(self._kept)[max(start - self.count + len(self._kept), 0) :]
 
 
 @dataclass(slots=True)
 class _Robot:
-    track: TargetTrack  # its newest pose, and path
-    peer: str = ""  # who handed that pose on
+    track: TargetTrack  # its newest pose and path
+    peer: str = ""  # the sender of that pose
 
 
 def _waiting(status: FlightStatus) -> str | None:
-    """What keeps the mission waiting for long enough to be read."""
+    """The interlock that has blocked the mission for long enough to be shown."""
     waiting = status.waiting
     return None if waiting is None or status.waiting_s < _WAITS_S else waiting.why
 
@@ -94,20 +94,19 @@ class LiveScene:
     """The vehicle, the robots, the links and the log.
 
     Args:
-        mission: For its frame and name.
-        status: Gives the flight's status, for the plots.
-        router: Gives the router among the zones in force.
-        name: The vehicle's.
+        mission: The mission, for its frame and name.
+        status: Returns the flight's status, for the plots.
+        router: Returns the router for the zones in force.
+        name: The vehicle's name.
 
     Attributes:
         track: Latitude and longitude of the points of the flown track.
-        log: The lines of the log; a repeated one has the number of its repeats, and replaces the
-            one before on pages.
-        alarms: What the pilot or the operator has to act on, and warnings; the newest last.
+        log: The log lines; a repeated line has its count, and replaces the previous one on pages.
+        alarms: Alarms and warnings; the newest last.
         interactions: Contacts and syncs.
-        rows: The plotted values: seconds, altitude and speed in metres (per second), charge (0..1),
-            metres to the nearest border, and of each peer its signal, whether data crossed,
-            bytes in syncs, and the signal's unit.
+        rows: The plotted values: seconds, altitude (m), speed (m/s), charge (0..1), distance to the
+            nearest border (m), and for each peer the signal, whether data crossed, bytes in syncs,
+            and the signal's unit.
     """
 
     def __init__(
@@ -124,7 +123,7 @@ class LiveScene:
         self._now_s = 0.0  # vehicle's clock
         self.track: History[list[float]] = History()
         self._track_end: Point | None = None  # position of its last point
-        self._robots: dict[str, _Robot] = {}  # whose pose or path was received, by name
+        self._robots: dict[str, _Robot] = {}  # robots with a received pose or path, by name
         self.interactions = Interactions()
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
@@ -132,10 +131,10 @@ class LiveScene:
         self._repeats = Repeats[tuple[str, str]]()  # lines of the log, by kind and text
         self.alarms: list[dict[str, Any]] = []
 
-    # What happens.
+    # Events.
 
     def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
-        """Take in what happened, and what was decided on it."""
+        """Handle an event and its actions."""
         if now_s < self._now_s - REBOOT_S:
             self._now_s, self._sampled_s = now_s, -math.inf
         self._now_s = max(self._now_s, now_s)
@@ -146,10 +145,10 @@ class LiveScene:
                 self._sample(event)
             case RobotPose(robot=name, position=position, stamp_s=stamp_s, peer=peer):
                 robot = self._robot(name)
-                if robot.track.pose_heard(position, stamp_s, self._now_s):
+                if robot.track.pose_received(position, stamp_s, self._now_s):
                     robot.peer = peer
             case RobotPath(robot=name, points=points, stamp_s=stamp_s):
-                self._robot(name).track.path_heard(points, stamp_s, self._now_s)
+                self._robot(name).track.path_received(points, stamp_s, self._now_s)
             case _ if isinstance(event, LinkEvent):
                 self.interactions.take(self._now_s, event)
         self._take_decided(actions)
@@ -172,7 +171,7 @@ class LiveScene:
                     self._add_line("state", why)
 
     def _announced(self, announcement: Announce) -> None:
-        """A new announcement about the same thing, or that it is over, replaces the last one."""
+        """Show an announcement; it replaces the last one about the same subject."""
         severity = None if announcement.severity is Severity.INFO else announcement.severity.value
         self._add_line("announcement", announcement.words, severity)
         if announcement.about:
@@ -191,15 +190,15 @@ class LiveScene:
             del self.alarms[:-MOST_ALARMS]
 
     def open_alarms(self, status: FlightStatus) -> list[dict[str, Any]]:
-        """Those that are not over: what was to last until then is shown no longer."""
+        """The alarms that still last."""
         if status.state is State.DONE:
             return []
         return [a for a in self.alarms if not a["about"] or a["about"] in status.alarms]
 
-    # As pages show it.
+    # For the pages.
 
     def vehicle(self, status: FlightStatus) -> dict[str, Any]:
-        """The vehicle and its mission, as of now."""
+        """The current state of the vehicle and its mission."""
         telemetry, left_s = status.telemetry, status.left_s
         shown: dict[str, Any] = {
             "name": self._name,
@@ -241,7 +240,7 @@ class LiveScene:
         }
 
     def robots(self) -> list[dict[str, Any]]:
-        """Positions of robots, their ages, and the peer that reported each."""
+        """Positions of robots with their ages, and the peer that reported each."""
         return [
             {
                 "name": name,
@@ -256,7 +255,7 @@ class LiveScene:
         ]
 
     def link_lines(self, status: FlightStatus) -> list[dict[str, Any]]:
-        """The links to the peers: what the radio hears, and whether data cross now."""
+        """The links to the peers: signal, and whether data are being transferred."""
         lines, syncs = [], self.interactions
         busy = syncs.busy
         for peer, link in sorted(status.links.items()):
@@ -277,7 +276,7 @@ class LiveScene:
         return lines
 
     def _sample(self, telemetry: Telemetry) -> None:
-        """Keep a row of plotted values; once a second of the vehicle's clock."""
+        """Store a row of plotted values, once a second of the vehicle's clock."""
         if self._now_s - self._sampled_s < SAMPLE_S:
             return
         self._sampled_s = self._now_s
@@ -299,12 +298,12 @@ class LiveScene:
 
     @property
     def histories(self) -> dict[str, History[Any]]:
-        """What grows, by what messages to the page call it."""
+        """The growing lists, by their names in messages to the page."""
         return {"rows": self.rows, "track": self.track, "log": self.log}
 
     @property
     def now_s(self) -> float:
-        """The vehicle's clock, as far as events have come."""
+        """The vehicle's clock at the last event."""
         return round(self._now_s, 1)
 
     def _fly(self, position: Point) -> None:
@@ -317,7 +316,7 @@ class LiveScene:
         line |= {"kind": kind, "text": text}
         if severity is not None:
             line["severity"] = severity
-        if kind == "answer" or severity == Severity.ALARM.value:  # each stands for itself
+        if kind == "answer" or severity == Severity.ALARM.value:  # never merged
             self._repeats.clear()
         elif count := self._repeats.again((kind, text), self._now_s):
             line["again"] = times(count)
@@ -328,12 +327,12 @@ class LiveScene:
 
 
 def _shown(value: float | None, digits: int = 1) -> float | None:
-    """A number for the page; None where it is not finite."""
+    """A number for the page; None if it is not finite."""
     return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
 def scenery(mission: Mission, router: Router) -> dict[str, Any]:
-    """Everything of a mission that the page draws, in degrees."""
+    """The parts of a mission that the page draws, in degrees."""
     frame = mission.frame
     idle = {entry.zone.name: entry.reason for entry in mission.idle_zones}
     planner = mission.planner

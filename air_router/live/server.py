@@ -1,4 +1,4 @@
-"""Serves the live page of a flight: browsers see the scene and the map, and hand in requests."""
+"""Serves the live page of a flight: browsers receive the scene and the map, and send requests."""
 
 import asyncio
 import base64
@@ -32,18 +32,19 @@ from mocha_link.links import Direction, SyncEnded
 
 TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5
-"""The map is sent every so many ticks."""
+"""The map is sent once per this many ticks."""
 
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
 
 READ_EVERY_S: Final = 0.05
-"""A page's requests are read one by one: a flood of them waits where it came from."""
+"""Interval at which a page's requests are read: a flood of requests waits at its sender."""
 
 _HISTORIES: Final = {"rows": "rows", "track": "points", "log": "lines"}
-"""What grows in the scene, and what a message calls its parts."""
+"""The growing lists of the scene, and the message keys of their parts."""
 
 _MOST_CELLS: Final = 600_000
-"""A page draws no more; of a larger map every second, third ... row and column is shown."""
+"""Most cells that a page draws; of a larger map only every second (third, ...) row and column is
+shown."""
 
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
 """Handles a page's request to a recorded flight; raises RequestError."""
@@ -52,30 +53,30 @@ Status = Callable[[], FlightStatus]
 
 
 class MapFeed:
-    """The map that the UAV paints, as pages receive it; it is only read."""
+    """Sends the map that the UAV paints to pages; read-only."""
 
     def __init__(self, mapper: Mapper, frame: LocalFrame, interactions: Interactions) -> None:
         self._mapper, self._frame, self._interactions = mapper, frame, interactions
-        # only each so many'th cell is shown
+        # only every n-th cell is shown
         self._step = max(1, math.ceil(math.sqrt(mapper.grid.cells.size / _MOST_CELLS)))
-        self._sent: Cells = np.zeros_like(self._shown())  # as the pages have it
-        self._sent_cells = -1  # number of known cells in `_sent`
-        self._held: dict[str, int] = {}  # cells known in the map that each peer has
+        self._sent: Cells = np.zeros_like(self._shown())  # last state sent to the pages
+        self._sent_cells = -1  # known cells in `_sent`
+        self._held: dict[str, int] = {}  # known cells of the map that each peer has
 
     def event(self, event: Event) -> None:
-        """Take in which map a robot has fetched, after `interactions`: a map of when it began."""
+        """Note which map a robot has fetched: the one at the start of its sync."""
         match event:
             case SyncEnded(peer=peer, direction=Direction.OUT):
                 began_s = self._interactions.syncs[-1].from_s
                 self._held[peer] = self._mapper.published_before(began_s)
 
     def share(self, robot: str) -> float | None:
-        """The share of the cells known now that a robot holds; None if it has fetched none."""
+        """The share of the currently known cells that a robot holds; None: none."""
         held, known = self._held.get(robot), self._mapper.known_cells
         return None if not held or not known else round(min(held / known, 1.0), 3)
 
     def whole(self) -> dict[str, Any]:
-        """Where the map lies, and all of it that pages received."""
+        """The map's position, and all cells sent to the pages."""
         grid = self._mapper.grid
         rows, columns = self._sent.shape
         size_m = self._step * grid.resolution_m
@@ -89,7 +90,7 @@ class MapFeed:
         }
 
     def update(self) -> dict[str, Any] | None:
-        """The part of the map that has changed since the last call; None: none has."""
+        """The part of the map that has changed since the last call; None: none."""
         if self._mapper.known_cells == self._sent_cells:
             return None
         self._sent_cells = self._mapper.known_cells
@@ -101,7 +102,7 @@ class MapFeed:
         return self._mapper.grid.cells[:: self._step, :: self._step]
 
     def _piece(self, where: tuple[Any, ...]) -> dict[str, Any] | None:
-        """The rectangle around some cells: first row (from the south) and column, and the cells."""
+        """The rectangle around some cells: first row (from the south), column, and the cells."""
         rows, columns = where
         if not len(rows):
             return None
@@ -121,19 +122,19 @@ class LivePage:
     """One flight on a page, for any number of browsers.
 
     Attributes:
-        steer: Handles the page's requests to a recorded flight; None for a live one.
-        record: The plots of a recorded flight, from its beginning to its end.
+        steer: Handles the page's requests to a recorded flight; None: a live flight.
+        record: The plots of a whole recorded flight.
 
     Args:
-        status: Gives the flight's status.
+        status: Returns the flight's status.
         router: Gives the router among the zones in force.
         command_service: Carries out the page's requests.
-        mapper: The map that the UAV paints; it is only read.
+        mapper: The map that the UAV paints; read-only.
         web: Where the page is served.
-        name: The UAV's, where its mission does not say it.
+        name: The UAV's name, if its mission has none.
     """
 
-    def __init__(  # noqa: PLR0913 - what a page shows comes from many places
+    def __init__(  # noqa: PLR0913 - a page has many sources
         self,
         status: Status,
         router: Callable[[], Router],
@@ -147,7 +148,7 @@ class LivePage:
         self._name = router().graph.mission.uav or name  # the UAV's, in the team
         self._commands = command_service
         self._web = web
-        self._sent: dict[str, str] = {}  # the newest text of each kind
+        self._sent: dict[str, str] = {}  # newest text of each kind
         self._ticks = 0  # refreshes
         self._harmless = Guard("the page could not be updated")
         self._begin(mapper)
@@ -166,10 +167,10 @@ class LivePage:
         self.scene = LiveScene(mission, self._status, self._router, self._name)
         self._map_feed = MapFeed(mapper, mission.frame, self.scene.interactions)
         self._draw_scenery()
-        self._sent_counts = dict.fromkeys(_HISTORIES, 0)  # what the pages have of each
+        self._sent_counts = dict.fromkeys(_HISTORIES, 0)  # entries sent to the pages, by list
 
     def restart(self, mapper: Mapper) -> None:
-        """Show the flight from its beginning again."""
+        """Show the flight from the beginning again."""
         self._sent.clear()
         self._begin(mapper)
         for kind, text in self._greeting():
@@ -207,7 +208,7 @@ class LivePage:
             await asyncio.sleep(TICK_S)
 
     def _tick(self) -> None:
-        """Send all pages what has changed."""
+        """Send changes to all pages."""
         scene, status = self.scene, self._status()
         self._ticks += 1
         if status.airspace.revision != self._revision:
@@ -233,20 +234,20 @@ class LivePage:
                 self._browsers.broadcast(f"{kind} {start}", self._since(kind, start))
 
     def publish(self, kind: str, values: dict[str, Any]) -> None:
-        """Send a message to all pages, unless they have it."""
+        """Send a message to all pages, unless it is unchanged."""
         text = as_json({"type": kind, **values})
         if self._sent.get(kind) != text:
             self._sent[kind] = text
             self._browsers.broadcast(kind, text)
 
     def _draw_scenery(self) -> None:
-        """Zones may change in flight: their revision counts on."""
+        """Draw the scenery again after zones have changed."""
         self._revision = self._status().airspace.revision
         router = self._router()
         self._scenery = as_json({"type": "scenery", **scenery(router.graph.mission, router)})
 
     def _since(self, kind: str, start: int = 0) -> str:
-        """The entries of a kind that a page with `start` of them lacks."""
+        """The entries of a list from number `start` on."""
         items = self.scene.histories[kind].since(start)
         message: dict[str, Any] = {"type": kind, _HISTORIES[kind]: items}
         if kind == "track":
@@ -256,11 +257,11 @@ class LivePage:
         return as_json(message)
 
     def _flights(self) -> dict[str, Any]:
-        """The flights of this page: its own; see JointPage."""
+        """The flights of this page: only its own; see JointPage."""
         return {"flights": [{"name": self._name, "socket": "/socket"}]}
 
     def _greeting(self) -> Iterator[tuple[str, str]]:
-        """All messages for a page that has just connected."""
+        """All messages for a newly connected page."""
         yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop})
         yield "scenery", self._scenery
         yield "map", as_json({"type": "map", **self._map_feed.whole()})
@@ -274,7 +275,7 @@ class LivePage:
             outbox.post(kind, text)
 
     def _receive(self, outbox: PageOutbox, text: str) -> None:
-        # A fault in a decision ends the flight, as it does wherever else a request comes from.
+        # A fault in a decision ends the flight, as with any other source of requests.
         asyncio.get_running_loop().call_soon(self._respond, outbox, text)
 
     def _respond(self, outbox: PageOutbox, text: str) -> None:

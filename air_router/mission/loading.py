@@ -6,7 +6,7 @@ Missions of other programs that say too little are converted before they are flo
 import math
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -16,25 +16,26 @@ from air_router.files import (
     MAX_BYTES,
     SLOWEST_M_S,
     UNUSUAL,
-    MissionDocument,
+    Findings,
     bytes_within,
     load_json,
 )
 from air_router.files.maps import is_fence_file, is_waypoint_file, read_gpx
 from air_router.files.missions import (
-    gpx_draft,
-    plan_draft,
+    PlacedForm,
+    place,
+    read_gpx_mission,
     read_mission,
-    read_old_fence_draft,
+    read_old_fence,
+    read_plan,
     read_waypoints,
 )
 from air_router.messages import FARTHEST_M
-from air_router.mission.fleet import check_fleet, layers_of, merge, variants
+from air_router.mission.fleet import Layer, check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
-from air_router.mission.mission import FlightWindow, Mission, MissionAreas, Waypoint, areas_of
+from air_router.mission.mission import FlightWindow, Mission
 from air_router.mission.team import check_team
-from air_router.mission.validation import check_geometry
-from mocha_link.sanitize import sanitize
+from air_router.mission.validation import checked_areas
 from mocha_link.team import Document, DocumentError, Problem, text_in
 
 DRAWN_OVER: Final = frozenset(
@@ -42,17 +43,6 @@ DRAWN_OVER: Final = frozenset(
     | {"rally-point-in-zone", "rally-point-outside-fence", "rally-point-too-near"}
 )
 """Problems of a file that are none in flight: such a place is left out."""
-
-
-_MADE: Final = frozenset({"name", "home", "waypoints", "rally_points", "notes"})
-"""What a mission has under the name of a draft's, but not as it stands there."""
-
-_UNCHANGED: Final = (
-    ({field.name for field in fields(Mission)} & {field.name for field in fields(MissionDocument)})
-    - {field.name for field in fields(MissionAreas)}
-    - _MADE
-)
-"""Fields that a mission takes unchanged from its draft. A field that neither has is a TypeError."""
 
 
 def load_mission(
@@ -77,11 +67,12 @@ def load_mission(
         DocumentError: with every problem of the mission and of its team file.
         UsageError: the mission is for several UAVs, and this is none of them.
     """
-    draft = read_draft(path)
+    placed, findings = read_placed(path)
     if uav is not None:
-        choose(draft, uav)
-    draft.begin_at(start, draft.duration_s if duration_s is None else duration_s)
-    return checked(draft, besides=DRAWN_OVER if in_flight else ())
+        placed = chosen(placed, uav)
+    if duration_s is not None:
+        placed = placed.with_settings(duration_s=duration_s)
+    return checked(placed, findings, start=start, besides=DRAWN_OVER if in_flight else ())
 
 
 def load_flown(
@@ -105,41 +96,49 @@ def load_flown(
     return mission
 
 
-def read_draft(path: Path) -> MissionDocument:
-    """The contents of a file, not yet validated.
+def read_placed(path: Path) -> tuple[PlacedForm, Findings]:
+    """What a file says and where, not yet validated; and what was found in it.
 
     Raises:
         DocumentError: it cannot be read at all.
     """
     if path.suffix.lower() == ".plan":
-        return plan_draft(load_json(path))
-    check_own(path)
-    return read_mission(Document.load(path))
+        form, findings = read_plan(load_json(path))
+    else:
+        check_own(path)
+        form, findings = read_mission(Document.load(path))
+    return place(form, findings), findings
 
 
-def choose(draft: MissionDocument, uav: str) -> None:
-    """Make a draft that of one of its UAVs.
+def chosen(placed: PlacedForm, uav: str) -> PlacedForm:
+    """The mission of one of its UAVs.
 
     Raises:
         UsageError: it is for others.
     """
-    names = [each.name for each in draft.uavs]
+    names = [each.name for each in placed.uavs]
     if names and uav not in names:
         known = " and ".join(names)
-        raise UsageError(f"{draft.source.path}: is flown by {known}, not by '{uav}'")
-    draft.uav = uav
+        raise UsageError(f"{placed.form.path}: is flown by {known}, not by '{uav}'")
+    return placed.with_settings(uav=uav)
 
 
-def checked(draft: MissionDocument, besides: Collection[str] = ()) -> Mission:
-    """The mission of a draft; problems of the codes `besides` do not keep it from being flown.
+def checked(
+    placed: PlacedForm,
+    findings: Findings,
+    *,
+    start: datetime | None = None,
+    besides: Collection[str] = (),
+) -> Mission:
+    """The mission of a form; problems of the codes `besides` do not keep it from being flown.
 
     Raises:
         DocumentError: with every other problem.
     """
-    mission = validate(draft)
-    problems = [problem for problem in draft.problems if problem.code not in besides]
+    mission = validate(placed, findings, start)
+    problems = [problem for problem in findings.problems if problem.code not in besides]
     if problems or mission is None:
-        raise DocumentError([*(problems or draft.problems), *unusual(draft.notes)])
+        raise DocumentError([*(problems or findings.problems), *unusual(findings.notes)])
     return mission
 
 
@@ -148,83 +147,70 @@ def unusual(notes: Iterable[Problem]) -> list[Problem]:
     return [note for note in notes if note.code == UNUSUAL]
 
 
-def validate(draft: MissionDocument) -> Mission | None:
-    """Note every problem of a draft in it; the mission that it describes, however wrong.
+def validate(
+    placed: PlacedForm, findings: Findings, start: datetime | None = None
+) -> Mission | None:
+    """The mission of a form, however wrong; all that is wrong with it is found.
 
-    A mission for several UAVs is validated as each of them flies it; returned is that of
-    `draft.uav`. None if the frame or home is missing. Do not fly one with problems.
+    A mission for several UAVs is validated as each of them flies it; returned is that of its
+    `uav`. None if the frame or home is missing. Do not fly one with problems.
+
+    Args:
+        placed: The form.
+        findings: What is found is added to them.
+        start: When the vehicle takes off, in UTC; None: soon.
     """
-    if not draft.uavs or draft.frame is None or draft.home is None:
-        return _validate(draft)
-    check_fleet(draft)
-    each = variants(draft)
-    for variant in each:
-        variant.problems, variant.notes = list(draft.problems), list(draft.notes)
-    missions = [_validate(variant) for variant in each]
-    merge(draft, each)
-    draft.uav = each[0].uav
-    return None if missions[0] is None else replace(missions[0], notes=tuple(draft.notes))
+    if not placed.uavs or placed.frame is None or placed.home is None:
+        mission = _validate(placed, findings, start)
+    else:
+        layers = layers_of(placed)
+        check_fleet(placed, layers, findings)
+        each = [(variant, findings.copied()) for variant in variants(placed, layers)]
+        mission, *_ = [_validate(variant, found, start, layers) for variant, found in each]
+        merge(findings, [(variant.form.uav, found) for variant, found in each])
+    return mission and replace(mission, notes=tuple(findings.notes))
 
 
-def _validate(draft: MissionDocument) -> Mission | None:
-    now = datetime.now(UTC)
-    window = FlightWindow.of(now, draft.start, draft.duration_s, _way_home_s(draft))
-    areas = areas_of(draft, window)
-    check_geometry(draft, areas)
-    check_team(draft)
-    mission = mission_of(draft, areas, window)
-    if draft.problems or mission is None:
-        return mission
-    _note_fence(draft, mission)
-    return replace(mission, notes=tuple(draft.notes))
+def _validate(
+    placed: PlacedForm,
+    findings: Findings,
+    start: datetime | None,
+    layers: tuple[Layer, ...] = (),
+) -> Mission | None:
+    duration_s = placed.form.duration_s
+    window = FlightWindow.of(datetime.now(UTC), start, duration_s, _way_home_s(placed))
+    areas = checked_areas(placed, window, findings)
+    placed = placed.with_settings(uav=check_team(placed, findings))
+    mission = Mission.of(placed, areas, window, layers)
+    if mission is not None and not findings.problems:
+        _note_fence(placed, mission, findings)
+    return mission
 
 
-def _way_home_s(draft: MissionDocument) -> float:
+def _way_home_s(placed: PlacedForm) -> float:
     """What the way home may take: from the farthest waypoint, twice as far as straight."""
-    if draft.home is None or draft.speed_m_s < SLOWEST_M_S:
+    speed_m_s = placed.form.speed_m_s
+    if placed.home is None or speed_m_s < SLOWEST_M_S:
         return 0.0
-    home = draft.home.position
-    away_m = max((math.dist(spot.position, home) for spot in draft.waypoints), default=0.0)
-    return 2.0 * min(away_m, FARTHEST_M) / draft.speed_m_s
+    home = placed.home.position
+    away_m = max((math.dist(spot.position, home) for spot in placed.waypoints), default=0.0)
+    return 2.0 * min(away_m, FARTHEST_M) / speed_m_s
 
 
-def mission_of(draft: MissionDocument, areas: MissionAreas, window: FlightWindow) -> Mission | None:
-    """The mission of a draft, whether it has problems or not; None without frame or home."""
-    if draft.frame is None or draft.home is None:
-        return None
-    unchanged = {name: getattr(draft, name) for name in _UNCHANGED}
-    return Mission(
-        name=sanitize(draft.name),
-        path=draft.source.path,
-        home=draft.home.position,
-        waypoints=tuple(
-            Waypoint(number, spot.position, spot.altitude_m or draft.altitude_m)
-            for number, spot in enumerate(draft.waypoints, start=1)
-        ),
-        rally_points=tuple(spot.position for spot in draft.rally_points),
-        altitude_above_home_m=draft.altitude_m,
-        layers=layers_of(draft),
-        window=window,
-        notes=tuple(draft.notes),
-        **areas.parts(),
-        **unchanged,
-    )
-
-
-def _note_fence(draft: MissionDocument, mission: Mission) -> None:
+def _note_fence(placed: PlacedForm, mission: Mission, findings: Findings) -> None:
     """Note what of the mission's areas its fence on board will not be."""
     plan = fence_plan(mission)
-    areas = {area.name: area for area in (*draft.zones, *draft.climb_corridors, *draft.fences)}
+    areas = {area.name: area for area in (*placed.zones, *placed.climb_corridors, *placed.fences)}
     if len(plan.items) > FENCE_POINTS:
-        draft.note_area(
-            next(iter(draft.fences or draft.zones)),
+        area = next(iter(placed.fences or placed.zones))
+        message = (
             f"the fence on board would have {len(plan.items)} points with all zones, PX4 1.17 "
-            f"stores {FENCE_POINTS}; draw circles, and polygons with fewer corners",
-            FENCE_TOO_LONG,
+            f"stores {FENCE_POINTS}; draw circles, and polygons with fewer corners"
         )
+        findings.note(area.keys, message, FENCE_TOO_LONG, area.source)
     for name, reason in plan.simpler:
         message = f"'{name}' is not in the fence on board: {reason}; the companion keeps to it"
-        draft.note_area(areas[name], message, "fence-simpler-on-board")
+        findings.note(areas[name].keys, message, "fence-simpler-on-board", areas[name].source)
 
 
 # Missions of other programs that are converted before they are flown: they say too little
@@ -251,8 +237,9 @@ def check_own(path: Path) -> None:
         DocumentError: it is; the message has what to do.
     """
     suffix = path.suffix.lower()
-    advice = _ADVICE.get(suffix)
-    begin = b"" if suffix in _OWN else _begin(path)
+    if suffix in _OWN:
+        return
+    advice, begin = _ADVICE.get(suffix), _begin(path)
     if is_waypoint_file(begin):
         advice = _ADVICE[WAYPOINTS]
     elif re.search(rb"^(waypoints|altitude_m):", begin, re.MULTILINE):
@@ -267,7 +254,7 @@ def _renamed(path: Path) -> str:
 
 
 def is_mission(path: Path) -> bool:
-    """Whether a file is of a mission, ours or one of those that `foreign_draft` reads."""
+    """Whether a file is of a mission, ours or one of those that `read_foreign` reads."""
     suffix = path.suffix.lower()
     return suffix in (*_OWN, WAYPOINTS) or _of_ardupilot(_begin(path))
 
@@ -285,7 +272,7 @@ def _begin(path: Path) -> bytes:
         return b""
 
 
-def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | None:
+def read_foreign(path: Path, *, altitude_m: float | None) -> tuple[PlacedForm, Findings] | None:
     """The mission of such a file; None: it is one of those that are flown.
 
     Args:
@@ -299,13 +286,13 @@ def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | 
     suffix = path.suffix.lower()
     if altitude_m is not None and suffix != GPX:
         raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
+    begin = b"" if suffix in _OWN else _begin(path)
     if altitude_m is not None:
-        return gpx_draft(read_gpx(bytes_within(path, MAX_BYTES), path), altitude_m)
-    if suffix in _OWN:
+        form, findings = read_gpx_mission(read_gpx(bytes_within(path, MAX_BYTES), path), altitude_m)
+    elif suffix == WAYPOINTS or is_waypoint_file(begin):
+        form, findings = read_waypoints(text_in(bytes_within(path, MAX_BYTES), path), path)
+    elif is_fence_file(begin):
+        form, findings = read_old_fence(text_in(bytes_within(path, MAX_BYTES), path), path)
+    else:
         return None
-    begin = _begin(path)
-    if suffix == WAYPOINTS or is_waypoint_file(begin):
-        return read_waypoints(text_in(bytes_within(path, MAX_BYTES), path), path)
-    if is_fence_file(begin):
-        return read_old_fence_draft(text_in(bytes_within(path, MAX_BYTES), path), path)
-    return None
+    return place(form, findings), findings

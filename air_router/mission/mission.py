@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from datetime import datetime, timedelta
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from shapely import Point as ShapelyPoint
 
@@ -20,16 +20,18 @@ from air_router.files import (
     Accepted,
     Area,
     HomeAltitudeError,
-    MissionDocument,
+    MissionForm,
     PlannerSettings,
     SeekPolicy,
     Timers,
     WhenExplored,
 )
+from air_router.files.missions import PlacedForm
 from air_router.mission.fleet import Layer
 from air_router.mission.tracking import TrackingMargin
 from geo.airspace import Airspace, Band, Shape, Zone, ZoneError
 from geo.frame import LocalFrame, Point
+from mocha_link.sanitize import sanitize
 from mocha_link.team import Problem
 
 LAUNCH_WAIT = timedelta(hours=1)
@@ -117,18 +119,19 @@ class MissionAreas:
         return {field.name: getattr(self, field.name) for field in fields(MissionAreas)}
 
 
-def areas_of(draft: MissionDocument, window: FlightWindow) -> MissionAreas:
-    """The areas of a draft. An altitude limit that cannot be read is taken for none."""
-    zones = tuple(_zone(area, draft) for area in draft.zones)
-    fences = tuple(area.shape for area in draft.fences)
-    climb_corridors = tuple(_zone(area, draft) for area in draft.climb_corridors)
-    flown_m = [draft.altitude_m, *(s.altitude_m for s in draft.waypoints if s.altitude_m)]
-    flown_m += draft.altitudes_m
-    margin_m = draft.planner.vertical_margin_m
+def areas_of(placed: PlacedForm, window: FlightWindow) -> MissionAreas:
+    """The areas of a form. An altitude limit that cannot be read is taken for none."""
+    form = placed.form
+    zones = tuple(_zone(area, placed) for area in placed.zones)
+    fences = tuple(area.shape for area in placed.fences)
+    climb_corridors = tuple(_zone(area, placed) for area in placed.climb_corridors)
+    flown_m = [form.altitude_m, *(s.altitude_m for s in placed.waypoints if s.altitude_m)]
+    flown_m += form.altitudes_m or ()
+    margin_m = form.planner.vertical_margin_m
     cruise = Band(min(flown_m) - margin_m, max(flown_m) + margin_m)
-    tracking_m = TrackingMargin.of(draft.planner, draft.speed_m_s).planned_m
+    tracking_m = TrackingMargin.of(form.planner, form.speed_m_s).planned_m
     timed = _if_timed(zones, window)
-    return _areas(fences, zones, climb_corridors, draft.planner, tracking_m, timed, cruise)
+    return _areas(fences, zones, climb_corridors, form.planner, tracking_m, timed, cruise)
 
 
 def _if_timed(zones: tuple[Zone, ...], window: FlightWindow) -> FlightWindow | None:
@@ -186,9 +189,9 @@ def _airspace(
     return Airspace(fences, zones, clearance_m, margin_m)
 
 
-def _zone(area: Area, draft: MissionDocument) -> Zone:
+def _zone(area: Area, placed: PlacedForm) -> Zone:
     try:
-        band = draft.band(area)
+        band = placed.band(area)
     except (HomeAltitudeError, ZoneError):
         band = None
     return Zone(
@@ -284,6 +287,42 @@ class Mission(MissionAreas):
     notes: tuple[Problem, ...]
     accepts: tuple[Accepted, ...] = ()
     drawn_zones: tuple[Zone, ...] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        placed: PlacedForm,
+        areas: MissionAreas,
+        window: FlightWindow,
+        layers: tuple[Layer, ...] = (),
+    ) -> Mission | None:
+        """The mission of a form, however wrong it is; None without a frame or a home."""
+        form = placed.form
+        if placed.frame is None or placed.home is None:
+            return None
+        return cls(
+            name=sanitize(form.title),
+            path=form.path,
+            frame=placed.frame,
+            home=placed.home.position,
+            home_altitude_amsl_m=placed.home_altitude_amsl_m,
+            waypoints=tuple(
+                Waypoint(number, spot.position, spot.altitude_m or form.altitude_m)
+                for number, spot in enumerate(placed.waypoints, start=1)
+            ),
+            rally_points=tuple(spot.position for spot in placed.rally_points),
+            altitude_above_home_m=form.altitude_m,
+            seek=tuple(form.seek.robots),
+            seek_policy=form.seek.policy,
+            explore=placed.explores,
+            layers=layers,
+            team=form.team_file,
+            world=form.world_file,
+            window=window,
+            notes=(),
+            **areas.parts(),
+            **{name: _frozen(getattr(form, name)) for name in _UNCHANGED},
+        )
 
     def airspace_at(self, altitude_m: float) -> Airspace:
         """The airspace that counts at an altitude above home, with its clearance.
@@ -418,6 +457,19 @@ class Mission(MissionAreas):
     def latest_start(self) -> datetime | None:
         """After this the zones may be others; None when they are the same at all times."""
         return self.window.latest_start if _if_timed(self.zones, self.window) else None
+
+
+_PLACED: Final = frozenset({"name", "frame", "home", "waypoints", "rally_points", "fences"})
+_UNCHANGED: Final = (
+    ({field.name for field in fields(Mission)} & MissionForm.model_fields.keys())
+    - _PLACED
+    - {"seek", "team", "world"}
+)
+"""What a mission has from its form as it stands there."""
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _between(airspace: Airspace, low_m: float, high_m: float) -> Airspace:

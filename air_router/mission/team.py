@@ -6,13 +6,13 @@ name, a ROS message by its type, whatever its topic is called.
 
 import difflib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final
 
 from air_router.errors import RefusedError
-from air_router.files import Keys, MissionDocument, is_file
-from air_router.files.missions import other_kind
+from air_router.files import Findings, Keys, MissionForm, is_file
+from air_router.files.missions import PlacedForm, other_kind
 from air_router.messages import GOALS_TOPIC, JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC
 from air_router.mission.mission import Mission
 from mocha_link.team import Document, DocumentError, Team, Topic, path_advice
@@ -161,54 +161,56 @@ def _flying(team: Team) -> list[str]:
     return [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
 
 
-def check_team(draft: MissionDocument) -> None:
-    """Note problems of the team file, and robots that it does not have.
+def check_team(placed: PlacedForm, findings: Findings) -> str | None:
+    """Report problems of the team file, and robots that it does not have.
 
-    Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
+    Returns:
+        Whose mission it is: the form's `uav`, or else the only flying robot of the team.
     """
-    if draft.world is not None and not is_file(draft.world):
-        draft.report(
-            ("world",),
-            f"there is no file {draft.world}; {path_advice(draft.world)}",
-            "no-such-file",
-        )
-    if len(set(draft.seek)) < len(draft.seek):
+    form, several = placed.form, [uav.name for uav in placed.uavs]
+    _check_file("world", form.world_file, findings)
+    if len(set(form.seek.robots)) < len(form.seek.robots):
         message = "a robot is named twice; each is sought in turn anyway"
-        draft.report(("seek", "robots"), message, "named-twice")
-    if draft.team is None:
-        return
-    if not is_file(draft.team):
-        draft.report(
-            ("team",), f"there is no file {draft.team}; {path_advice(draft.team)}", "no-such-file"
-        )
-        return
+        findings.report(("seek", "robots"), message, "named-twice")
+    path = form.team_file
+    if path is None or not _check_file("team", path, findings):
+        return form.uav
     try:
-        document = Document.load(draft.team)
+        document = Document.load(path)
         if other := other_kind(document.data, "team"):
-            message = f"{draft.team} is {other}; name the team's file"
-            draft.report(("team",), message, "wrong-file")
-            return
+            message = f"{path} is {other}; name the team's file"
+            findings.report(("team",), message, "wrong-file")
+            return form.uav
         team = Team.from_document(document)
     except DocumentError as error:
-        draft.problems.extend(error.problems)
-        return
-    if draft.uav is not None:
-        of_several = [uav.keys for uav in draft.uavs if uav.name == draft.uav]
-        _check_flies(draft, draft.uav, team, (of_several or [("uav",)])[0])
-        _note_unlinked_uavs(draft, team)
+        findings.problems += error.problems
+        return form.uav
+    uav = form.uav
+    if uav is None:
+        uav = _only_one(form, team, findings)
     else:
-        _choose(draft, team)
-    _check_others(draft, team)
-    uav = str(draft.uav)
-    names = sought(team, uav, draft.seek, draft.goals_from) if uav in team.robots else draft.seek
-    for name in names:
+        _check_flies(uav, team, ("uavs", uav) if uav in several else ("uav",), findings)
+        _note_unlinked_uavs(uav, several, team, findings)
+    _check_others(uav, form, team, findings)
+    robots = tuple(form.seek.robots)
+    if uav is not None and uav in team.robots:
+        robots = sought(team, uav, robots, tuple(form.goals_from))
+    for name in robots:
         if name in team.robots and pose_topic(team, name) is None:
             message = why_not_found(team, name)
-            draft.problems.append(document.problem(("robots", name), message, "found-by-nothing"))
+            findings.report(("robots", name), message, "found-by-nothing", document)
+    return uav
 
 
-def _check_flies(draft: MissionDocument, name: str, team: Team, keys: Keys) -> None:
-    _check_robot(draft, name, team.robots, keys)
+def _check_file(key: str, path: Path | None, findings: Findings) -> bool:
+    if path is None or is_file(path):
+        return True
+    findings.report((key,), f"there is no file {path}; {path_advice(path)}", "no-such-file")
+    return False
+
+
+def _check_flies(name: str, team: Team, keys: Keys, findings: Findings) -> None:
+    _check_robot(name, team.robots, keys, findings)
     if name not in team.robots or team.robot(name).kind == UAV_KIND:
         return
     flying = _flying(team)
@@ -217,80 +219,77 @@ def _check_flies(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
         f"'{name}' is of kind {team.robot(name).kind} in the team file and does not fly; "
         f"{named}give it the kind {UAV_KIND}"
     )
-    draft.report(keys, message, "does-not-fly")
+    findings.report(keys, message, "does-not-fly")
 
 
-def _choose(draft: MissionDocument, team: Team) -> None:
-    """Enter the only flying robot of the team, or note that it is not clear who flies."""
+def _only_one(form: MissionForm, team: Team, findings: Findings) -> str | None:
+    """The only flying robot of the team; None, and reported, if it is not clear who flies."""
     flying = _flying(team)
     if len(flying) == 1:
-        draft.uav = flying[0]
-        return
+        return flying[0]
     advice = f"give the one that flies this mission the kind {UAV_KIND} in {team.path}"
-    if flying and draft.source.path.suffix.lower() == ".plan":
+    if flying and form.path.suffix.lower() == ".plan":
         advice = f"say which one flies this plan: {' or '.join(f'--uav {n}' for n in flying)}"
     elif flying:
         advice = "add 'uav' with the name of the robot that flies this mission"
     message = f"the team has {len(flying)} robots of kind {UAV_KIND}; {advice}"
-    draft.report((), message, "who-flies")
+    findings.report((), message, "who-flies")
+    return None
 
 
-def _check_others(draft: MissionDocument, team: Team) -> None:
-    """Note robots that are to be sought, or sent goals by, and cannot; and names that are alike."""
+def _check_others(uav: str | None, form: MissionForm, team: Team, findings: Findings) -> None:
+    """Report robots that are sought, or send goals, and cannot; and names that are alike."""
     first: dict[str, str] = {}
     for name in team.robots:
         other = first.setdefault(name.lower(), name)
         if other != name:
             message = f"'{other}' and '{name}' of the team differ in case only; rename one"
-            draft.note(("team",), message, "names-alike")
-    for index, name in enumerate(draft.seek):
-        _check_robot(draft, name, team.robots, ("seek", "robots", index))
-        if name == draft.uav:
+            findings.note(("team",), message, "names-alike")
+    for index, name in enumerate(form.seek.robots):
+        keys: Keys = ("seek", "robots", index)
+        _check_robot(name, team.robots, keys, findings)
+        if name == uav:
             message = f"'{name}' flies this mission; take it off the list"
-            draft.report(("seek", "robots", index), message, "seeks-itself")
-    for index, name in enumerate(draft.goals_from):
-        _check_goals(draft, name, team, ("goals_from", index))
+            findings.report(keys, message, "seeks-itself")
+    for index, name in enumerate(form.goals_from):
+        keys = ("goals_from", index)
+        _check_robot(name, team.robots, keys, findings)
+        if name == uav:
+            message = f"'{name}' flies this mission; goals come from others: take it off the list"
+            findings.report(keys, message, "seeks-itself")
+        elif name in team.robots and GOALS_TOPIC not in {t.name for t in team.topics_of(name)}:
+            message = (
+                f"'{name}' has no topic {GOALS_TOPIC} in the team file, so that it can send none; "
+                "add {name: /goals, type: json/Goals, priority: high}"
+            )
+            findings.note(keys, message, "no-goals-topic")
 
 
-def _check_goals(draft: MissionDocument, name: str, team: Team, keys: Keys) -> None:
-    _check_robot(draft, name, team.robots, keys)
-    if name == draft.uav:
-        message = f"'{name}' flies this mission; goals come from others: take it off the list"
-        draft.report(keys, message, "seeks-itself")
-    elif name in team.robots and GOALS_TOPIC not in {t.name for t in team.topics_of(name)}:
-        message = (
-            f"'{name}' has no topic {GOALS_TOPIC} in the team file, so that it can send none; "
-            "add {name: /goals, type: json/Goals, priority: high}"
-        )
-        draft.note(keys, message, "no-goals-topic")
-
-
-def _note_unlinked_uavs(draft: MissionDocument, team: Team) -> None:
+def _note_unlinked_uavs(uav: str, several: Sequence[str], team: Team, findings: Findings) -> None:
     """Note UAVs of one mission that cannot exchange whom they seek."""
-    own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
-    if own is None or own.name not in team.robots or len(draft.uavs) == 1:
+    if uav not in several or uav not in team.robots or len(several) == 1:
         return
-    known = {own.name, *team.robot(own.name).peers}
-    unlinked = [uav.name for uav in draft.uavs if uav.name not in known]
+    known, keys = {uav, *team.robot(uav).peers}, ("uavs", uav)
+    unlinked = [name for name in several if name not in known]
     if unlinked:
         names = " and ".join(f"'{name}'" for name in unlinked)
         message = (
-            f"'{own.name}' has no link with {names} in the team file, so that they may seek the "
+            f"'{uav}' has no link with {names} in the team file, so that they may seek the "
             "same robot; make them clients of each other"
         )
-        draft.note(own.keys, message, "uavs-not-linked")
-    if SEEK_TOPIC not in {topic.name for topic in team.topics_of(own.name)}:
+        findings.note(keys, message, "uavs-not-linked")
+    if SEEK_TOPIC not in {topic.name for topic in team.topics_of(uav)}:
         message = (
-            f"'{own.name}' has no topic {SEEK_TOPIC} in the team file, so that others may seek the "
+            f"'{uav}' has no topic {SEEK_TOPIC} in the team file, so that others may seek the "
             "robot that it seeks; add {name: /seek, type: json/Seek}"
         )
-        draft.note(own.keys, message, "no-seek-topic")
+        findings.note(keys, message, "no-seek-topic")
 
 
-def _check_robot(draft: MissionDocument, name: str, known: Collection[str], keys: Keys) -> None:
+def _check_robot(name: str, known: Collection[str], keys: Keys, findings: Findings) -> None:
     if name in known:
         return
     same = [other for other in known if other.lower() == name.lower()]
     close = same or difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean '{close[0]}'?" if close else f"use one of {', '.join(sorted(known))}"
-    draft.report(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")
+    findings.report(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")

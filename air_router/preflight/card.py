@@ -1,4 +1,4 @@
-"""The pre-flight card: its lines, how each stands, and how they are shown."""
+"""The pre-flight card: its checks, their verdicts, and their presentation."""
 
 from dataclasses import asdict, dataclass
 from enum import Enum
@@ -9,11 +9,11 @@ from air_router.words import counted
 
 
 class CheckVerdict(Enum):
-    """How a line of the card stands."""
+    """The verdict of a check."""
 
     GOOD = "ok"
     LOOK = "look"  # the pilot should check it
-    BAD = "stop"  # nothing takes off like that
+    BAD = "stop"  # prevents the take-off
 
 
 GOOD, LOOK, BAD = CheckVerdict
@@ -21,7 +21,7 @@ GOOD, LOOK, BAD = CheckVerdict
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line: the subject, the verdict, the finding, what to do."""
+    """One check: subject, verdict, finding, advice."""
 
     name: str  # the first column of the card
     verdict: CheckVerdict
@@ -32,7 +32,7 @@ class Check:
         return f"{self.name}: {self.found}" + (f"; {self.advice}" if self.advice else "")
 
     def line(self, width: int, *, coloured: bool) -> str:
-        """As text; `width` is that of the first column."""
+        """The check as text; `width`: of the first column."""
         mark = self.verdict.value.ljust(4)
         if coloured:
             mark = f"{_COLOURS[self.verdict]}{mark}{_PLAIN}"
@@ -46,32 +46,32 @@ _PLAIN: Final = "\x1b[0m"
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """All lines of a pre-flight check."""
+    """All checks before a flight."""
 
     checks: tuple[Check, ...]
 
     @property
     def bad(self) -> tuple[Check, ...]:
-        """The lines for which nothing takes off."""
+        """The checks that prevent the take-off."""
         return tuple(check for check in self.checks if check.verdict is BAD)
 
     @property
     def ready(self) -> bool:
-        """Whether no line is bad."""
+        """Whether no check is bad."""
         return not self.bad
 
     @property
     def summary(self) -> str:
-        """How many checks passed, as text."""
+        """The number of passed checks, as text."""
         total, bad = len(self.checks), len(self.bad)
         warned = sum(check.verdict is LOOK for check in self.checks)
         others = [counted(warned, "warnings")] if warned else []
-        others += [f"{bad} to be mended before the flight"] if bad else []
+        others += [f"{bad} to be fixed before the flight"] if bad else []
         passed = f"{total - warned - bad} of {total} checks passed"
         return "; ".join((passed, ", ".join(others))) if others else passed
 
     def lines(self, *, coloured: bool = False, all_of_them: bool = True) -> list[str]:
-        """The card as text, one line each; `all_of_them`: also the good ones."""
+        """The card as lines of text; `all_of_them`: also the good checks."""
         shown = [check for check in self.checks if all_of_them or check.verdict is not GOOD]
         width = max((len(check.name) for check in shown), default=0)
         return [check.line(width, coloured=coloured) for check in shown]
@@ -83,7 +83,7 @@ class Card:
 
 
 class PreflightRefusedError(RefusedError):
-    """The pre-flight card has a line for which nothing takes off."""
+    """A check of the pre-flight card prevents the take-off."""
 
     def __init__(self, card: Card) -> None:
         self.card = card

@@ -1,4 +1,4 @@
-"""What `air-router check` prints of a mission that can be flown, for people and for programs."""
+"""The summary that `air-router check` prints of a valid mission, for people and for programs."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,7 +13,7 @@ from air_router.words import counted
 
 _TIGHTEST = 3
 _MOST_LINES = 12
-"""So many legs that are flown around, or idle zones, are listed; the rest are counted."""
+"""Most detours or idle zones listed; the rest are counted."""
 
 _MOST_STOPS = 8
 _MOST_RUNS = 24
@@ -23,7 +23,7 @@ _Row = tuple[str, str]
 
 
 def summary(findings: MissionSurvey) -> list[str]:
-    """A person's view of a mission that was found to be in order."""
+    """The summary of a valid mission, for people."""
     mission = findings.mission
     first = (
         f"{mission.name}: {counted(len(mission.waypoints), 'waypoints')}, "
@@ -65,7 +65,7 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
 
 
 def _expected(mission: Mission) -> Iterator[_Row]:
-    """What the true vehicle keeps at the least, by the kind of leg, and where it is too little."""
+    """The least expected clearance of the true vehicle, by kind of leg, with warnings."""
     planner, kinds = mission.planner, expected_clearances(mission)
     conditions = (
         f"wind to {planner.wind_m_s:g} m/s, satellites to {planner.position_accuracy_m:g} m (h_acc)"
@@ -111,7 +111,7 @@ def _first_of(about: str, texts: list[str], things: str) -> Iterator[_Row]:
 
 
 def _team(findings: MissionSurvey) -> Iterator[_Row]:
-    """The team, by which topics its robots are found, the layers of several UAVs, and notes."""
+    """The team, the topics by which its robots are found, layers of several UAVs, and notes."""
     mission = findings.mission
     if mission.team is not None:
         uavs = [layer.uav for layer in mission.layers]
@@ -174,7 +174,7 @@ def _charge(mission: Mission, pace: Pace, way: Way) -> str:
 
 
 def facts_of(findings: MissionSurvey) -> dict[str, Any]:
-    """The same as one JSON object; docs/commands.md lists its keys."""
+    """The summary as one JSON object; docs/commands.md lists its keys."""
     mission = findings.mission
     tightest = findings.tightest(_TIGHTEST)
     return {

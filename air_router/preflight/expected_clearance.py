@@ -1,7 +1,8 @@
-"""What the true vehicle is expected to keep from zones and fences at the least, by kind of leg.
+"""The least expected clearance of the true vehicle from zones and fences, by kind of leg.
 
-Routes keep the clearance and the tracking margin; a leg that begins where the vehicle is keeps the
-clearance and what it may be off (`TrackingMargin`). The least that remains is expected.
+Routes keep the clearance and the tracking margin. A leg from the vehicle's current position keeps
+the clearance and the vehicle's possible deviation (`TrackingMargin`). The expected clearance is the
+smallest remainder.
 """
 
 from __future__ import annotations
@@ -13,19 +14,20 @@ from air_router.mission import Mission, tracking_error_m
 from air_router.routing import names_of
 
 LAND = "landing"
-"""The kind that begins farthest from what was checked: anywhere within its radius of home."""
+"""The kind of leg that starts farthest from its checked path: anywhere within the radius of
+home."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedClearance:
-    """Of one kind of leg.
+    """The expected clearance of one kind of leg.
 
     Attributes:
-        name: Which, as text.
-        kept_m: Expected at the least.
-        promised_m: The clearance that the mission promises there.
+        name: The kind, as text.
+        kept_m: The least expected clearance.
+        promised_m: The mission's required clearance there.
         to: The nearest zone or fence, as text.
-        advice: What the operator does if it is too little.
+        advice: The operator's action if it is too small.
     """
 
     name: str
@@ -36,12 +38,12 @@ class ExpectedClearance:
 
     @property
     def short_m(self) -> float:
-        """How much is missing; below 0: nothing is."""
+        """The missing distance; negative: none."""
         return self.promised_m - self.kept_m
 
 
 def expected_clearances(mission: Mission) -> tuple[ExpectedClearance, ...]:
-    """Of every kind of leg of a mission, in the order of a flight."""
+    """The expected clearances of every kind of leg, in the order of a flight."""
     margin, planner = mission.tracking, mission.planner
     clearance_m = planner.clearance_m
     planned_m = clearance_m + margin.planned_m - margin.error_m
@@ -62,7 +64,7 @@ def expected_clearances(mission: Mission) -> tuple[ExpectedClearance, ...]:
 
 
 def _column(mission: Mission, name: str, off_m: float) -> ExpectedClearance:
-    """Above home, where the vehicle may be so far from it."""
+    """The column above home, with this possible distance from it."""
     spare_m, nearest = mission.climb_airspace.clearance_left_m(mission.home)
     promised_m = (
         mission.climb_airspace.required_m(nearest) if nearest else mission.planner.clearance_m

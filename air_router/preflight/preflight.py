@@ -1,8 +1,7 @@
 """The checks before a flight: the facts, the verdicts, and what to do.
 
-Pure: facts in, lines of the card out; `preflight_survey` gathers the facts. Each check is a table
-of what may be the case, how that stands, what was found and what to do; the first row counts that
-applies.
+Pure: takes facts, returns checks of the card; `preflight_survey` gathers the facts. Each check is a
+table with condition, verdict, finding and advice; the first true row counts.
 """
 
 import math
@@ -21,35 +20,35 @@ FEWEST_SATELLITES: Final = 6
 GOOD_SATELLITES: Final = 10
 CLOCK_S: Final = 2.0
 WRONG_CLOCK_S: Final = 600.0
-"""Zones apply so much longer than a flight may take, anyway."""
+"""Zones apply longer than the longest flight by this in any case."""
 KILOMETRES_M: Final = 10_000.0
 GPS_ALTITUDE_M: Final = 10.0
 WRONG_ALTITUDE_M: Final = 50.0
-"""What no satellite receiver with a fix, and no model of the sea's level, is wrong by."""
-LEAST_UNIX_S: Final = 1_704_067_200.0  # 2024: before it was written no clock is right
+"""No satellite receiver with a fix, and no geoid model, is wrong by this much."""
+LEAST_UNIX_S: Final = 1_704_067_200.0  # 2024: an earlier clock is wrong
 NO_REMOTE_CONTROL: Final = "no remote control is heard"
-"""PX4's warning, as `vehicle.px4` words it."""
+"""PX4's warning, in the words of `vehicle.px4`."""
 LEAST_DISK_B: Final = 50_000_000
 GOOD_DISK_B: Final = 500_000_000
 CLIMB_M_S: Final = 1.5
-"""Of a PX4's take-off."""
+"""Climb speed of PX4's take-off."""
 SPARE: Final = 0.2
-"""What charge should be above the reserve where the vehicle's endurance is not known."""
+"""Required charge above the reserve if the vehicle's endurance is unknown."""
 
 _Row = tuple[bool, CheckVerdict, str, str]
-"""Whether it is the case, how that stands, what was found, what to do."""
+"""Condition, verdict, finding, advice."""
 
 
 def _check(name: str, *rows: _Row) -> Check:
-    """The first row that is the case."""
+    """The check of the first true row."""
     return next(Check(name, *row[1:]) for row in rows if row[0])
 
 
-# The lines.
+# The checks.
 
 
 def vehicle(info: VehicleInfo) -> Check:
-    """What answers: a multicopter with a PX4, and of a version that we know."""
+    """Whether the vehicle is a multicopter with a known version of PX4."""
     version = version_of(info.version)
     airframe = info.airframe
     found = f"{airframe.words}, {info.autopilot} {info.version}, system {info.system_id}"
@@ -74,7 +73,7 @@ def vehicle(info: VehicleInfo) -> Check:
 
 
 def standing(telemetry: Telemetry) -> Check:
-    """Whether it is on the ground and disarmed."""
+    """Whether the vehicle is on the ground and disarmed."""
     mode = f"{telemetry.mode.value} mode"
     land = "land it, then start the mission; --resume goes on with one under way"
     return _check(
@@ -86,7 +85,7 @@ def standing(telemetry: Telemetry) -> Check:
 
 
 def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Telemetry) -> Check:
-    """Whether it stands at the mission's home, with a clear way up, and the fence holds home."""
+    """Whether the vehicle is at the mission's home, with a clear climb, inside the fence."""
     away_m = math.dist(telemetry.position, mission.home)
     far = f"{away_m:.0f} m" if away_m < KILOMETRES_M else f"{away_m / 1e3:.0f} km"
     nearest_m = mission.planner.home_separation_m * STANDING_SHARE
@@ -109,7 +108,7 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
 
 
 def _own_home(mission: Mission, info: VehicleInfo) -> Check | None:
-    """The problem of the autopilot's own home; None: there is none."""
+    """A problem of PX4's own home; None: there is none."""
     if info.home is None:
         return Check("place", LOOK, "the vehicle has no home position yet", "wait for GPS")
     if not mission.airspace.point_clear(info.home):
@@ -119,21 +118,21 @@ def _own_home(mission: Mission, info: VehicleInfo) -> Check | None:
     elsewhere_m = math.dist(info.home, mission.home)
     if elsewhere_m > HOME_TOLERANCE_M:
         found = f"the vehicle's home is {elsewhere_m:.0f} m from the mission's"
-        advice = "its own Return flies there: set home to where it stands (DO_SET_HOME)"
+        advice = "its own Return flies there: set home to its position (DO_SET_HOME)"
         return Check("place", BAD, found, advice)
     return None
 
 
 def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[Check]:
-    """Whether home is as high as the vehicle stands, and as zones and layers were reckoned with.
+    """Whether home's altitude matches the vehicle's, and the mission's for zones and layers.
 
-    Without such zones and layers, and with a home where it should be, there is no line.
+    Returns no check without such zones and layers, and with a correct home.
     """
     if telemetry.home_moved is not None:
         up_m = telemetry.home_moved.up_m
         side = "above" if up_m > 0 else "below"
         found = f"the vehicle's home is {abs(up_m):.0f} m {side} where it stands"
-        advice = "its plan would be flown so much off: set home to where it stands (DO_SET_HOME)"
+        advice = "its plan would be off by as much: set home to its position (DO_SET_HOME)"
         return [Check("altitude", BAD, found, advice)]
     told_m, found_m = mission.home_altitude_amsl_m, info.home_altitude_amsl_m
     needed = len(mission.layers) > 1 or any(zone.band is not None for zone in mission.zones)
@@ -142,7 +141,7 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
     off_m = abs(found_m - told_m)
     found = f"home at {found_m:.0f} m above the sea, {told_m:.0f} m in the mission"
     advice = (
-        "zones' limits above the sea, and the layers of several UAVs, are reckoned from it: "
+        "zones' limits above the sea, and the layers of several UAVs, are computed from it: "
         "correct 'altitude_amsl_m' of home"
     )
     slack_m = max(mission.planner.vertical_margin_m, GPS_ALTITUDE_M)
@@ -157,8 +156,8 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
 
 
 def health(inspection: Inspection, *, simulated: bool = False) -> Check:
-    """The autopilot's own checks; a simulated vehicle has no remote control."""
-    problems = inspection.problems or ("it does not say why; see the ground station",)
+    """PX4's own checks; a simulated vehicle has no remote control."""
+    problems = inspection.problems or ("PX4 gives no reason; see the ground station",)
     absent = {NO_REMOTE_CONTROL} if simulated else set()
     warnings = [warning for warning in inspection.warnings if warning not in absent]
     return _check(
@@ -170,7 +169,7 @@ def health(inspection: Inspection, *, simulated: bool = False) -> Check:
 
 
 def gps(fix: GpsFix | None, planned_m: float) -> Check:
-    """The satellite receiver, and the accuracy that the mission is planned for."""
+    """The satellite receiver, compared with the planned accuracy."""
     if fix is None:
         return Check("GPS", LOOK, "no GPS receiver reported", "is GPS_RAW_INT on this link?")
     satellites = 0 if fix.satellites is None else fix.satellites
@@ -180,7 +179,7 @@ def gps(fix: GpsFix | None, planned_m: float) -> Check:
     found = f"fix{seen}" + ("" if fix.accuracy_m is None else f", good to {fix.accuracy_m:.1f} m")
     poor = satellites < GOOD_SATELLITES
     inaccurate = (fix.accuracy_m or 0.0) > planned_m
-    plan = f"routes reckon with {planned_m:g} m, beyond it the flight holds"
+    plan = f"routes assume {planned_m:g} m, and the flight holds beyond it"
     few = satellites < FEWEST_SATELLITES and fix.satellites is not None
     return _check(
         "GPS",
@@ -193,9 +192,9 @@ def gps(fix: GpsFix | None, planned_m: float) -> Check:
 
 
 def wind(wind_m_s: tuple[float, float] | None, planned_m_s: float) -> Check:
-    """The wind, if the vehicle reports it, and the one that the mission is planned for.
+    """The wind, if the vehicle reports it, compared with the planned wind.
 
-    On the ground most do not.
+    Most vehicles do not report wind on the ground.
     """
     if wind_m_s is None:
         advice = (
@@ -215,9 +214,9 @@ def wind(wind_m_s: tuple[float, float] | None, planned_m_s: float) -> Check:
 def battery(
     mission: Mission, router: Router, charge: float | None, voltage_v: float | None
 ) -> Check:
-    """The charge (0 to 1) against what the mission needs, the way home included."""
+    """The charge (0 to 1), compared with the mission's need including the way home."""
     if charge is None:
-        advice = "set up the power module (BAT1_ parameters), and say --duration"
+        advice = "set up the power module (BAT1_ parameters), and give --duration"
         return Check("battery", LOOK, "its charge is not known: the reserve cannot be kept", advice)
     volts = "" if voltage_v is None else f" ({voltage_v:.1f} V)"
     found = f"{charge:.0%}{volts}, reserve {mission.battery_reserve:.0%}"
@@ -225,12 +224,12 @@ def battery(
     if endurance_s is None:
         if charge - mission.battery_reserve < SPARE:
             return Check("battery", BAD, found, "charge it, or swap it")
-        advice = "say in the mission how long a full battery flies (endurance_s) to have it checked"
+        advice = "set endurance_s in the mission to have this checked"
         return Check("battery", LOOK, found, advice)
     return_planner = ReturnPlanner(router)
     worst = return_planner.worst_waypoint
     out_s = mission.altitude_above_home_m / CLIMB_M_S
-    turning = mission.battery_reserve  # the charge at which the vehicle would turn there
+    turning = mission.battery_reserve  # the charge at which the vehicle would turn back there
     if worst is not None:
         out_s += return_planner.pace.time_s(worst[1])
         turning = max(turning, return_planner.pace.home_s(worst[1]) / endurance_s + LANDING_MARGIN)
@@ -248,7 +247,7 @@ def battery(
 
 
 def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Check:
-    """Whether our clock is right: gossip and the `hours` of no-fly zones (if any) go by it."""
+    """Whether our clock is right: gossip and the `hours` of no-fly zones depend on it."""
     if unix_s < LEAST_UNIX_S:
         return Check("clock", BAD, "this computer does not know the date", "set its clock")
     if inspection.unix_s is None:
@@ -265,7 +264,7 @@ def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Chec
 
 
 def disk(free_bytes: int | None) -> Check:
-    """Room for the log."""
+    """Disk space for the record."""
     if free_bytes is None:
         return Check("disk", LOOK, "no log is kept", "leave out --no-record to keep one")
     found = f"{free_bytes / 1e9:.1f} GB free for the log"
@@ -278,7 +277,7 @@ def disk(free_bytes: int | None) -> Check:
 
 
 def notes(mission: Mission) -> list[Check]:
-    """Parts of the mission's files that are flown otherwise than written, or not at all."""
+    """Notes on parts of the mission's files that are interpreted differently, or ignored."""
     return [
         Check(
             "mission",
@@ -291,7 +290,7 @@ def notes(mission: Mission) -> list[Check]:
 
 
 def peers(reachable: Mapping[str, bool]) -> Check:
-    """Who of the team answers now; out of range they need not."""
+    """Which peers answer now; peers out of range need not."""
     away = ", ".join(name for name, reached in reachable.items() if not reached)
     there = f"{', '.join(reachable)}: their nodes answer (team files are compared in flight)"
     missing = "fine if out of range; else is its node running?"

@@ -1,4 +1,4 @@
-"""The parameters of a PX4 that a mission rests on: what each should be, and why."""
+"""The PX4 parameters that a mission depends on: the wanted value of each, and why."""
 
 import math
 from collections import Counter
@@ -14,27 +14,27 @@ from air_router.vehicle.px4 import Version, name_of
 from geo.frame import Point
 
 HARMLESS_JERK_M_S3: Final = 3.0
-"""Below this the brakes bite later than the check of a leg reckons with."""
+"""Below this jerk limit PX4 brakes later than the check of a leg assumes."""
 
 _Wanted = Callable[["Mission", float], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class WantedParameter:
-    """What a parameter should be.
+    """The wanted value of a parameter.
 
     Attributes:
-        name: PX4's.
-        wanted: As text.
+        name: PX4's name.
+        wanted: The wanted value, as text.
         why: What happens otherwise.
-        good: Whether a value is as wanted.
-        stops: Whether a value is such that nothing takes off.
-        accept: By which name a mission file accepts any other value; without that, nothing takes
-            off. None: it is only reported.
-        scaled: PX4's start script multiplies it by the speed of a simulation.
-        since: The first version of PX4 that has it; None: all have.
-        before: The first version that has it no more; None: all have it since.
-        replacement: What replaces it from `before` on, as text.
+        good: Checks a value.
+        stops: Whether a value prevents the take-off.
+        accept: Name by which a mission file accepts any other value; without it any other value
+            prevents the take-off. None: only reported.
+        scaled: PX4's start script multiplies it by the simulation's speed.
+        since: The first version of PX4 with it; None: all.
+        before: The first version without it again; None: all since.
+        replacement: Its replacement from `before` on, as text.
     """
 
     name: str
@@ -49,14 +49,14 @@ class WantedParameter:
     replacement: str = ""
 
     def is_in(self, version: Version | None) -> bool:
-        """Whether this version of PX4 has it; an unknown one may have any."""
+        """Whether this version of PX4 has it; an unknown version may."""
         return version is None or (
             (self.since is None or self.since <= version)
             and (self.before is None or version < self.before)
         )
 
     def check(self, mission: Mission, value: float) -> Check:
-        """The line of a value that is not as wanted."""
+        """The check of a value other than the wanted one."""
         found, advice = f"is {value:g}", f"set it to {self.wanted}: {self.why}"
         stops = self.stops(mission, value)
         if stops or self.accept is None:
@@ -77,9 +77,9 @@ def _less_than(limit: float) -> _Wanted:
 
 
 def _farthest_m(mission: Mission, *, with_fences: bool = False) -> float:
-    """How far from home the mission's farthest waypoint is.
+    """Distance of the mission's farthest waypoint from home.
 
-    `with_fences`: or a fence's corner: the vehicle may seek a robot as far away as that.
+    `with_fences`: also of the fences' corners: the vehicle may seek a robot that far away.
     """
     places = [waypoint.position for waypoint in mission.waypoints]
     if with_fences:
@@ -91,7 +91,7 @@ WANTED: Final = (
     WantedParameter(
         "GF_ACTION",
         "2 (Hold)",
-        "the fence on board is the second wall: 0 and 1 do nothing, Return and Land fly on, "
+        "the fence on board is the last barrier: 0 and 1 do nothing, Return and Land fly on, "
         "Terminate falls",
         _is(2),
         _is(0, 1, 4),
@@ -100,21 +100,21 @@ WANTED: Final = (
     WantedParameter(
         "GF_MAX_HOR_DIST",
         "0 (no limit), or more than the farthest waypoint's distance from home",
-        "PX4 flies no plan with an item that is farther, and stops the vehicle there",
+        "PX4 refuses a plan with a farther item, and stops the vehicle there",
         lambda mission, value: value <= 0.0 or value > _farthest_m(mission, with_fences=True),
         lambda mission, value: 0.0 < value <= _farthest_m(mission) + mission.planner.clearance_m,
     ),
     WantedParameter(
         "GF_MAX_VER_DIST",
         "0 (no limit), or more than the mission's highest altitude",
-        "PX4 flies no plan with an item that is higher, and stops the vehicle there",
+        "PX4 refuses a plan with a higher item, and stops the vehicle there",
         lambda mission, value: value <= 0.0 or value > mission.cruise.upper_m,
         lambda mission, value: 0.0 < value <= mission.cruise.upper_m,
     ),
     WantedParameter(
         "GF_SOURCE",
         "0 (the estimate)",
-        "the fence is judged by raw GPS, not by the position that is flown",
+        "PX4 checks the fence by raw GPS, not by its own estimate",
         _is(0),
     ),
     WantedParameter(
@@ -126,21 +126,21 @@ WANTED: Final = (
     WantedParameter(
         "MPC_ACC_HOR",
         f"at least {BRAKING_M_S2 + 0.5:g} m/s2",
-        "legs are checked for a vehicle that brakes so well",
+        "the check of legs assumes this deceleration",
         _at_least(BRAKING_M_S2 + 0.5),
         _less_than(BRAKING_M_S2),
     ),
     WantedParameter(
         "MPC_JERK_AUTO",
         f"at least {HARMLESS_JERK_M_S3:g} m/s3",
-        "softer brakes bite later than legs are checked for",
+        "PX4 brakes later than the check of legs assumes",
         _at_least(HARMLESS_JERK_M_S3),
         _less_than(HARMLESS_JERK_M_S3 / 2),
     ),
     WantedParameter(
         "MPC_XY_VEL_MAX",
         "at least the mission's speed",
-        "the mission takes longer than reckoned",
+        "the mission takes longer than planned",
         lambda mission, value: value >= mission.speed_m_s,
     ),
     WantedParameter(
@@ -202,7 +202,7 @@ WANTED: Final = (
     WantedParameter(
         "COM_FLTMODE_BOOT",
         "any but 3 (Mission) and 17 (Takeoff)",
-        "switched on and armed it takes off by itself",
+        "switched on and armed, the vehicle takes off on its own",
         lambda _mission, value: round(value) not in {3, 17},
         since=(1, 18),
     ),
@@ -218,13 +218,13 @@ WANTED: Final = (
     WantedParameter(
         "COM_LOW_BAT_ACT",
         "3 (Return, then Land)",
-        "an empty battery is only warned of",
+        "PX4 only warns of an empty battery",
         _is(2, 3),
     ),
     WantedParameter(
         "BAT_CRIT_THR",
         "below the mission's battery reserve",
-        "PX4 returns by itself, straight, before the mission comes home along its routes",
+        "PX4 returns in a straight line before the mission comes home along its routes",
         lambda mission, value: value < mission.battery_reserve,
         lambda mission, value: value >= mission.battery_reserve,
     ),
@@ -237,21 +237,21 @@ WANTED: Final = (
     WantedParameter(
         "RTL_RETURN_ALT",
         "at least the mission's altitude",
-        "a return by the autopilot is lower than what was planned",
+        "PX4's own Return flies lower than planned",
         lambda mission, value: value >= mission.altitude_above_home_m,
         accept="rtl_altitude",
     ),
     WantedParameter(
         "RTL_DESCEND_ALT",
         "at most the mission's altitude",
-        "at the end of its return the autopilot hovers higher than what was planned",
+        "PX4's own Return ends higher than planned",
         lambda mission, value: value <= mission.altitude_above_home_m,
         accept="rtl_altitude",
     ),
     WantedParameter(
         "RTL_TYPE",
         "0 or 3 (straight to the nearest of home and the rally points)",
-        "the autopilot returns another way: past home to a rally point, or along the plan's items",
+        "PX4 returns another way: past home to a rally point, or along the plan's items",
         _is(0, 3),
         accept="rtl_type",
     ),
@@ -259,14 +259,14 @@ WANTED: Final = (
 
 
 def names(version: Version | None) -> tuple[str, ...]:
-    """The parameters that are checked in a version of PX4; None: it is unknown."""
+    """The parameters to check in a version of PX4; None: unknown version."""
     return tuple(dict.fromkeys(each.name for each in WANTED if each.is_in(version)))
 
 
 _LAYER: Final = WantedParameter(
     "RTL_RETURN_ALT",
     "the altitude of this UAV's layer",
-    "a return by the autopilot climbs into the layer of another UAV",
+    "PX4's own Return climbs into another UAV's layer",
     lambda mission, value: value <= mission.ceiling_m,
     lambda mission, value: value > mission.ceiling_m,
 )
@@ -280,14 +280,14 @@ def parameters(
     absent: Collection[str] = (),
     rate: float = 1.0,
 ) -> list[Check]:
-    """A line for each parameter that is not as wanted, and one for the others.
+    """A check for each parameter with another value than wanted, and one for the others.
 
     Args:
         mission: The mission.
-        values: Of the parameters, by name; None for one that the vehicle did not report.
-        version: Of PX4; None where it is unknown: then `values` has the parameters that exist.
-        absent: Those that PX4 reports as missing.
-        rate: Seconds of the vehicle in a second of ours: more than 1 in a fast simulation.
+        values: Values by name; None for a parameter that the vehicle did not report.
+        version: PX4's version; None: unknown, then `values` has the parameters that exist.
+        absent: Parameters that PX4 reports as absent.
+        rate: The vehicle's seconds per second of ours: more than 1 in a fast simulation.
     """
     rows = [each for each in WANTED if each.is_in(version)]
     checks: list[Check] = []
@@ -305,10 +305,10 @@ def parameters(
         found = f"{_px4(version)} has none: {', '.join(none)}"
         advice = "find their replacements in its release notes, and check those"
         checks.append(Check("parameters", LOOK, found, advice))
-    if version is None and len(unknown) == len(looked_at):  # which was requested, too
+    if version is None and len(unknown) == len(looked_at):  # one of which always exists
         advice = (
             "make sure that messages arrive at PX4 (the wire to its RX, the port); if PX4 has a "
-            "signing key, say --signing-key FILE"
+            "signing key, give --signing-key FILE"
         )
         return [*checks, Check("parameters", BAD, "PX4 answers no request", advice)]
     if unknown:
@@ -324,7 +324,7 @@ def _px4(version: Version | None) -> str:
 
 
 def _gone(version: Version | None) -> str:
-    """Those that this version has no more, and their replacements; empty: it has all."""
+    """Parameters removed in this version, with replacements; empty: none."""
     removed = [
         f"{each.name} ({each.replacement})"
         for each in WANTED
@@ -334,7 +334,7 @@ def _gone(version: Version | None) -> str:
 
 
 def straight_return(mission: Mission) -> Check:
-    """Whether PX4's own Return, which knows no zones, would fly through one."""
+    """Whether PX4's own Return, which ignores zones, would fly through one."""
     crossing = Counter(name for way in straight_returns(mission) for name in way.cuts)
     if not crossing:
         return Check("return", GOOD, "PX4's straight return is clear from every waypoint")
@@ -351,7 +351,7 @@ def straight_return(mission: Mission) -> Check:
 
 
 def acceptable(mission: Mission, name: Accepted, line: str, found: str, advice: str) -> Check:
-    """A line that stops the flight unless the mission file accepts it by name."""
+    """A check that prevents the flight unless the mission file accepts it by name."""
     if name in mission.accepts:
         return Check(line, LOOK, f"{found} (accepted by the mission file)", advice)
     where = "the mission file"

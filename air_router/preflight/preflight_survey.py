@@ -1,4 +1,4 @@
-"""Gathers the facts for the pre-flight card: of the vehicle, of this computer, of the team."""
+"""Gathers the facts for the pre-flight card: about vehicle, this computer and the team."""
 
 import asyncio
 import shutil
@@ -22,7 +22,7 @@ DIAL_S: Final = 1.0
 """Wall-clock limit for a robot's node to answer."""
 
 _GREETING: Final = b"\xff"
-"""How every ZeroMQ connection begins."""
+"""The first byte of every ZeroMQ connection."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,18 +31,18 @@ class PreflightSurvey:
 
     mission: Mission  # to be flown
     router: Router  # of the mission
-    team: Team | None = None  # to talk to; None to leave it out
+    team: Team | None = None  # the team; None: not checked
     uav: str = ""  # our name in the team
     log_dir: Path | None = None  # where the log goes
     unix: Callable[[], float] = time.time  # this computer's clock
-    clock: VehicleClock | None = None  # the vehicle's; None: as ours
-    simulated: bool = False  # what no simulation has is not judged: sticks, wind, GPS time, radios
+    clock: VehicleClock | None = None  # the vehicle's clock; None: runs like ours
+    simulated: bool = False  # skips what a simulation lacks: sticks, wind, GPS time, radios
 
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
-        """Check everything; nothing on board is changed.
+        """Run all checks; nothing on board is changed.
 
-        A vehicle that flies or is armed has a pilot: nothing more is requested. Nor is one that is
-        no multicopter with PX4.
+        Nothing is requested from a vehicle that flies or is armed, because it has a pilot, nor from
+        one that is no multicopter with PX4.
         """
         first = [preflight.vehicle(info), preflight.standing(telemetry)]
         if telemetry.in_air or telemetry.armed or info.airframe.why_not_flown is not None:
@@ -76,7 +76,7 @@ class PreflightSurvey:
         return Card(tuple(checks))
 
     async def card_in_the_air(self, vehicle: Vehicle, info: VehicleInfo) -> Card:
-        """Check what still matters once it flies; nothing on board is changed."""
+        """Run the checks that matter in the air; nothing on board is changed."""
         inspection = await vehicle.inspect(names(version_of(info.version)))
         rate, mission = await self._rate(), self.mission
         return Card(
@@ -102,7 +102,7 @@ class PreflightSurvey:
         return 1.0 if self.clock is None else await self.clock.measured_rate()
 
     async def _reachable(self) -> dict[str, bool] | None:
-        """Whose node answers now; None without a team, and where a simulation starts the nodes."""
+        """Which peers' nodes answer; None without a team, or if a simulation starts the nodes."""
         team = self.team
         if team is None or self.simulated:
             return None
@@ -113,7 +113,7 @@ class PreflightSurvey:
 
 
 async def _answers(host: str, port: int) -> bool:
-    """Whether a node is there: its socket greets at once, a gateway that takes all does not."""
+    """Whether a node answers: its socket sends a greeting at once; a mere gateway does not."""
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(DIAL_S):
@@ -124,12 +124,12 @@ async def _answers(host: str, port: int) -> bool:
                 probe.setblocking(False)
                 await loop.sock_connect(probe, address)
                 return (await loop.sock_recv(probe, 1)) == _GREETING
-    except (OSError, TimeoutError, ValueError):  # ValueError: no host can have that name
+    except (OSError, TimeoutError, ValueError):  # ValueError: an invalid host name
         return False
 
 
 def _free_bytes(folder: Path | None) -> int | None:
-    """Room on the disk of a folder that need not exist yet."""
+    """Free disk space of a folder that need not exist yet."""
     if folder is None:
         return None
     folder = folder.absolute()

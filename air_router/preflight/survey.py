@@ -1,4 +1,4 @@
-"""Facts about a checked mission before it flies: lengths, times, the tightest places."""
+"""Facts about a valid mission before the flight: lengths, times, tightest places."""
 
 import math
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ class SurveyedLeg:
     start: int  # node
     end: int
     route: Route
-    closest_m: float  # least distance to a zone or the fence
+    closest_m: float  # smallest distance to a zone or the fence
     closest_to: str  # its name
-    straight_blockers: tuple[str, ...]  # zones in the straight way
+    straight_blockers: tuple[str, ...]  # zones on the straight line
 
 
 class MissionSurvey:
     """A mission, surveyed.
 
     Attributes:
-        mission: What was surveyed.
+        mission: The mission.
         graph: Its waypoint graph.
         router: Its router.
         return_planner: The ways home.
@@ -44,7 +44,7 @@ class MissionSurvey:
 
     @cached_property
     def stranded(self) -> tuple[tuple[int, str], ...]:
-        """Waypoints from which no way home was found, with the reason."""
+        """Waypoints without a way home, with the reason."""
         found = []
         for waypoint in self.mission.waypoints:
             if waypoint.number not in self.return_planner.home:
@@ -55,22 +55,22 @@ class MissionSurvey:
 
     @property
     def length_m(self) -> float:
-        """Length of the steps."""
+        """Total length of the steps."""
         return sum(step.route.length_m for step in self.steps)
 
     @property
     def flight_time_s(self) -> float:
-        """About how long the steps take, with a stop at every corner; no climb, no landing."""
+        """Approximate time of the steps, with a stop at every corner, without climb and landing."""
         return sum(route_time_s(step.route, self.mission.speed_m_s) for step in self.steps)
 
     def tightest(self, count: int) -> list[SurveyedLeg]:
-        """The steps that come closest to a zone or to the fence, closest first."""
+        """The steps closest to a zone or the fence, closest first."""
         near = [step for step in self.steps if step.closest_to]
         return sorted(near, key=lambda step: step.closest_m)[:count]
 
     @property
     def around(self) -> list[SurveyedLeg]:
-        """The steps whose straight leg is not clear."""
+        """The steps without a clear straight leg."""
         return [step for step in self.steps if step.straight_blockers]
 
     def _steps(self) -> list[SurveyedLeg]:
@@ -96,10 +96,10 @@ class MissionSurvey:
 
 
 def closest_approach(mission: Mission, start: Point, route: Route) -> tuple[float, str]:
-    """How close a route comes to any zone or to the fence, in metres, and to which."""
+    """The closest distance of a route to a zone or the fence, in meters, and its name."""
     return mission.airspace.track_distance_m([start, *(leg.to for leg in route.legs)])
 
 
 def route_time_s(route: Route, speed_m_s: float) -> float:
-    """About how long a route takes, with a stop at the end of every leg."""
+    """Approximate time of a route, with a stop at the end of every leg."""
     return Pace(speed_m_s, 0.0, None).time_s(Way(route.length_m, len(route.legs)))

@@ -1,6 +1,6 @@
-"""The check of the simulated world around a mission: its world file, its team, its rovers.
+"""Checks the simulated world of a mission: world file, team, rovers.
 
-`sitl` reads these; it lies above this package, so it runs as a program.
+`sitl` reads these; it depends on this package, so it is run as a program.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ class WorldUncheckedError(AirRouterError):
 
 
 def world_notes(path: Path | None) -> tuple[Problem, ...]:
-    """Notes on the numbers of a world file; none where it cannot be read, which is a problem."""
+    """Notes on the values of a world file; none if it cannot be read (a separate problem)."""
     if path is None:
         return ()
     try:
@@ -42,17 +42,17 @@ def world_notes(path: Path | None) -> tuple[Problem, ...]:
 def check_world(mission: Path, rovers: Iterable[tuple[str, str]] = ()) -> None:
     """Check a mission's world file and team.
 
-    `sitl` runs in this process: what takes a program its time at the start is loaded here.
+    `sitl` runs in this process, which has loaded its slow imports already.
 
     Args:
-        mission: The mission's file.
-        rovers: Robots that the user's programs play, and where the node of each is served.
+        mission: The mission file.
+        rovers: Robots played by the user's programs, with each node's endpoint.
 
     Raises:
-        DocumentError: the world file is wrong: every problem, with line and column.
-        WorldRefusedError: the team does not fit the mission, or has no such rover.
-        WorldUncheckedError: an extra is missing.
-        KeyboardInterrupt: the operator ends it.
+        DocumentError: The world file has errors; contains all, with line and column.
+        WorldRefusedError: The team does not fit the mission, or has no such rover.
+        WorldUncheckedError: An extra is missing.
+        KeyboardInterrupt: The operator interrupts it.
     """
     options = [part for name, where in rovers for part in ("--rover", f"{name}={where}")]
     code, stdout, stderr = _sitl("team", str(mission), "--check", *options)
@@ -69,7 +69,7 @@ def check_world(mission: Path, rovers: Iterable[tuple[str, str]] = ()) -> None:
 
 
 def _sitl(*options: str) -> tuple[int, str, str]:
-    """Run the program; returns its exit code, and its stdout and stderr."""
+    """Run the program; return exit code, stdout and stderr."""
     stdout, errors, argv = io.StringIO(), io.StringIO(), sys.argv
     sys.argv = ["sitl", *options]
     try:

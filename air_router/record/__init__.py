@@ -1,4 +1,4 @@
-"""The record of a flight: written, read, replayed."""
+"""The record of a flight: writing, reading, replaying."""
 
 from mocha_link.lazy import door
 

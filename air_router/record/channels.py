@@ -1,4 +1,4 @@
-"""The channels of a record: topics, messages, and schemas as viewers read them."""
+"""The channels of a record: topics, messages, and schemas for viewers."""
 
 import json
 from collections.abc import Mapping
@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 from pydantic_core import to_json
 
+from air_router.controller import FlightStatus
 from air_router.controller.model import CommandConfirmed, CommandFailed, Motion
 from air_router.record.serialization import RECORDED, TYPE_KEY, adapter, encode
 from mocha_link.links import LinkMetrics
@@ -15,10 +16,10 @@ TIME_KEY: Final = "t"
 """Seconds on the vehicle's clock, in every message."""
 
 ORDER_KEY: Final = "of"
-"""Which motion a motion is, or a confirmation of one: there may be several alike."""
+"""The number of a motion, also in its confirmation: several motions may be equal."""
 
 RECENT: Final = 64
-"""A motion is confirmed, or fails, before so many others have been decided."""
+"""A motion is confirmed or fails before this many others are decided."""
 
 ABOUT_MOTIONS: Final = (CommandConfirmed, CommandFailed)
 
@@ -30,7 +31,7 @@ NOTES: Final[Mapping[str, Mapping[str, Any]]] = {
     "MapPublished": {"known_cells": int},
     "Held": {"peer": str, "held": tuple[tuple[str, str, float], ...]},
 }
-"""Notes that a replay or a report reads, with the types of their fields; others are for people."""
+"""Notes read by a replay or a report, with the types of their fields; others are for people."""
 
 Plain = dict[str, Any]
 
@@ -45,7 +46,7 @@ class RecordChannel(NamedTuple):
     Attributes:
         topic: Its name.
         schema_name: The name of the messages' schema; `schema`: its bytes.
-        encoding: Of the messages: "json", or "protobuf" for drawings.
+        encoding: Encoding of the messages: "json", or "protobuf" for drawings.
     """
 
     topic: str
@@ -60,19 +61,25 @@ class RecordChannel(NamedTuple):
 
     @property
     def schema_encoding(self) -> str:
-        """What the schema is written in."""
+        """The encoding of the schema."""
         return "jsonschema" if self.encoding == "json" else self.encoding
 
 
 def message_of(value: object, now_s: float, order: int | None = None) -> bytes:
-    """An event, action, setup or link as a message: with its time, and which motion it is.
+    """An event, action, setup or link as a message, with its time and motion number.
 
     Raises:
-        TypeError: it cannot be recorded.
+        TypeError: It cannot be recorded.
     """
     more = {} if order is None else {ORDER_KEY: order}
     head = to_json({TIME_KEY: now_s, **more}, inf_nan_mode="strings")
     return b"%b,%b" % (head[:-1], encode(value)[1:])  # two objects become one
+
+
+def status_message_of(status: FlightStatus, now_s: float) -> bytes:
+    """The flight's status as a message. Raises TypeError: it cannot be recorded."""
+    head = to_json({TIME_KEY: now_s})
+    return b"%b,%b" % (head[:-1], encode(status, of=FlightStatus)[1:])
 
 
 # Channels
@@ -94,6 +101,12 @@ def channel_of(kind: str, of: Any) -> RecordChannel:
 
 
 @cache
+def status_channel() -> RecordChannel:
+    """The channel of the flight's status."""
+    return _timed("/status", FlightStatus)
+
+
+@cache
 def link_channel() -> RecordChannel:
     """The channel of the metrics of links."""
     return _timed("/links", LinkMetrics)
@@ -101,14 +114,14 @@ def link_channel() -> RecordChannel:
 
 @cache
 def note_channel(name: str) -> RecordChannel:
-    """The channel of a note of the shell's."""
+    """The channel of a note of the flight loop."""
     parts = {part: viewer_schema(of) for part, of in NOTES.get(name, {}).items()}
     made = _channel(f"/flight/{name}", name, {TYPE_KEY: {**_TEXT, "const": name}, **parts})
     return made._replace(schema_name=f"air_router.flight.{name}")
 
 
 def _timed(topic: str, of: Any) -> RecordChannel:
-    """The channel of a class, with the time in front."""
+    """The channel of a class, with the time as first field."""
     schema = viewer_schema(of)
     order = {"type": "integer", "description": "which motion, counted from 1"}
     more = {ORDER_KEY: order} if of in (*get_args(Motion), *ABOUT_MOTIONS) else {}
@@ -118,9 +131,9 @@ def _timed(topic: str, of: Any) -> RecordChannel:
 
 @cache
 def viewer_schema(of: Any) -> Plain:
-    """The JSON schema of a declared type as far as the viewers of records understand it.
+    """The JSON schema of a type, limited to the features that viewers of records support.
 
-    One type each, no alternatives and no references, null is not mentioned.
+    One type per value, without alternatives, references or null.
     """
     if of in _recorded_classes():
         defined = _recorded_schemas()
@@ -136,7 +149,7 @@ def _recorded_classes() -> frozenset[Any]:
 
 @cache
 def _recorded_schemas() -> Mapping[str, Plain]:
-    """The schemas of all that is recorded, by class: made once, for it takes a while."""
+    """The schemas of all recorded classes; cached, because making them is slow."""
     defined: Mapping[str, Plain] = adapter(RECORDED).json_schema()["$defs"]
     return defined
 
@@ -148,7 +161,7 @@ def _understood(schema: Plain, defined: Mapping[str, Plain]) -> Plain:
     if choices:
         return _any_of([_understood(c, defined) for c in choices if c.get("type") != "null"])
     kept: Plain = {key: schema[key] for key in _KEPT if key in schema}
-    if isinstance(schema["type"], list):  # a number that may be none
+    if isinstance(schema["type"], list):  # a number that may be None
         return {"type": schema["type"][0]}
     if schema["type"] == "object":
         properties = schema.get("properties", {})
@@ -159,14 +172,14 @@ def _understood(schema: Plain, defined: Mapping[str, Plain]) -> Plain:
     elif schema["type"] == "array":
         parts = [schema["items"]] if "items" in schema else schema.get("prefixItems", [])
         items = _any_of([_understood(part, defined) for part in parts])
-        # Of lists in lists viewers know nothing, so those have no schema.
+        # Viewers do not support nested lists, so those have no schema.
         nested = items["type"] == "array"
         kept["items"] = {"type": "object", "properties": {}} if nested else items
     return kept
 
 
 def _any_of(schemas: list[Plain]) -> Plain:
-    """One form for all members: viewers know no alternatives. Of objects it has every field."""
+    """One schema for all members, with the fields of all: viewers do not support alternatives."""
     if not schemas or any(schema["type"] != "object" for schema in schemas):
         return schemas[0] if schemas else dict(_TEXT)
     if len(schemas) == 1:

@@ -1,7 +1,7 @@
-"""A flight in the messages that Foxglove's panels draw by themselves, of its SDK's typed schemas.
+"""A flight as messages with Foxglove's typed schemas, which its panels draw without settings.
 
-Nothing here is needed to replay a flight: it shows recorded values once more, for the
-eye. In three dimensions places are metres east, north and above home. Needs the extra `foxglove`.
+A replay does not need them: they only visualize recorded values. 3D positions are meters east,
+north and above home. Needs the extra `foxglove`.
 """
 
 import json
@@ -32,12 +32,12 @@ from geo.grid import SemanticGrid
 from mocha_link.links import LinkMetrics, Reading, Unit
 
 VEHICLE_S, LINKS_S, GRID_S = 0.2, 1.0, 30.0
-"""So often the vehicle's place, the links, and the whole map while it grows are drawn; telemetry is
-recorded at the full rate anyway."""
+"""Intervals of drawing the vehicle's position, the links, and the growing map. Telemetry is
+recorded at the full rate in any case."""
 
 VEHICLE: Final = "vehicle"
 FRAME: Final = "mission"
-"""Metres east, north and up of the mission's origin; who has a place on the map is a frame too."""
+"""Meters east, north and up of the mission's origin; everything on the map also has a frame."""
 
 Place = tuple[float, float, float]
 Colour = tuple[float, float, float]
@@ -54,26 +54,26 @@ _FENCE, _ZONE, _IDLE = (0.18, 0.49, 0.2), (0.78, 0.16, 0.16), (0.5, 0.5, 0.5)
 _GRAPH, _ROBOT, _TEXT = (0.4, 0.4, 0.4), (0.08, 0.4, 0.75), (0.9, 0.9, 0.9)
 _SCALES: Final = {Unit.DBM: (-90.0, -50.0), Unit.SNR_DB: (0.0, 40.0)}  # weak and strong
 _ABOVE_M: Final = 20.0
-"""A zone without end is drawn this much higher than the flight."""
+"""A zone without an upper limit is drawn this much higher than the flight."""
 
 
 Drawn = tuple[RecordChannel, bytes]
-"""A message that is drawn, and its channel."""
+"""A drawn message, and its channel."""
 
 
 class FlightDrawing:
-    """Draws one mission's flight, as it happens or from its record."""
+    """Draws one mission's flight, live or from its record."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
-        self._frame = mission.frame  # of drawings in metres
+        self._frame = mission.frame  # of drawings in meters
         self._done_s: dict[float, float] = {}  # Unix times, by interval
         self._vehicle: Place | None = None  # newest; east, north, up in m
         self._robots: dict[str, Point] = {}  # newest positions
         self._links: dict[str, LinkMetrics] = {}  # newest, by peer
 
     def begin(self, unix_s: float) -> Iterator[Drawn]:
-        """Fence, zones, waypoints and home: on a map, and with the graph in three dimensions."""
+        """Fence, zones, waypoints and home on a map, and with the graph in 3D."""
         mission = self._mission
         features = [self._area("fence", "fence", fence.corners) for fence in mission.fences]
         features += [self._area("zone", z.name, z.shape.corners) for z in mission.airspace.zones]
@@ -83,7 +83,7 @@ class FlightDrawing:
 
     @singledispatchmethod
     def draw(self, value: object, unix_s: float) -> Iterator[Drawn]:
-        """The drawing of an event, a decision, a link or the map, at a time on the vehicle."""
+        """The drawing of an event, an action, a link or the map, at the vehicle's time."""
         del value, unix_s
         return iter(())
 
@@ -135,14 +135,14 @@ class FlightDrawing:
         yield _log(f"waiting: {value.why}" if value.why else "going on", unix_s)
 
     def _due(self, every_s: float, unix_s: float) -> bool:
-        """Whether something is to be drawn again; then it counts as drawn."""
+        """Whether something is due to be drawn; it then counts as drawn."""
         due = abs(unix_s - self._done_s.get(every_s, -math.inf)) >= every_s
         if due:
             self._done_s[every_s] = unix_s
         return due
 
     def _team(self, unix_s: float) -> Drawn:
-        """Reported positions of robots, and the links with a signal, by strength."""
+        """Reported positions of robots, and the links colored by signal strength."""
         entities = []
         for name, position in self._robots.items():
             link = self._links.get(name)
@@ -157,7 +157,7 @@ class FlightDrawing:
         return _drawn("/scene/robots", fg.SceneUpdate(entities=entities))
 
     def _scene(self, unix_s: float) -> Drawn:
-        """Fence, zones (those that do not apply in grey) and graph in three dimensions."""
+        """Fence, zones (gray if they do not apply) and graph in 3D."""
         mission = self._mission
         heights_m = [w.altitude_above_home_m for w in mission.waypoints]
         top_m = max([mission.altitude_above_home_m, *heights_m])
@@ -190,10 +190,10 @@ class FlightDrawing:
         return _drawn(f"{topic}/location", message)
 
     def _coordinates(self, points: Iterable[Point]) -> list[list[float]]:
-        """Longitudes and latitudes, as GeoJSON has them."""
+        """Longitudes and latitudes for GeoJSON."""
         try:
             return [[*reversed(self._frame.to_geodetic(point))] for point in points]
-        except FrameError:  # a vehicle that has no position yet
+        except FrameError:  # a vehicle without a position yet
             return [[0.0, 0.0] for _ in points]
 
     def _area(self, kind: str, name: str, corners: Sequence[Point]) -> Plain:
@@ -231,7 +231,7 @@ def _feature(kind: str, name: str, geometry: Plain) -> Plain:
 
 
 def _grid(semantic_map: SemanticGrid, unix_s: float) -> Drawn:
-    """The semantic map; a cell is a byte, its class."""
+    """The semantic map; each cell is a byte with its class."""
     columns, side_m = semantic_map.cells.shape[1], semantic_map.resolution_m
     byte = fg.PackedElementFieldNumericType.Uint8
     message = fg.Grid(
@@ -278,10 +278,10 @@ def _graph(mission: Mission, unix_s: float) -> fg.SceneEntity:
     return _entity("graph", unix_s, lines=lines, texts=texts, spheres=[_ball(home)])
 
 
-def _walls(  # noqa: PLR0913, PLR0917 - all that is seen of an area
+def _walls(  # noqa: PLR0913, PLR0917 - all visible parts of an area
     name: str, text: str, polygon: Polygon, band: Band, colour: Colour, unix_s: float
 ) -> fg.SceneEntity:
-    """An area as its border at the top, and what hangs down from it."""
+    """An area as its upper border with walls below."""
     lines, corners = [], []
     for ring in (polygon.exterior, *polygon.interiors):
         places = list(ring.coords)
@@ -346,7 +346,7 @@ def _colour(colour: Colour, alpha: float = 1.0) -> fg.Color:
 
 
 def _by_strength(signal: Reading) -> Colour:
-    """Green where it is strong, red where it is weak; blue on a scale of the device's own."""
+    """Green if strong, red if weak; blue on a device-specific scale."""
     if signal.unit not in _SCALES:
         return _ROBOT
     weak, strong = _SCALES[signal.unit]
@@ -355,6 +355,6 @@ def _by_strength(signal: Reading) -> Colour:
 
 
 def _time(unix_s: float) -> fg.Timestamp:
-    """A time as the SDK can hold it, its seconds in 32 bits: a vehicle may say any date."""
+    """A time limited to the SDK's 32-bit seconds: a vehicle may report any date."""
     seconds = min(max(0, math.floor(unix_s)), 2**32 - 1)
     return fg.Timestamp(sec=seconds, nsec=min(max(0, int((unix_s - seconds) * 1e9)), 999_999_999))

@@ -1,7 +1,7 @@
-"""A record, or a flight while it lasts, through Foxglove's SDK: an MCAP file or a live socket.
+"""A record or a live flight in Foxglove's SDK: an MCAP file or a live socket.
 
-What Foxglove has a schema for goes out in its protobuf form, everything else as the JSON that it is
-in the record. Needs the extra `foxglove`.
+Messages with a Foxglove schema are sent as protobuf, all others as the record's JSON. Needs the
+extra `foxglove`.
 """
 
 import io
@@ -19,14 +19,14 @@ from mocha_link.errors import Guard
 
 
 class FoxgloveChannels:
-    """Sends messages of a record into a context of the SDK, which files and sockets listen to."""
+    """Sends messages of a record to a context of the SDK, for files and sockets."""
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context
         self._channels: dict[str, foxglove.Channel] = {}  # open, by topic
 
     def send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
-        """Send a message, if it is listened to."""
+        """Send a message, if there is a subscriber."""
         if channel.topic not in self._channels:
             self._channels[channel.topic] = foxglove.Channel(
                 channel.topic,
@@ -44,10 +44,10 @@ class FoxgloveChannels:
 
 
 def foxglove_mcap(log: Log) -> bytes:
-    """A record as an MCAP file with Foxglove's protobuf schemas, drawn anew.
+    """A record as an MCAP file with Foxglove's protobuf schemas; drawings are made again.
 
     Raises:
-        LogError: it is no record of a flight.
+        LogError: It is no record of a flight.
     """
     context, file = foxglove.Context(), io.BytesIO()
     channels, drawing = FoxgloveChannels(context), _RecordDrawing()
@@ -60,7 +60,7 @@ def foxglove_mcap(log: Log) -> bytes:
 
 
 class _RecordDrawing:
-    """Draws a record, whatever was drawn in flight."""
+    """Draws a record, independent of the drawings made in flight."""
 
     def __init__(self) -> None:
         self._made: tuple[FlightDrawing, Mapper] | None = None  # None until the setup
@@ -78,18 +78,19 @@ class _RecordDrawing:
 
 
 class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
-    """Serves a flight to Foxglove while it lasts. It takes no requests.
+    """Serves a live flight to Foxglove. It accepts no requests.
 
     Args:
-        host: The address to serve on; another than this machine's shows the flight to the network.
-        port: 0 takes a free one.
-        name: What Foxglove calls it.
+        host: The address to serve on; any but the loopback address exposes the flight to the
+            network.
+        port: The port; 0: any free port.
+        name: The server's name in Foxglove.
 
     Attributes:
-        address: What to open in Foxglove.
+        address: The address to open in Foxglove.
 
     Raises:
-        RefusedError: it cannot be served there.
+        RefusedError: It cannot be served there.
     """
 
     def __init__(self, host: str, port: int, name: str) -> None:
@@ -107,7 +108,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
         self.address = f"ws://{host}:{self._server.port}"
 
     def send(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
-        """Send a message; failures are logged now and then, and the flight goes on."""
+        """Send a message; failures are logged at intervals, and the flight continues."""
         self._newest[channel.topic] = (channel, time_ns, data)
         with self._harmless:
             self._channels.send(channel, time_ns, data)
@@ -117,7 +118,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
         self._server.stop()
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Send the newest message of a topic to those who have just come, on the SDK's thread."""
+        """Send the newest message of a topic to a new subscriber, on the SDK's thread."""
         del client
         newest = self._newest.get(channel.topic)
         if newest is not None:

@@ -1,4 +1,4 @@
-"""Reads what `air_router.record.recorder` has written, also when its end is missing.
+"""Reads records of `air_router.record.recorder`, also if the end is missing.
 
 for entry in Log(Path("flight.mcap")):
     print(entry.t, entry.kind, entry.value)
@@ -40,34 +40,34 @@ from air_router.record.serialization import TYPE_KEY, CodecError, decode, read, 
 from mocha_link.links import LinkMetrics
 
 RECORD_BYTES: Final = 256 << 20
-"""A longer record, or a chunk that would unpack to more, is taken for damage."""
+"""A longer MCAP record, or a chunk that would unpack to more, counts as damage."""
 
 LATEST_S: Final = 1e9
-"""No vehicle is up for thirty years: a later time is none."""
+"""Latest valid time: no vehicle has been up for thirty years."""
 
 
 class LogError(AirRouterError):
-    """A file that is no record of a flight, or one that this version cannot read."""
+    """A file is no record of a flight, or this version cannot read it."""
 
     exit_code = ExitCode.INVALID_FILE
 
 
 class Note(NamedTuple):
-    """What the shell around the controller wrote down; its fields are plain data."""
+    """A note of the flight loop; its fields are plain data."""
 
     name: str  # kind of note
     fields: dict[str, Any]
 
 
 class RecordEntry(NamedTuple):
-    """One thing in a record.
+    """One entry of a record.
 
     Attributes:
         t: Seconds on the vehicle's clock.
         kind: "about" (texts on the whole record), "setup" (`FlightSetup`), "event", "action",
             "note" (`Note`), "link" (`LinkMetrics`), "patch" (bytes of a `GridPatch`) or "file"
-            (the name within the record, and the bytes, of one that was put into it).
-        value: What it is.
+            (name and bytes of an attached file).
+        value: The content.
     """
 
     t: float
@@ -76,7 +76,7 @@ class RecordEntry(NamedTuple):
 
 
 class RecordMessage(NamedTuple):
-    """A message as it stands in a record."""
+    """A raw message of a record."""
 
     channel: RecordChannel
     time_ns: int  # Unix time on the vehicle's clock
@@ -85,35 +85,35 @@ class RecordMessage(NamedTuple):
 
 
 class Log:
-    """One record. Once it was read, `ending` has how it ends.
+    """One record. After reading, `ending` describes its end.
 
     Attributes:
-        path: Where it is.
-        ending: None: whole. Otherwise the fault of its end; all before it is good.
-        damaged: Bytes of it are wrong; one that only ends early, as after a power cut, is not.
+        path: Path of the file.
+        ending: The fault at its end; None: complete. Everything before it is valid.
+        damaged: The file contains wrong bytes; False if it only ends early, as after a power cut.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.ending: str | None = None
         self.damaged = False
-        # by their order number
+        # by their number
         self._motions: deque[tuple[int | None, Motion]] = deque(maxlen=RECENT)
 
     def __iter__(self) -> Iterator[RecordEntry]:
-        """Everything in the order in which it happened.
+        """All entries in order.
 
         Raises:
-            LogError: it is no record of a flight, one of another version, or cannot be read.
+            LogError: It is no record of a flight, has another version, or cannot be read.
         """
         for part in self._readable():
             yield part.entry if isinstance(part, RecordMessage) else part
 
     def messages(self) -> Iterator[RecordMessage]:
-        """Every raw message with its content; drawings for viewers are left out.
+        """All raw messages with their content, without drawings for viewers.
 
         Raises:
-            LogError: as on iteration.
+            LogError: As on iteration.
         """
         for part in self._readable():
             if isinstance(part, RecordMessage):
@@ -181,7 +181,7 @@ class Log:
             )
 
     def _records(self) -> Iterator[McapRecord]:
-        """The file's records up to its end, or up to where it is damaged."""
+        """The file's MCAP records, up to its end or to the damage."""
         try:
             file = self.path.open("rb")
         except OSError as error:
@@ -221,7 +221,7 @@ class Log:
         return entry
 
     def _motion(self, order: int | None, like: Motion) -> Motion:
-        """The motion that is meant: the very object, for there may be several alike."""
+        """The same motion object: several motions may be equal."""
         for known, motion in reversed(self._motions):
             if motion == like and order in {None, known}:
                 return motion
@@ -262,7 +262,7 @@ def _note(t: float, data: dict[str, Any]) -> RecordEntry:
 
 
 def _only(kind: type, plain: Any) -> Any:
-    """A value that has a channel of its own. Raises CodecError: it is none of this class."""
+    """A value of a channel for one class. Raises CodecError if it is of another class."""
     value = decode(plain)
     if not isinstance(value, kind):
         raise CodecError(f"{shown(plain)} is no {kind.__name__}")
@@ -279,4 +279,4 @@ _READERS: Final[dict[str, Callable[[float, dict[str, Any]], RecordEntry]]] = {
     "links": lambda t, data: RecordEntry(t, "link", _only(LinkMetrics, data)),
     "patches": lambda t, data: RecordEntry(t, "patch", base64.b64decode(data["patch"])),
 }
-"""By the first part of a topic; drawings for viewers are in the record twice."""
+"""By the first part of a topic; drawings for viewers are redundant."""

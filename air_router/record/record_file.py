@@ -1,9 +1,8 @@
-"""One MCAP file that is written beside a flight: whole up to the last second, whatever happens.
+"""Writes one MCAP file during a flight, complete up to the last second whatever happens.
 
-A thread of its own writes, so that a slow disk never holds up a decision. Each second the chunk
-that is being filled is closed, handed to the system and pushed to the disk: `kill -9` and a power
-cut lose the last second and no more. While the disk is full the file ends where it was whole, and
-what happens waits in memory.
+A separate thread writes, so a slow disk never delays a decision. Each second the current chunk is
+closed, written and synced to disk: `kill -9` or a power cut loses at most the last second. While
+the disk is full, the file ends at its last complete chunk, and new data wait in memory.
 """
 
 import contextlib
@@ -31,13 +30,13 @@ from mocha_link.path_safety import made_folder
 _log = logging.getLogger(__name__)
 
 FLUSH_S: Final = 1.0
-"""Wall time after which what was recorded is on the disk."""
+"""Wall time after which recorded data are on disk."""
 
 MOST_BYTES: Final = 2 << 30
-"""A file grows to this size and no further."""
+"""Maximum file size."""
 
 MOST_WAITING: Final = 64 << 20
-"""Bytes that wait for a disk that stands still or is full; then the file is given up."""
+"""Maximum of data that wait for a slow or full disk; beyond it the file is given up."""
 
 CLOSE_S: Final = 10.0
 
@@ -51,16 +50,16 @@ _VERSIONS_OF: Final = ("air-router", "mavsdk", "networkx", "numpy", "pyproj", "p
 def open_record(
     folder: Path, names: tuple[str, str], mission: str, trouble: Callable[[str], None]
 ) -> "RecordFile":
-    """A new file in a folder, which is made when it is not there.
+    """Create a file in a folder; the folder is created if needed.
 
     Args:
-        folder: Where the file goes.
-        names: How its name begins, and ends: the UAV's.
-        mission: The path of the mission, as the operator wrote it.
+        folder: The folder.
+        names: Beginning and end (the UAV's name) of the file name.
+        mission: The mission's path, as given by the operator.
         trouble: Called when nothing more can be recorded.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: The file cannot be created.
     """
     made_folder(folder)
     facts = {
@@ -84,7 +83,7 @@ def open_record(
 
 
 def no_folder(error: OSError) -> RefusedError:
-    """Why nothing can be recorded in the folder that the operator named, and what to do."""
+    """The error for a folder given by the operator in which nothing can be recorded."""
     advice = "name a folder that can be written to, --log-dir D, or say --no-record"
     return RefusedError(f"{error_text(error)}; {advice}")
 
@@ -97,22 +96,22 @@ def _version(name: str) -> str:
 
 
 class _Sink:
-    """Where the MCAP writer writes to: into memory, and whole chunks from there to the disk.
+    """The output of the MCAP writer: a memory buffer, from which complete chunks go to disk.
 
-    What a disk refuses waits in memory, and the file ends where it was whole; so a disk on which
-    there is room again gets everything that happened meanwhile.
+    Data that the disk refuses wait in memory, and the file ends at a complete chunk. Once the disk
+    has space again, everything is written.
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("xb", buffering=0)  # written without a buffer of Python's
-        self._position = 0  # bytes the writer has written
-        self._whole = 0  # up to here chunks are complete
+        self._file = path.open("xb", buffering=0)  # unbuffered
+        self._position = 0  # bytes written by the writer
+        self._whole = 0  # end of the last complete chunk
         self._on_disk = 0  # bytes written and synced
-        self._waiting = bytearray()  # from `_on_disk` on
+        self._waiting = bytearray()  # data after `_on_disk`
 
     @property
     def waiting(self) -> int:
-        """Bytes that are not on the disk yet."""
+        """Bytes not on disk yet."""
         return len(self._waiting)
 
     def write(self, data: bytes) -> int:
@@ -126,11 +125,11 @@ class _Sink:
         return self._position
 
     def flush(self) -> None:
-        """All that was written is whole."""
+        """Mark everything written as complete."""
         self._whole = self._position
 
     def sync(self) -> None:
-        """Write the whole chunks. Raises OSError: the disk does not take them now."""
+        """Write the complete chunks. Raises OSError if the disk refuses them."""
         data = bytes(self._waiting[: self._whole - self._on_disk])
         try:
             self._append(data)
@@ -153,16 +152,16 @@ class _Sink:
 
 
 class RecordFile:
-    """Takes messages from one thread and puts them into a file on another.
+    """Accepts messages on one thread and writes them to a file on another.
 
     Args:
         path: The new file.
-        trouble: Called, on the writing thread, when the disk takes nothing, when it does again,
-            and when the file is given up.
+        trouble: Called on the writing thread when the disk refuses data, when it accepts them
+            again, and when the file is given up.
         facts: Facts about the whole file, as texts.
 
     Raises:
-        OSError: the file cannot be made.
+        OSError: The file cannot be created.
     """
 
     def __init__(
@@ -174,11 +173,11 @@ class RecordFile:
         self._writer = Writer(self._sink)  # type: ignore[arg-type]
         self._channels: dict[str, int] = {}  # MCAP ids, by topic
         self._schemas: dict[str, int] = {}  # MCAP ids, by name
-        # what to write, and its bytes; None: the end
+        # write functions with their bytes; None: the end
         self._queue: queue.SimpleQueue[tuple[Callable[[], None], int] | None] = queue.SimpleQueue()
-        self._given = self._taken = 0  # bytes: each is counted on one thread only
-        self._failed = False  # the disk does not take it: it is not written any more
-        self._refused = False  # something did not fit
+        self._given = self._taken = 0  # bytes, each counted on one thread
+        self._failed = False  # given up
+        self._refused = False  # the disk refused data
         self._thread = threading.Thread(
             target=self._run, args=(dict(facts),), name="flight record", daemon=True
         )
@@ -189,11 +188,11 @@ class RecordFile:
         self._put(partial(self._write_message, channel, time_ns, data), len(data))
 
     def attach(self, name: str, media_type: str, time_ns: int, data: bytes) -> None:
-        """Put a whole file into the file."""
+        """Attach a file."""
         self._put(partial(self._write_attachment, name, media_type, time_ns, data), len(data))
 
     def close(self) -> None:
-        """End the file; waits for the disk, but not for ever."""
+        """End the file; waits for the disk for a limited time."""
         self._queue.put(None)
         self._thread.join(CLOSE_S)
         if self._thread.is_alive():
@@ -219,7 +218,7 @@ class RecordFile:
             self._sink.close()
 
     def _serve(self) -> None:
-        """Write until the end; what waits is on the disk after a second."""
+        """Write until the end; data are on disk after a second."""
         due_s: float | None = None
         while True:
             try:
@@ -235,7 +234,7 @@ class RecordFile:
             self._taken += size
             if due_s is None:
                 due_s = time.monotonic() + FLUSH_S
-            elif time.monotonic() >= due_s:  # it never gets empty when much happens
+            elif time.monotonic() >= due_s:  # the queue may never be empty
                 due_s = time.monotonic() + FLUSH_S
                 self._unless_failed(self._flush)
             self._unless_failed(write)
@@ -247,10 +246,10 @@ class RecordFile:
             work()
         except Exception as error:  # noqa: BLE001 - no fault of a record may end a flight
             self._fail(_reason(error))
-            self._sync()  # the whole chunks
+            self._sync()  # the complete chunks
 
     def _sync(self) -> None:
-        """Put it on the disk; what that does not take is kept, up to a limit, for the next time."""
+        """Write to disk; refused data are kept, up to a limit, for the next attempt."""
         try:
             self._sink.sync()
         except OSError as error:
@@ -274,7 +273,7 @@ class RecordFile:
         self._writer.start(library=LIBRARY)
         self._writer.add_metadata(LIBRARY, facts)
         self._flush()
-        sync_folder(self.path.parent)  # so that a power cut does not take its name
+        sync_folder(self.path.parent)  # so a power cut does not lose its name
 
     def _end(self) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -288,7 +287,7 @@ class RecordFile:
         self._sync()
 
     def _write_attachment(self, name: str, media_type: str, time_ns: int, data: bytes) -> None:
-        self._flush()  # in the order in which things happened
+        self._flush()  # keeps the order
         self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
 
     def _write_message(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:

@@ -1,7 +1,7 @@
-"""Everything that a flight is: every event in and every decision out, and what they meant.
+"""Records a flight: every event, every action, and their context.
 
-One MCAP file per flight (docs/records.md). Enough is in it to make the same controller again and
-to give it the same events at the same times: `air_router.record.replay` does.
+One MCAP file per flight (docs/records.md). It suffices to create the same controller again and to
+give it the same events at the same times, as `air_router.record.replay` does.
 """
 
 import base64
@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol
 
+from air_router.controller import FlightStatus
 from air_router.controller.model import FlightSetup, Motion
 from air_router.gossip import Mapper
 from air_router.record.channels import (
@@ -27,6 +28,8 @@ from air_router.record.channels import (
     link_channel,
     message_of,
     note_channel,
+    status_channel,
+    status_message_of,
 )
 from air_router.record.record_file import RecordFile, no_folder, open_record
 from air_router.record.serialization import TYPE_KEY, json_of, plain_of
@@ -39,23 +42,23 @@ _log = logging.getLogger(__name__)
 
 _LATEST_UNIX_S: Final = 1.8e10  # in the year 2540
 
-CLOCK, LINKS, MAP, GRID = "clock", "links", "map", "grid"
-EVERY_S: Final = {CLOCK: 10.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
-"""So often the vehicle's Unix time is noted beside its own clock, the links are measured, the size
-of the map is noted, and the whole map is drawn while it grows."""
+CLOCK, STATUS, LINKS, MAP, GRID = "clock", "status", "links", "map", "grid"
+EVERY_S: Final = {CLOCK: 10.0, STATUS: 1.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
+"""Seconds between two records of the vehicle's Unix time beside its own clock, of the flight's
+status, of the links' metrics, of the size of the map, and of the whole map while it grows."""
 
 PATCH_BYTES: Final = 200_000_000
-"""What the map's patches may take before compression; what comes later is in the whole map only."""
+"""Maximum of the map's patches before compression; later patches are only in the whole map."""
 
 FILE_BYTES: Final = 20_000_000
-"""A file of the mission that is larger is not kept in the record."""
+"""A larger file of the mission is not attached to the record."""
 
 
 class RecordViewer(Protocol):
-    """Shows a record while it is written; none of its faults is the flight's.
+    """Shows a record live; its faults do not affect the flight.
 
     Attributes:
-        address: What to open in it.
+        address: The address to open in the viewer.
     """
 
     address: str
@@ -65,30 +68,31 @@ class RecordViewer(Protocol):
 
 
 class Recorder(Closeable):
-    """Writes one flight's record. Without a folder nothing is kept.
+    """Writes one flight's record. Without a folder nothing is written.
 
-    Times are seconds on the vehicle's clock. Nothing that goes wrong with the record is an error
-    of the flight's: `trouble` is called once, perhaps on another thread.
+    Times are seconds on the vehicle's clock. A fault of the record is no error of the flight:
+    `trouble` is called once, perhaps on another thread.
 
     Args:
-        folder: Where the file goes; it is made when it is not there.
-        mission: The path of the mission, as the operator wrote it.
+        folder: The folder of the file; created if needed.
+        mission: The mission's path, as given by the operator.
         unix_s: The vehicle's Unix time.
         trouble: Called when nothing more can be recorded; see `report_to`.
-        stem: How the file's name begins; `name`: the UAV's, with which it ends.
-        must: A folder that cannot be written to is an error.
-        viewer: Shows the recording while it happens, also where nothing is kept.
+        stem: Beginning of the file name; `name`: the UAV's name at its end.
+        must: A folder that is not writable is an error.
+        viewer: Shows the flight live, also if nothing is written.
 
     Attributes:
-        folder: Where records are, also if this one cannot be; None where nothing is to be kept.
-        path: The record; None if there is none.
+        folder: The folder of records, also if this one cannot be written; None: nothing is
+            recorded.
+        path: The record's path; None: there is none.
 
     Raises:
-        OSError: `must` is set and the file cannot be made.
+        OSError: `must` is set and the file cannot be created.
     """
 
     PREFLIGHT: ClassVar = "Preflight"
-    """The note with which a flight begins; one that does not get so far leaves no record."""
+    """The first note of a flight; a flight without it leaves no record."""
 
     def __init__(  # noqa: PLR0913 - each has its default
         self,
@@ -105,19 +109,19 @@ class Recorder(Closeable):
         self._trouble, self.folder = trouble, folder
         self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
-        self._last_ns = 0  # of the newest message; never runs back
-        self._event_s = -math.inf  # when the newest event was, vehicle's clock
-        self._done_s: dict[str, float] = {}  # when each of `EVERY_S` was, vehicle's clock
+        self._last_ns = 0  # time of the newest message; never decreases
+        self._event_s = -math.inf  # newest event, vehicle's clock
+        self._done_s: dict[str, float] = {}  # last time of each of `EVERY_S`, vehicle's clock
         self._maps = self._grid_cells = self._motions = 0  # versions, cells and motions recorded
         self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)  # motions and their numbers
-        self._links: dict[str, LinkMetrics] = {}  # recorded last, by peer
+        self._links: dict[str, LinkMetrics] = {}  # last recorded, by peer
         self._held: dict[str, dict[tuple[str, str], float]] = {}  # newest stamps, by peer
         self._patch_bytes = 0  # received; recorded up to a limit
-        self._unwritable: set[str] = set()  # types that cannot be recorded, warned of
+        self._unwritable: set[str] = set()  # unrecordable types already logged
         self._flown = False  # else the file is removed
-        self._drawing: Any = None  # a `FlightDrawing` since `begin`, where the SDK is installed
+        self._drawing: Any = None  # a `FlightDrawing` since `begin`, if the SDK is installed
         self._harmless = Guard("something of the flight is not drawn")
-        self._file: RecordFile | None = None  # None: nothing is kept
+        self._file: RecordFile | None = None  # None: nothing is written
         if folder is not None:
             try:
                 self._file = open_record(folder, (stem, name), mission, self._tell)
@@ -128,15 +132,16 @@ class Recorder(Closeable):
         self.path = None if self._file is None else self._file.path
 
     def report_to(self, trouble: Callable[[str], object]) -> None:
-        """Call this when nothing more can be recorded, perhaps on another thread."""
+        """Set the callback for a record that cannot continue; it may run on another thread."""
         self._trouble = trouble
 
     # Recording.
 
     def begin(self, setup: FlightSetup, **facts: object) -> None:
-        """Record what the controller is made of, and how it is flown."""
+        """Record the setup of the controller and facts about the flight."""
         if self._idle:
             return
+        status_channel()
         link_channel()  # makes all schemas: on the ground, and not at the first event of a kind
         self.note("Setup", 0.0, {"setup": self._encoded(plain_of, setup)})
         self.note("Options", 0.0, facts)
@@ -147,11 +152,11 @@ class Recorder(Closeable):
             self._draw(self._drawing.begin, unix_s)
 
     def event(self, event: object, now_s: float) -> None:
-        """Record what happened."""
+        """Record an event."""
         if self._idle:
             return
         self._flown = True
-        if now_s < self._event_s - REBOOT_S:  # times go on from where they were
+        if now_s < self._event_s - REBOOT_S:  # Unix times continue
             self._epoch_s = None
             self._done_s.clear()
         self._event_s = now_s
@@ -161,7 +166,7 @@ class Recorder(Closeable):
         self._show(event, now_s)
 
     def actions(self, actions: Iterable[object], now_s: float) -> None:
-        """Record what was decided."""
+        """Record actions."""
         if self._idle:
             return
         for action in actions:
@@ -169,7 +174,7 @@ class Recorder(Closeable):
             self._show(action, now_s)
 
     def note(self, name: str, now_s: float, fields: Mapping[str, Any]) -> None:
-        """Record something else about the flight, in plain data."""
+        """Record a note about the flight, as plain data."""
         self._flown = self._flown or name == self.PREFLIGHT
         message = json_of({TIME_KEY: now_s, TYPE_KEY: name, **fields})
         self._add(note_channel(name), now_s, message.encode())
@@ -180,17 +185,17 @@ class Recorder(Closeable):
         held: Callable[[], Mapping[str, Mapping[tuple[str, str], float]]],
         now_s: float,
     ) -> None:
-        """Record the links on which something has happened, and what peers are known to hold.
+        """Record changed links, and the messages that peers are known to hold.
 
         Args:
-            links: Called now and then for the metrics by peer.
-            held: Called then for the newest stamp by peer, robot and topic.
-            now_s: As everywhere.
+            links: Called at intervals; returns metrics by peer.
+            held: Called with it; returns the newest stamp by peer, robot and topic.
+            now_s: The vehicle's clock.
         """
         if self._idle or not self._due(LINKS, now_s):
             return
         for peer, link in links().items():
-            # Ages change all the time; contacts are events.
+            # Ages change all the time; contacts are recorded as events.
             steady = dataclasses.replace(link, newest_age_s=None, topic_ages_s={}, contacts=())
             if self._links.get(peer) != steady:
                 self._links[peer] = steady
@@ -204,15 +209,28 @@ class Recorder(Closeable):
                 known.update(holdings)
                 self.note("Held", now_s, {"peer": peer, "held": changed})
 
+    def status(self, status: Callable[[], FlightStatus], now_s: float) -> None:
+        """Record the flight's status, once a second.
+
+        Args:
+            status: Called when the next one is due.
+            now_s: As everywhere.
+        """
+        if self._idle or not self._due(STATUS, now_s):
+            return
+        message = self._encoded(lambda value: status_message_of(value, now_s), status())
+        if message is not None:
+            self._add(status_channel(), now_s, message)
+
     def patch(self, patch: bytes, now_s: float) -> None:
-        """Record a patch that was painted into the map, as it came."""
+        """Record a patch that was painted into the map."""
         self._patch_bytes += len(patch)
         if self._patch_bytes <= PATCH_BYTES:
             data = base64.b64encode(patch).decode("ascii")
             self._add(PATCHES, now_s, json_of({TIME_KEY: now_s, "patch": data}).encode())
 
     def map(self, mapper: Mapper, now_s: float) -> None:
-        """Record how the map grows, and now and then the whole of it."""
+        """Record the growth of the map, and at intervals the whole map."""
         if self._idle or not mapper.known_cells:
             return
         for version in mapper.published[self._maps :]:
@@ -225,7 +243,7 @@ class Recorder(Closeable):
             self._show(mapper.grid, now_s)
 
     def file(self, path: Path) -> None:
-        """Put a file of the mission into the record."""
+        """Attach a file of the mission to the record."""
         if self._file is None:
             return
         try:
@@ -235,10 +253,10 @@ class Recorder(Closeable):
         except OSError as error:
             _log.warning("%s is not in the record: %s", path, error)
 
-    # Its end.
+    # The end.
 
     def close(self) -> None:
-        """End the file; a flight that never began leaves none."""
+        """End the file; a flight that never began leaves no file."""
         if self._file is not None:
             file, self._file = self._file, None
             file.close()
@@ -251,14 +269,14 @@ class Recorder(Closeable):
         return self._file is None and self._viewer is None
 
     def _due(self, what: str, now_s: float) -> bool:
-        """Whether something is to be done again; then it counts as done."""
+        """Whether something is due; it then counts as done."""
         due = now_s - self._done_s.get(what, -math.inf) >= EVERY_S[what]
         if due:
             self._done_s[what] = now_s
         return due
 
     def _tell(self, text: str) -> None:
-        """On the thread that writes."""
+        """Called on the writing thread."""
         try:
             self._trouble(text)
         except RuntimeError:  # the listener has ended
@@ -274,7 +292,7 @@ class Recorder(Closeable):
             self._add(channel_of(kind, of), now_s, message)
 
     def _order(self, value: object) -> int | None:
-        """Which of the motions, which may be alike, one is: counted from 1."""
+        """The number of a motion, from 1: several motions may be equal."""
         if isinstance(value, Motion):
             self._motions += 1
             self._recent.append((value, self._motions))
@@ -294,7 +312,7 @@ class Recorder(Closeable):
             return None
 
     def _show(self, value: object, now_s: float) -> None:
-        """Record its drawing."""
+        """Record the drawing of a value."""
         if self._drawing is not None:
             self._draw(partial(self._drawing.draw, value), self._time_s(now_s))
 
@@ -316,9 +334,9 @@ class Recorder(Closeable):
             self._viewer.send(channel, self._last_ns, data)
 
     def _time_s(self, now_s: float) -> float:
-        """Unix seconds for displays: they run with the vehicle's clock, whatever GPS reports later.
+        """Unix seconds for displays, which run with the vehicle's clock whatever GPS reports later.
 
-        Where that is behind the computer's, by which the record began, they go on from there.
+        They never fall behind the computer's time at the start of the record.
         """
         if self._epoch_s is None:
             if now_s <= 0:
@@ -328,7 +346,7 @@ class Recorder(Closeable):
 
 
 def _drawing_of(setup: FlightSetup) -> Any:
-    """What draws the flight for Foxglove; None: its SDK, an extra, is not installed."""
+    """The drawing of the flight for Foxglove; None: its SDK, an extra, is not installed."""
     try:
         from air_router.record.drawing import FlightDrawing  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
@@ -339,7 +357,7 @@ def _drawing_of(setup: FlightSetup) -> Any:
 
 
 def _ns(unix_s: float) -> int:
-    """Nanoseconds as MCAP can hold them, in 64 bits: a vehicle may say any date."""
+    """Nanoseconds limited to MCAP's 64 bits: a vehicle may report any date."""
     return int(min(max(unix_s, 0.0), _LATEST_UNIX_S) * 1e9)
 
 

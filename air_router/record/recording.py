@@ -1,4 +1,4 @@
-"""Where the record of a flight goes, as given on the command line."""
+"""Command-line options for the place of a flight's record."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from mocha_link.errors import needs_extra
 
 
 def default_folder() -> Path:
-    """Where records go by default: below the user's state, as other programs' logs.
+    """The default folder of records: in the user's state folder, like other programs' logs.
 
     Raises:
-        UsageError: the user has no home.
+        UsageError: The user has no home folder.
     """
     state = os.environ.get("XDG_STATE_HOME", "")
     try:
@@ -31,7 +31,7 @@ def default_folder() -> Path:
 
 
 LOCAL_FOLDER = Path("logs")
-"""Where `make sim` records, below the folder that a command is used in."""
+"""The folder of `make sim`'s records, below the current folder."""
 
 
 record_argument = click.argument(
@@ -41,20 +41,20 @@ record_argument = click.argument(
     help="flight record, an MCAP file (default: the newest in logs/ and in "
     "~/.local/state/air-router/flights)",
 )
-"""`LOG`, the record of a flight."""
+"""The argument `LOG`: the record of a flight."""
 
 
 def record_of(arguments: Options) -> Path:
-    """The record that `record_argument`'s argument names.
+    """The record given by `record_argument`.
 
     Raises:
-        UsageError: it is empty, and no flight was recorded where they usually are.
+        UsageError: No record is given, and the default folders have none.
     """
     if arguments.log is not None:
         return Path(arguments.log)
     folders = (LOCAL_FOLDER, default_folder())
     found = (path for folder in folders for path in folder.rglob("*.mcap"))
-    records = [path for path in found if path.is_file()]  # no link to a removed one
+    records = [path for path in found if path.is_file()]  # no dangling link
     if not records:
         raise UsageError(f"neither logs/ nor {default_folder()} has a record of a flight; name one")
     return max(records, key=lambda path: path.stat().st_mtime)
@@ -73,18 +73,18 @@ recording_options = together(
 
 
 class ViewerAddress(NamedTuple):
-    """Where a viewer of records is served."""
+    """The address on which records are served to a viewer."""
 
     host: str = "127.0.0.1"
     port: int = 8765  # Foxglove's usual one
 
     def __str__(self) -> str:
-        """As `--foxglove` takes it."""
+        """The address in the format of `--foxglove`."""
         return f"{self.host}:{self.port}"
 
     @classmethod
     def of(cls, text: str) -> ViewerAddress:
-        """PORT or HOST:PORT on the command line.
+        """Parse PORT or HOST:PORT.
 
         Raises:
             ValueError: it is none.
@@ -108,10 +108,10 @@ viewer_option = option(
 
 @contextmanager
 def viewing(address: ViewerAddress | None, name: str) -> Iterator[RecordViewer | None]:
-    """A viewer at an address while in the context; None without one.
+    """Serve a viewer at an address while in the context; yields None without an address.
 
     Raises:
-        MissingExtraError: the SDK is not installed.
+        MissingExtraError: The SDK is not installed.
         RefusedError: it cannot be served there.
     """
     if address is None:
@@ -124,7 +124,7 @@ def viewing(address: ViewerAddress | None, name: str) -> Iterator[RecordViewer |
 
 
 def folder_of(arguments: Options) -> Path | None:
-    """Where a flight is recorded, as `recording_options`'s options say; None: nowhere."""
+    """The folder given by `recording_options`; None: no record."""
     if arguments.no_record:
         return None
     return default_folder() if arguments.log_dir is None else Path(arguments.log_dir)

@@ -1,9 +1,8 @@
 """Runs the decisions of a recorded flight again.
 
-The same events at the same times must give the same actions. It replays the controller,
-and nothing else: no vehicle, no sockets, no clock. A difference means that the program has changed
-since, that the record is not whole, or that a decision depends on something that is not in its
-events.
+The same events at the same times must give the same actions. Only the controller is replayed: no
+vehicle, no sockets, no clock. A difference means that the program has changed since, that the
+record is incomplete, or that a decision depends on data outside its events.
 """
 
 import dataclasses
@@ -21,14 +20,14 @@ from air_router.record.serialization import decode, plain_of
 from air_router.vehicle import Telemetry
 
 CONTEXT: Final = 10
-"""Events that are printed before a difference; of positions in between only the last."""
+"""Number of events printed before a difference; of consecutive positions only the last."""
 
 _TOLD: Final = frozenset({"setup", "Reaction", "HomeBy", "LetGo", "Unwritable"})
-"""What comes between an event with its actions and the next; all else may come among them."""
+"""Entries that end an event's list of actions; all others may occur within it."""
 
 
 class ReplayError(AirRouterError):
-    """A record in which there is nothing to replay."""
+    """The record has nothing to replay."""
 
     exit_code = ExitCode.INVALID_FILE
 
@@ -43,15 +42,15 @@ class RecordedStep(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ReplayDifference:
-    """Where a replay first decides otherwise.
+    """The first difference of a replay.
 
     Attributes:
-        t: On the vehicle's clock.
-        event: What happened.
-        recorded: What was decided in flight.
-        replayed: The decisions now; an exception as its text.
-        state: The state of the mission then, in the replay.
-        before: The events before it.
+        t: Time on the vehicle's clock.
+        event: The event.
+        recorded: The actions decided in flight.
+        replayed: The actions decided now; an exception as its text.
+        state: The mission's state in the replay.
+        before: The preceding events.
     """
 
     t: float
@@ -72,7 +71,7 @@ class ReplayDifference:
             yield from (f"    {label}: {action}" for action in actions or ["nothing"])
 
     def as_json(self) -> dict[str, Any]:
-        """As plain data; what was before it is for people."""
+        """The difference as plain data, without the preceding events."""
         return {
             "t": self.t,
             "state": self.state,
@@ -86,16 +85,16 @@ class ReplayDifference:
 
 @dataclass(slots=True)
 class Replay:
-    """What came of it."""
+    """The result of a replay."""
 
-    events: int = 0  # number taken in
-    actions: int = 0  # number decided
-    until_s: float = 0.0  # of the last event, vehicle's clock
+    events: int = 0  # number of events
+    actions: int = 0  # number of actions
+    until_s: float = 0.0  # time of the last event, vehicle's clock
     difference: ReplayDifference | None = None
     notes: list[str] = field(default_factory=list)  # why it may be incomplete
 
     def as_json(self) -> dict[str, Any]:
-        """As plain data."""
+        """The result as plain data."""
         return {
             "same": self.difference is None,
             "events": self.events,
@@ -107,21 +106,20 @@ class Replay:
 
 
 class Replayer:
-    """Gives a controller the events of a record.
+    """Passes the events of a record to a controller.
 
     Args:
-        controller: What decides; None: made from the setup in the record.
+        controller: The controller; None: made from the setup in the record.
     """
 
     def __init__(self, controller: Controller | None = None) -> None:
         self.controller = controller
-        self._mapper: Mapper | None = None  # of what the vehicle mapped; None until the setup
-        # Recorded motions, and those that were decided now: of several that are alike the
-        # controller knows its own, for the object counts.
+        self._mapper: Mapper | None = None  # the vehicle's map; None until the setup
+        # Recorded motions with the ones decided now: the controller compares motions by identity.
         self._motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
 
     def prepare(self, entry: RecordEntry) -> None:
-        """Take in what the shell did to the controller beside handing it events."""
+        """Handle the flight loop's other calls to the controller."""
         if entry.kind == "setup" and self.controller is None:
             self._mapper = Mapper(entry.value.mission)
             self.controller = Controller(entry.value, ground=self._mapper.grid)
@@ -133,10 +131,10 @@ class Replayer:
             self.controller.home_by(entry.value.fields["home_by_s"])
 
     def decide(self, step: RecordedStep) -> list[Any]:
-        """What the controller decides now on what happened.
+        """The controller's actions for an event.
 
         Raises:
-            ReplayError: there is no controller yet.
+            ReplayError: There is no controller yet.
         """
         if self.controller is None:
             raise ReplayError("there is no setup before the first event: it cannot be replayed")
@@ -150,11 +148,11 @@ class Replayer:
 
 
 def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedStep]:
-    """Events with their actions, and all else that is recorded, in order.
+    """Events with their actions, and all other entries, in order.
 
-    Events after the vehicle was released are not in it. The last event of a record
-    that was cut off is left out: not all that followed may be there. What was painted into the map
-    after an event comes after it, whatever actions the event has.
+    Events after the release of the vehicle are omitted, as is the last event of a truncated record:
+    its actions may be incomplete. A patch of the map comes after the event before it, with all of
+    that event's actions.
     """
     current: RecordedStep | None = None
     patches: list[RecordEntry] = []  # painted since
@@ -183,15 +181,15 @@ def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedS
 
 
 def replay_record(entries: Iterable[RecordEntry], controller: Controller | None = None) -> Replay:
-    """Give a record's events to a fresh controller and compare what it does.
+    """Pass a record's events to a new controller and compare its actions.
 
     Args:
         entries: The record.
-        controller: What decides; None: made from the setup in the record.
+        controller: The controller; None: made from the setup in the record.
 
     Raises:
-        ReplayError: there is no setup in the record, or no decision to compare with.
-        LogError: see `air_router.record.log`.
+        ReplayError: The record has no setup, or no decision to compare.
+        LogError: See `air_router.record.log`.
     """
     result, replayer = Replay(), Replayer(controller)
     before: deque[RecordedStep] = deque(maxlen=CONTEXT)
@@ -211,7 +209,7 @@ def replay_record(entries: Iterable[RecordEntry], controller: Controller | None 
             raise
         except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
             decided = [f"{type(error).__name__}: {error}"]
-        # Numbers are the same when every bit is; NaN is NaN, and 1 is 1.0 as in the record.
+        # Numbers are compared bit by bit; NaN equals NaN, and 1 equals 1.0 as in the record.
         if [*map(_as_recorded, decided)] != [*map(repr, step.actions)]:
             assert replayer.controller is not None  # noqa: S101 - it has decided
             state = replayer.controller.status().state.name
@@ -230,7 +228,7 @@ def replay_record(entries: Iterable[RecordEntry], controller: Controller | None 
 
 
 def _as_recorded(action: object) -> str:
-    """An action as text, as it would be read from a record."""
+    """An action as text, as read from a record."""
     try:
         return repr(decode(plain_of(action)))
     except TypeError:  # an exception as its text

@@ -1,11 +1,11 @@
-"""What happens in a flight as JSON and back: one type adapter for all that is recorded.
+"""Converts recorded values to JSON and back, with one type adapter for all of them.
 
-A declared type becomes what pydantic reads and writes. Dataclasses, named tuples and airspaces are
-objects, made again by their own constructors, which check them. A member of an enum is its name:
-its value may be a sentence. Where there are several dataclasses to choose from, `type` names the
-one. Numbers that JSON cannot write are the texts "NaN", "Infinity" and "-Infinity".
+Pydantic handles the declared types. Dataclasses, named tuples and airspaces are JSON objects,
+recreated by their own constructors, which validate them. An enum member is written as its name,
+because its value may be a sentence. In a union of dataclasses `type` names the class. NaN and
+infinite numbers are the texts "NaN", "Infinity" and "-Infinity".
 
-Whatever joins `Event` or `Action` is written and read without a line here; a test walks all.
+New members of `Event` or `Action` need no change here; a test covers all of them.
 """
 
 import dataclasses
@@ -43,8 +43,8 @@ from geo.airspace import Airspace, Shape, Zone
 from mocha_link.links import LinkMetrics
 
 SCHEMA_VERSION: Final = 2
-"""Version of the records' content; it changes when older programs cannot read it any more, or this
-one theirs. The schemas of each are in docs/schemas."""
+"""Version of the records' content. It changes when older programs can no longer read new records,
+or this program old ones. The schemas of each version are in docs/schemas."""
 
 TYPE_KEY: Final = "type"
 
@@ -56,7 +56,7 @@ _AIRSPACE: Final[dict[str, Any]] = {
     "margin_m": float,
     "relaxed_m": tuple[float, float],
 }
-"""What the constructor of an airspace, which is no dataclass, takes and its attributes hold."""
+"""Constructor arguments and attributes of an airspace, which is no dataclass."""
 
 
 def _truth(value: object) -> bool:
@@ -66,15 +66,15 @@ def _truth(value: object) -> bool:
 
 
 def _text(value: object) -> str:
-    """A text that JSON can hold: of a file's name that is no UTF-8 the rest."""
+    """A text without invalid characters, as in a file name that is not UTF-8."""
     if not isinstance(value, str | Path):
         raise TypeError(f"{value!r} is no text")
     text = str(value)
     return text if text.isascii() else text.encode(errors="replace").decode()
 
 
-# A union is written strictly: a whole number where a float is declared, and those of NumPy's, have
-# to be made the declared type.
+# Unions are serialized strictly: integers in float fields, and NumPy's numbers, must be converted
+# to the declared type.
 _SINGLE: Final[dict[Any, Any]] = {
     float: Annotated[
         float,
@@ -89,17 +89,17 @@ _SINGLE: Final[dict[Any, Any]] = {
 
 
 class CodecError(AirRouterError, ValueError):
-    """JSON that is no value of the type that it should be."""
+    """JSON does not match the expected type."""
 
     exit_code = ExitCode.INVALID_FILE
 
 
-# Declared types as pydantic's
+# Declared types for pydantic
 
 
 @cache
 def written_as(hint: Any, *, tagged: bool = False) -> Any:
-    """What pydantic reads and writes for a declared type; `tagged`: with its name in `type`."""
+    """The pydantic type of a declared type; `tagged`: with its name in `type`."""
     origin = get_origin(hint)
     if origin in _GENERIC:
         return _GENERIC[origin](get_args(hint))
@@ -116,7 +116,7 @@ def _mapping(arguments: tuple[Any, ...]) -> Any:
 
 
 def _set(arguments: tuple[Any, ...]) -> Any:
-    in_order = PlainSerializer(sorted)  # the same in every run
+    in_order = PlainSerializer(sorted)  # deterministic
     return Annotated[frozenset[written_as(arguments[0])], in_order]  # type: ignore[misc]
 
 
@@ -125,7 +125,7 @@ def _tuple(arguments: tuple[Any, ...]) -> Any:
 
 
 def _union(members: tuple[Any, ...]) -> Any:
-    """One of these; a `type` distinguishes objects where there are two kinds."""
+    """A union; `type` discriminates several classes."""
     classes: list[Any] = [member for member in members if dataclasses.is_dataclass(member)]
     others = [written_as(member) for member in members if member not in classes]
     if len(classes) == 1:
@@ -147,19 +147,19 @@ _GENERIC: Final[dict[Any, Callable[[tuple[Any, ...]], Any]]] = {
 
 
 def _name_of(value: Any) -> str:
-    """The tag of an object, or of its JSON, among other classes."""
+    """The tag of an object or of its JSON in a union."""
     return str(value.get(TYPE_KEY)) if isinstance(value, dict) else type(value).__name__
 
 
 _WHICH: Final = Discriminator(
     _name_of,
     custom_error_type="unknown_type",
-    custom_error_message="its type is none that may be here",
+    custom_error_message="its type is not allowed here",
 )
 
 
 def _parts(kind: Any) -> dict[str, Any] | None:
-    """The declared types of what a class is made of, those with a default not required."""
+    """The declared types of a class's fields; those with a default are not required."""
     if kind is Airspace:
         return _AIRSPACE
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
@@ -180,7 +180,7 @@ def _parts(kind: Any) -> dict[str, Any] | None:
 
 
 def _object(kind: Any, parts: Mapping[str, Any], *, tagged: bool) -> Any:
-    """A class as an object of its parts."""
+    """A class as a JSON object of its fields."""
     tag = {TYPE_KEY: kind.__name__} if tagged else {}
     fields = {TYPE_KEY: Literal[kind.__name__]} if tagged else {}
     for name, hint in parts.items():
@@ -208,22 +208,26 @@ def _object(kind: Any, parts: Mapping[str, Any], *, tagged: bool) -> Any:
 
 @cache
 def adapter(hint: Any) -> TypeAdapter[Any]:
-    """What reads and writes a declared type, a union with the classes' names."""
-    named: Any = TypeAliasType("named", written_as(hint))  # so that settings are taken for any
+    """The type adapter of a declared type; unions have the classes' names."""
+    named: Any = TypeAliasType("named", written_as(hint))  # so that the settings apply to any type
     return TypeAdapter(named, config=_SETTINGS)
 
 
 RECORDED: Final = Event | Action | FlightSetup | LinkMetrics
 
 
-def encode(value: object) -> bytes:
-    """An event, action, setup or link as a JSON object; `type` is its class.
+def encode(value: object, of: Any = RECORDED) -> bytes:
+    """Encode an event, action, setup or link as a JSON object; `type` is its class.
+
+    Args:
+        value: What is recorded.
+        of: The declared type, where it is another.
 
     Raises:
-        TypeError: it is none of these, or one within it is not what its class declares.
+        TypeError: It is none of these, or contains a value of another type than declared.
     """
     try:
-        return adapter(RECORDED).dump_json(value, warnings="error")
+        return adapter(of).dump_json(value, warnings="error")
     except PydanticSerializationError as error:
         raise TypeError(f"{value!r:.200} cannot be recorded: {error}") from None
 
@@ -235,18 +239,18 @@ def plain_of(value: object) -> dict[str, Any]:
 
 
 def decode(plain: object) -> Any:
-    """The event, action, setup or link of plain data: equal to it in every bit.
+    """Decode an event, action, setup or link from plain data, bit-exact.
 
-    A field that is missing has its default.
+    A missing field has its default.
 
     Raises:
-        CodecError: they say of nothing that is recorded what that has.
+        CodecError: They match no recorded class.
     """
     return read(RECORDED, plain)
 
 
 def read(hint: Any, plain: object) -> Any:
-    """A value of a declared type from plain data. Raises CodecError: they are none."""
+    """Decode a value of a declared type from plain data. Raises CodecError if it does not match."""
     try:
         return adapter(hint).validate_python(plain)
     except ValidationError as error:
@@ -257,7 +261,7 @@ def read(hint: Any, plain: object) -> Any:
 
 
 def shown(plain: Any) -> str:
-    """Plain data in a message, however long they are."""
+    """Plain data for an error message, shortened."""
     text = repr(plain)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -274,7 +278,7 @@ def json_schema(title: str, hint: Any) -> dict[str, Any]:
 
 
 def json_of(message: Mapping[str, Any]) -> str:
-    """JSON that any reader takes: a number that is none becomes null."""
+    """JSON for any reader: NaN becomes null."""
     try:
         return to_json(message, inf_nan_mode="null", fallback=str).decode()
     except PydanticSerializationError:  # a file's name that is no UTF-8, perhaps

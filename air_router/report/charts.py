@@ -33,22 +33,22 @@ STATE_COLOURS: Final = {
     State.HOLD: "around",
     State.IDLE: "soft",
 }
-"""By their names in the pages' style sheet; the live page has the same."""
+"""Color names of the pages' style sheet, the same as on the live page."""
 
 ROBOT_COLOURS: Final = 8
-"""So many robots have a colour of their own; then they begin anew."""
+"""Number of robot colors; after that they repeat."""
 
 WIDE_PX, NARROW_PX = 900, 340
 _LEFT_PX, _RIGHT_PX, _TOP_PX, _BOTTOM_PX = 62, 16, 24, 40
 _LANE_PX: Final = 26
 _TIME_STEPS_S: Final = (5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 43_200)
 _NAME_LETTERS: Final = 8  # of a robot's name beside its lane
-_FAR_M: Final = 60.0  # from zones and fence: farther is seldom drawn
+_FAR_M: Final = 60.0  # from zones and fence: larger distances are rarely drawn
 
 _SYNC_COLOURS: Final = {"complete": "accent", "partial": "around", "broken off": "wrong"}
 
 Legend = Sequence[tuple[str, str]]
-"""The legend: the name of a colour, and its label."""
+"""The legend: color names with labels."""
 
 
 class Figure(NamedTuple):
@@ -62,11 +62,11 @@ class Figure(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What a chart is called, and how high it is.
+    """The labels and the height of a chart.
 
     Attributes:
-        label: What it shows, for those who do not see it.
-        unit: Of its values; "" where they are names.
+        label: Its accessible description.
+        unit: Unit of its values; "": they are names.
     """
 
     name: str
@@ -88,11 +88,11 @@ class Bar(NamedTuple):
 
 @dataclass(slots=True)
 class Chart:
-    """A frame with time to the right.
+    """A chart with time on the horizontal axis.
 
     Attributes:
-        axes: Matplotlib's; seconds since the record began to the right.
-        width_px: Of the whole picture.
+        axes: Matplotlib's axes; the horizontal one is seconds since the start of the record.
+        width_px: Width of the whole picture.
     """
 
     axes: Axes
@@ -101,7 +101,7 @@ class Chart:
     tooltips: dict[str, Sequence[str]]
 
     def bars(self, bars: Sequence[Bar]) -> None:
-        """Blocks, each at least as wide as can be seen."""
+        """Draw blocks, each wide enough to be visible."""
         low_s, high_s = self.axes.get_xlim()
         seen_s = (high_s - low_s) / self.width_px
         corners = []
@@ -117,39 +117,39 @@ class Chart:
         )
 
     def line(self, series: Series, colour: str, *, steps: bool = False) -> None:
-        """A line; with `steps` each value stays until the next."""
+        """Draw a line; with `steps` each value holds until the next."""
         times, values = zip(*series, strict=True) if series else ((), ())
         style: dict[str, Any] = {"drawstyle": "steps-post"} if steps else {}
         since = [t - self.begin_s for t in times]
         self.axes.plot(since, values, color=colours()[colour], **style)
 
     def limit(self, value: float, label: str) -> None:
-        """A line across, with a label."""
+        """Draw a horizontal line with a label."""
         self.axes.axhline(value, color=colours()["wrong"], linewidth=1.2, dashes=(5, 3))
         self.text(
             1.0, value, label, transform=self.axes.get_yaxis_transform(), ha="right", va="bottom"
         )
 
     def text(self, x: float, y: float, label: str, **style: Any) -> Any:
-        """A text that is legible across lines."""
+        """Draw a text that is legible over lines."""
         box = {"facecolor": colours()["halo"], "edgecolor": "none", "pad": 1.5, "alpha": 0.8}
         return self.axes.text(x, y, label, color=colours()["ink"], bbox=box, **style)
 
 
 def figures(history: FlightHistory) -> list[Figure]:
-    """Everything that can be drawn of a flight over time."""
+    """All figures of a flight over time."""
     graphs = (_bandwidth, _ages, _map, _distance, _battery)
     drawn = [_timeline(history), *(graph(history) for graph in graphs)]
     return [figure for figure in drawn if figure is not None]
 
 
 def robot_colour(history: FlightHistory, robot: str) -> str:
-    """The name of a robot's colour."""
+    """The color name of a robot."""
     return f"r{history.links.names.index(robot) % ROBOT_COLOURS}"
 
 
 def in_both_widths(draw: Callable[[str], str]) -> str:
-    """A picture for a wide page and one for a phone; the style sheet shows one of them."""
+    """Draw a picture for wide pages and one for phones; the style sheet shows one of them."""
     return draw("wide") + draw("narrow")
 
 
@@ -244,7 +244,7 @@ def _timeline(history: FlightHistory) -> Figure:
 
 
 def _states(history: FlightHistory, chart: Chart, lane: int) -> None:
-    """What the mission was doing, with its name where there is room."""
+    """Draw the mission's states, with names if they fit."""
     bars = []
     for stay in history.states:
         robot = f" {stay.robot}" if stay.robot else ""
@@ -361,7 +361,7 @@ def _distance(history: FlightHistory) -> Figure | None:
     clearance_m = history.mission.planner.clearance_m
     distances_m = [away_m for _, away_m in history.distances]
     nearest_m, farthest_m = min(distances_m), max(distances_m)
-    # Short distances stay legible, also where the vehicle was far away at times.
+    # Short distances stay legible even if the vehicle was far away at times.
     top_m = max(3 * clearance_m, min(farthest_m, max(_FAR_M, 2 * nearest_m)), 1.0)
 
     def draw(chart: Chart) -> None:

@@ -1,7 +1,7 @@
-"""The style of our figures, in files and in pages: colours, quiet axes, text that stays text.
+"""The style of figures in files and pages: colors, plain axes, real text.
 
-The colours are those of the map pages. A figure is drawn in the light ones; in a page each of them
-becomes the page's variable, so it follows light and dark. Needs matplotlib.
+The colors are those of the map pages. A figure is drawn in the light colors; in a page each becomes
+the page's variable, so it follows light and dark mode. Needs matplotlib.
 """
 
 import io
@@ -23,10 +23,10 @@ with needs_extra("a picture", "plot", "air-router"):
     from matplotlib.text import Text
 
 PX: Final = 1 / 72
-"""Inches of one pixel: the unit of our SVG."""
+"""Inches per pixel, the unit of our SVG."""
 
 NAME: Final = "name"
-"""The gid of a text on a map begins so: it becomes its class in the style sheet."""
+"""Prefix of the gid of a text on a map, which becomes its class in the style sheet."""
 
 _COLOUR: Final = re.compile(r"--([\w-]+):\s*(#\w+);")
 _LIGHT, _DARK = ":root {", ':root[data-theme="dark"] {'
@@ -37,7 +37,7 @@ _FONT: Final = "DejaVu Sans"  # comes with matplotlib: the same figure on every 
 
 @cache
 def colours(*, dark: bool = False) -> dict[str, str]:
-    """Each colour by its name, such as "fence", as the light or the dark pages have it."""
+    """The colors of the light or dark pages, by name such as "fence"."""
     found: dict[str, str] = {}
     for room, path in (("web", "page/theme.css"), ("report", "templates/figures.css")):
         sheet = resources.files(f"air_router.{room}").joinpath(path).read_text("utf-8")
@@ -46,7 +46,7 @@ def colours(*, dark: bool = False) -> dict[str, str]:
 
 
 class Ink:
-    """The colours of a map's parts, on white paper."""
+    """The colors of a map's parts on white paper."""
 
     _OF: Final = colours()
     FENCE, ZONE, EDGE, ROUTE = _OF["fence"], _OF["zone"], _OF["graph"], _OF["route"]
@@ -59,10 +59,10 @@ class Ink:
 
 @contextmanager
 def figure_style(name: str = "") -> Iterator[None]:
-    """While a figure is made and written.
+    """The style while a figure is made and written.
 
     Args:
-        name: The ids in its SVG follow from it: in one page no two figures have one name.
+        name: Determines the ids in its SVG; must be unique within a page.
     """
     soft = colours()["soft"]
     style: Any = {
@@ -86,11 +86,11 @@ def figure_style(name: str = "") -> Iterator[None]:
         "ytick.major.size": 0,
         "lines.linewidth": 1.8,
         "lines.solid_joinstyle": "round",
-        "path.simplify_threshold": 0.4,  # pixels that a long line may be off
+        "path.simplify_threshold": 0.4,  # tolerance in pixels for long lines
         "hatch.linewidth": 0.6,
     }
     with mpl.rc_context(style), warnings.catch_warnings():
-        # The reader's browser or viewer has letters that our font lacks.
+        # The viewer has glyphs that our font lacks.
         warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
         yield
 
@@ -104,13 +104,13 @@ def keep_letters(figure: Figure) -> None:
 def embedded(
     figure: Figure, kind: str, label: str, tooltips: Mapping[str, Sequence[str]], **saving: Any
 ) -> str:
-    """A figure as an SVG element for an HTML page, without ids and styles that reach beyond it.
+    """A figure as an SVG element for an HTML page, without global ids and styles.
 
     Args:
-        figure: Made in `figure_style`, and still in it.
+        figure: A figure made within `figure_style`, which is still active.
         kind: Its class in the style sheet.
-        label: What it shows, for those who do not see it.
-        tooltips: The tooltips, for each part of the artist of a gid.
+        label: Its accessible description.
+        tooltips: The tooltips of each part of the artist with a gid.
         saving: As for `Figure.savefig`.
     """
     keep_letters(figure)
@@ -120,7 +120,7 @@ def embedded(
     root = ET.fromstring(file.getvalue())  # noqa: S314 - matplotlib's
     for defs in root.findall(f"{_SVG}defs"):
         for style in defs.findall(f"{_SVG}style"):
-            defs.remove(style)  # it would be the page's
+            defs.remove(style)  # it would apply to the whole page
     for group in root.iter(f"{_SVG}g"):
         gid = group.attrib.pop("id", "")
         if gid.startswith(NAME):
@@ -142,7 +142,7 @@ def embedded(
 
 
 def _shorten(element: ET.Element) -> None:
-    """The SVG that a page needs: a tenth of a pixel cannot be seen."""
+    """Shorten the SVG: a tenth of a pixel is invisible."""
     element.tag = element.tag.removeprefix(_SVG)
     if not (element.text or "").strip():
         element.text = None
@@ -160,7 +160,7 @@ def _shorten(element: ET.Element) -> None:
 
 
 def _themed(svg: str) -> str:
-    """Each colour as the page's variable."""
+    """Replace each color by the page's variable."""
     names = {colour: name for name, colour in reversed(colours().items())}
     return re.sub(
         r"#[0-9a-f]{6}\b",

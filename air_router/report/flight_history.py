@@ -1,7 +1,7 @@
-"""What happened in a flight, folded from its recorded events: for a page and for programs.
+"""The history of a flight, folded from its recorded events, for a page and for programs.
 
-Times are seconds on the vehicle's clock since the record began to know it; positions metres east
-and north of the mission's origin.
+Times are seconds on the vehicle's clock; positions are meters east and north of the mission's
+origin.
 """
 
 import math
@@ -11,10 +11,10 @@ from typing import Any, Final, NamedTuple
 
 from air_router.controller.model import (
     Announce,
-    Asked,
     ChangeAltitude,
     CommandAck,
     CommandFailed,
+    ControlRequest,
     Finish,
     FlightSetup,
     GoTo,
@@ -43,14 +43,14 @@ _ABOUT_ROBOTS: Final = frozenset({State.SEARCH, State.COMM})
 
 
 class NothingFlownError(AirRouterError):
-    """A record with nothing in it that could be shown."""
+    """The record has nothing that could be shown."""
 
     exit_code = ExitCode.INVALID_FILE
 
 
 @dataclass(frozen=True, slots=True)
 class StateInterval:
-    """A time in one state; `robot` is whom it is about."""
+    """A time in one state; `robot`: the robot concerned."""
 
     state: str
     from_s: float  # on the vehicle's clock
@@ -61,7 +61,7 @@ class StateInterval:
 
 @dataclass(frozen=True, slots=True)
 class RequestRecord:
-    """A request, and the answer (None: none)."""
+    """A request and its answer (None: none)."""
 
     t: float
     what: str  # for people
@@ -72,7 +72,7 @@ class RequestRecord:
 
 @dataclass(frozen=True, slots=True)
 class WaitInterval:
-    """A time in which one row of `INTERLOCKS` kept the mission waiting."""
+    """A time in which one row of `INTERLOCKS` blocked the mission."""
 
     from_s: float
     to_s: float
@@ -81,7 +81,7 @@ class WaitInterval:
 
 
 class TrackPoint(NamedTuple):
-    """Where the vehicle was."""
+    """A position of the vehicle."""
 
     t: float
     east_m: float
@@ -90,9 +90,9 @@ class TrackPoint(NamedTuple):
 
 
 class RobotFix(NamedTuple):
-    """Where a robot reported to be, at its own time."""
+    """A robot's reported position, with its own stamp."""
 
-    t: float  # when the report came, on the vehicle's clock
+    t: float  # time of reception, on the vehicle's clock
     east_m: float
     north_m: float
     stamp_s: float
@@ -103,28 +103,28 @@ class FlightHistory:
     """One flight.
 
     Attributes:
-        setup: What was flown.
-        about: Versions and the like.
-        ending: The fault at the end of the record; None if it is whole.
-        vehicle: Who answered: a note of the record.
-        mission: With the zones and fences that it had at the end.
+        setup: The setup of the flight.
+        about: Versions and other facts.
+        ending: The fault at the end of the record; None: complete.
+        vehicle: The vehicle, from a note of the record.
+        mission: The mission with its final zones and fences.
         totals: Duration, distance, clearance and closest approach, as `FlownTrack.totals`.
-        closest: Metres of the closest approach, and to what; None without zones and fence.
-        closest_at: Metres and place of the recorded position that was nearest to that.
-        track: While it was armed.
-        distances: (t, metres to the nearest zone or fence) in the air, while it was ours.
+        closest: Distance and object of the closest approach; None without zones and fence.
+        closest_at: Distance and position of the nearest recorded point.
+        track: The track while armed.
+        distances: (t, meters to the nearest zone or fence) in the air, while it was ours.
         battery: (t, charge 0..1) in the air.
-        states: One after the other.
-        waits: What kept the mission waiting, and when.
+        states: The states, in order.
+        waits: The times in which an interlock blocked the mission.
         announcements: (t, severity, text).
         requests: Requests and their answers.
         failures: (t, text): commands that the vehicle did not follow.
-        robots: The positions that robots reported, by name.
-        painted: (t, cells of the map that are known).
-        links: Contacts, syncs and what came by them.
-        report: The report at the end; empty if there is none.
-        from_s, to_s: Time of the first and of the last event.
-        finish: Why it ended, as the controller reported.
+        robots: Reported positions of robots, by name.
+        painted: (t, known cells of the map).
+        links: Contacts, syncs and their data.
+        report: The final report; empty: there is none.
+        from_s, to_s: Times of the first and the last event.
+        finish: The controller's reason for the end.
         unix_offset_s: Unix time at 0.
     """
 
@@ -155,20 +155,20 @@ class FlightHistory:
 
     @property
     def outcome(self) -> str:
-        """How it ended: as reported at the end, else as the controller reported."""
+        """The outcome: of the final report, else the controller's."""
         return str(self.report.get("outcome") or self.finish or "the record ends in flight")
 
     @property
     def began_unix_s(self) -> float | None:
-        """Unix time of the first event; None if the record does not say."""
+        """Unix time of the first event; None: unknown."""
         return None if self.unix_offset_s is None else self.unix_offset_s + self.from_s
 
     def found(self, robot: str) -> int:
-        """How often a search for a robot ended with its radio in range."""
+        """Number of searches for a robot that found it."""
         return sum(stay.robot == robot and stay.state == State.COMM.name for stay in self.states)
 
     def as_json(self) -> dict[str, Any]:
-        """Everything as plain data."""
+        """The history as plain data."""
         return {
             "mission": self.setup.mission.name,
             "uav": self.setup.name,
@@ -205,8 +205,8 @@ def history_of(log: Log) -> FlightHistory:
     """The history of a recorded flight.
 
     Raises:
-        LogError: it is no record of a flight, one of another version, or cannot be read.
-        NothingFlownError: there is no flight in it.
+        LogError: It is no record of a flight, has another version, or cannot be read.
+        NothingFlownError: It contains no flight.
     """
     fold: HistoryFold | None = None
     about: dict[str, str] = {}
@@ -222,18 +222,18 @@ def history_of(log: Log) -> FlightHistory:
     return fold.end(log.ending)
 
 
-# The fold: entries go in, in their order; a frozen history comes out.
+# The fold: takes entries in order, returns a frozen history.
 
 
 @dataclass(slots=True)
 class _Positions:
-    """Where the vehicle was, its distances and its charge."""
+    """The vehicle's positions, distances and charge."""
 
     flown: FlownTrack
     track: list[TrackPoint] = field(default_factory=list)
     distances: list[tuple[float, float]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
-    # metres and place where each zone and fence was nearest, by name
+    # smallest distance to each zone and fence, and its position, by name
     nearest: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def take(self, t: float, telemetry: Telemetry) -> None:
@@ -261,7 +261,7 @@ class _Positions:
 
 @dataclass(slots=True)
 class _Decisions:
-    """What the controller decided, and what came of it."""
+    """The controller's decisions and their outcomes."""
 
     states: list[StateInterval] = field(default_factory=list)
     waits: list[WaitInterval] = field(default_factory=list)
@@ -269,19 +269,19 @@ class _Decisions:
     requests: list[RequestRecord] = field(default_factory=list)
     failures: list[tuple[float, str]] = field(default_factory=list)
     finish: str | None = None
-    _waiting: bool = False  # the last of `waits` goes on
-    # where in `requests` those are that have no answer yet
+    _waiting: bool = False  # the last of `waits` continues
+    # indices in `requests` of unanswered ones
     _open: dict[tuple[str, str], int] = field(default_factory=dict)
 
     def begin(self, state: str, t: float) -> None:
         self.states = [StateInterval(state, t, t, None, "")]
 
     def restart(self, t: float) -> None:
-        """The vehicle has rebooted: the state begins here."""
+        """The vehicle has rebooted: the state starts here."""
         self.states = [replace(self.states[-1], from_s=t, to_s=t)]
 
     def event(self, t: float, event: Any) -> None:
-        if isinstance(event, Asked):
+        if isinstance(event, ControlRequest):
             self._open[event.by, event.request_id] = len(self.requests)
             self.requests.append(RequestRecord(t, _request_text(event), event.by))
         elif isinstance(event, CommandFailed):
@@ -302,7 +302,7 @@ class _Decisions:
             case Announce():
                 self.announcements.append((t, action.severity.value, action.words))
             case Seeking(robot=str() as robot) if self.states:
-                # A search finds its robot once entered.
+                # COMM means that the search found its robot.
                 self.states[-1] = replace(self.states[-1], robot=robot)
             case CommandAck():
                 self._answered(t, action)
@@ -331,11 +331,11 @@ class _Decisions:
 
 
 class HistoryFold:
-    """Folds what is recorded of a flight into its history.
+    """Folds a flight's record into its history.
 
     Args:
         setup: The setup of the flight.
-        about: Versions and the like.
+        about: Versions and other facts.
     """
 
     def __init__(self, setup: FlightSetup, about: Mapping[str, str]) -> None:
@@ -351,7 +351,7 @@ class HistoryFold:
         self._unix_offset_s: float | None = None
 
     def take(self, entry: RecordEntry) -> None:
-        """Take in the next entry."""
+        """Handle the next entry."""
         flown = self._positions.flown
         match entry.kind:
             case "note":
@@ -365,10 +365,10 @@ class HistoryFold:
                 self._decisions.action(entry.t, entry.value)
 
     def end(self, ending: str | None) -> FlightHistory:
-        """There is no more; `ending`: the fault at the end of the record.
+        """Finish the history; `ending`: the fault at the end of the record.
 
         Raises:
-            NothingFlownError: there was no event.
+            NothingFlownError: There was no event.
         """
         if math.isnan(self._to_s):
             raise NothingFlownError(_NOTHING)
@@ -440,7 +440,7 @@ class HistoryFold:
             self._decisions.event(t, event)
 
 
-def _request_text(event: Asked) -> str:
+def _request_text(event: ControlRequest) -> str:
     match event:
         case SeekNow(robot=robot):
             return f"seek {robot}"

@@ -1,4 +1,4 @@
-"""A flight as one HTML page that needs nothing else: no network, no script.
+"""A flight as a self-contained HTML page, without network or scripts.
 
 Needs jinja2 and matplotlib.
 """
@@ -26,7 +26,7 @@ _OUTCOMES: Final = {
     "pilot": "pilot took over",
     "failsafe": "autopilot failsafe",
 }
-"""Texts for outcomes of programs; any other outcome is a sentence already."""
+"""Texts for outcomes of programs; other outcomes are sentences already."""
 
 _BY_REQUEST: Final = "'s request"
 _VERSIONS: Final = ("air-router", "mavsdk", "python")
@@ -34,7 +34,7 @@ _ANSWERS: Final = {None: "no answer recorded", True: "accepted", False: "refused
 
 
 class Tile(NamedTuple):
-    """One number of the flight; `bad`: it is not as it was to be."""
+    """One figure of the flight; `bad`: it violates its requirement."""
 
     name: str
     value: str
@@ -43,14 +43,14 @@ class Tile(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of a table; `colour`: the name of the one that stands for it in the figures."""
+    """A row of a table; `colour`: the name of its color in the figures."""
 
     cells: Sequence[str]
     colour: str = ""
 
 
 class Table(NamedTuple):
-    """A table of the page, which leaves it out if it has no rows."""
+    """A table of the page, omitted if it has no rows."""
 
     heading: str
     columns: Sequence[str]
@@ -83,14 +83,14 @@ def page_of(history: FlightHistory, source: str) -> str:
 
 
 def _printable(value: Any) -> Any:
-    """Text of others without control characters, such as a change of the writing direction."""
+    """External text without control characters, such as changes of the writing direction."""
     return sanitize(value) if type(value) is str else value
 
 
 def _facts(history: FlightHistory) -> list[str]:
     facts = []
     if history.began_unix_s is not None:
-        with contextlib.suppress(OverflowError, OSError, ValueError):  # a time that is none
+        with contextlib.suppress(OverflowError, OSError, ValueError):  # an invalid time
             began = time.gmtime(history.began_unix_s)
             facts.append(time.strftime("%Y-%m-%d %H:%M UTC", began))
     if history.vehicle:
@@ -99,7 +99,7 @@ def _facts(history: FlightHistory) -> list[str]:
 
 
 def _tiles(history: FlightHistory) -> list[Tile]:
-    """The flight in a few numbers."""
+    """The flight in a few figures."""
     totals, exchanged = history.totals, history.links.interactions()
     share, got, given = (exchanged[key] for key in ("share_completed", "bytes_in", "bytes_out"))
     outcome = history.outcome
@@ -129,7 +129,7 @@ def _closest(history: FlightHistory) -> Tile:
         return Tile("closest approach", "none", "no zones, no fence")
     (closest_m, what), required_m = history.closest, history.totals["clearance_m"]
     more = f"to {what}; required {required_m:g} m"
-    # As compared: a report of 5.0 m where 5 m are required is not a breach.
+    # Rounded like the report: 5.0 m is no violation of a required 5 m.
     bad = round(closest_m, 2) < required_m
     return Tile("closest approach", f"{closest_m:.1f} m", more, bad)
 

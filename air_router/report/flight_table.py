@@ -1,4 +1,4 @@
-"""What a person reads when the flight is over: a table."""
+"""The table that a person reads after the flight."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -9,7 +9,7 @@ COLUMNS: Final = (
 )
 
 KEPT_SHARE: Final = 0.95
-"""Share of the requested speed; below it the report names the process that was too slow."""
+"""Share of the requested speed below which the report names the slow process."""
 
 
 def table(report: dict[str, Any]) -> str:
@@ -52,7 +52,7 @@ def table(report: dict[str, Any]) -> str:
 
 
 def goals_line(report: Mapping[str, Any]) -> str:
-    """How many vehicles simulated robots have found, if they searched for any."""
+    """The number of vehicles found by simulated robots, if they searched for any."""
     goals = report.get("world", {}).get("goals", {"total": 0})
     if not goals["total"]:
         return ""
@@ -60,7 +60,7 @@ def goals_line(report: Mapping[str, Any]) -> str:
 
 
 def pace_line(report: Mapping[str, Any]) -> str:
-    """How fast a simulation went, if it was one, and for whom it had to wait."""
+    """The speed of a simulation, and the processes that it waited for."""
     pace = report.get("world", {}).get("pace", {})
     requested, kept = pace.get("asked"), pace.get("kept")
     if kept is None:
@@ -77,14 +77,14 @@ def pace_line(report: Mapping[str, Any]) -> str:
 
 
 def went_on_without(pace: Mapping[str, Any]) -> str:
-    """Which processes a simulation's clock gave up waiting for, and when first; empty: for none."""
+    """The processes that a simulation's clock no longer waits for, and since when; empty: none."""
     lost = {name: of["lost_s"] for name, of in pace.get("processes", {}).items()}
     names = [f"{name} at {lost_s:.1f} s" for name, lost_s in lost.items() if lost_s is not None]
     return f"went on without {' and '.join(names)}" if names else ""
 
 
 def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
-    """The report of several flights as text: a part for each, and how near they came."""
+    """The report of several flights as text: one part each, and their closest distances."""
     parts = []
     for uav, part in report["uavs"].items():
         text = table(part) if part else f"no report (exit code {codes[uav]}): see above\n"
@@ -103,7 +103,7 @@ def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
 
 
 def size_words(count: float) -> str:
-    """A number of bytes, with at most four digits."""
+    """A number of bytes with at most four digits."""
     if count < 10_000:
         return f"{count:.0f} B"
     if count < 10_000_000:
@@ -112,7 +112,7 @@ def size_words(count: float) -> str:
 
 
 def clock(seconds: float) -> str:
-    """Minutes and seconds, with hours when there are any."""
+    """Minutes and seconds, with hours if needed."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

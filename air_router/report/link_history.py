@@ -1,4 +1,4 @@
-"""What went over the links of a flight: contacts, syncs, bytes, and how old the data was."""
+"""The links of a flight: contacts, syncs, bytes, and ages of data."""
 
 import math
 from bisect import bisect_right
@@ -12,10 +12,10 @@ from air_router.messages import MAP_TOPIC
 from mocha_link.links import LinkEvent, MessageStored, RssiChanged
 
 STAMP_S: Final = 0.0005
-"""Stamps are whole milliseconds."""
+"""Half of a stamp's resolution: stamps are whole milliseconds."""
 
 BINS: Final = 240
-"""Bandwidth is shown over so many spans of equal length."""
+"""Number of equal time spans for the bandwidth."""
 
 Series = Sequence[tuple[float, float]]
 """(t, value)."""
@@ -23,18 +23,18 @@ Series = Sequence[tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class LinkHistory:
-    """What the links of a flight did.
+    """The history of the links of a flight.
 
     Attributes:
-        names: Every robot that was sought or known to the node, in order.
-        contacts, syncs: In the order of their ends.
-        counts: How many syncs began, and how they ended.
-        totals: Syncs that were not broken off, and their bytes.
-        ages: By robot, (t, age in seconds of the newest of its messages that we held): before and
-            after each that came.
-        map_shares: By robot, (t, share of the painted cells in the map that it is known to have):
-            from its own reports, and from what it has fetched. At least: it may have
-            got a newer one from another robot since we met it.
+        names: All robots that were sought or known to the node, in order.
+        contacts, syncs: By end time.
+        counts: Number of syncs started, and by outcome.
+        totals: Complete and partial syncs, and their bytes.
+        ages: By robot, (t, age in seconds of its newest message that we held), before and after
+            each received message.
+        map_shares: By robot, (t, share of the painted cells in the map that it is known to hold),
+            by its reports and its fetches. A lower bound: it may have received a newer map from
+            another robot since.
         signal: By robot, (t, value, unit); no value: no signal.
     """
 
@@ -48,7 +48,7 @@ class LinkHistory:
     signal: Mapping[str, Sequence[tuple[float, float | None, str]]]
 
     def interactions(self) -> dict[str, Any]:
-        """How many syncs, and the share of them that was completed (null without any)."""
+        """The number of syncs, and the share completed (null: none)."""
         over = len(self.syncs)
         return {
             **self.counts,
@@ -68,7 +68,7 @@ class LinkHistory:
         }
 
     def bandwidth(self, from_s: float, to_s: float) -> tuple[float, list[float], list[float]]:
-        """Bytes per second over the flight: the length of a span, and per span in and out."""
+        """Bytes per second over the flight: length of a span, and in and out per span."""
         span_s = max(1.0, (to_s - from_s) / BINS)
         count = int((to_s - from_s) / span_s) + 1
         rates = {"in": [0.0] * count, "out": [0.0] * count}
@@ -86,13 +86,13 @@ class LinkHistory:
 
 @dataclass(slots=True)
 class LinkFold:
-    """Adds up the events of the links; `end` gives their history.
+    """Folds the events of the links; `end` returns their history.
 
     Attributes:
-        own: The UAV's own name: the age of its own messages does not matter.
+        own: The UAV's name: the age of its own messages does not matter.
         sought: Robots that the mission seeks, even if they never connect.
         links: Contacts and syncs.
-        published: (t, known cells) of the versions of the map that were given out.
+        published: (t, known cells) of the published versions of the map.
     """
 
     own: str = ""
@@ -103,12 +103,12 @@ class LinkFold:
     signal: dict[str, list[tuple[float, float | None, str]]] = field(default_factory=dict)
     _newest_s: dict[str, float] = field(default_factory=dict)  # stamp, by robot
     _maps: list[float] = field(default_factory=list)  # stamps of our own maps
-    _held: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # when, its stamp
-    _ages: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # when, age in s
+    _held: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # time, stamp
+    _ages: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # time, age in s
     _end: tuple[float, float] | None = None  # time, Unix time of the last event
 
     def take(self, t: float, event: LinkEvent) -> None:
-        """Take in what happened; `t` is the vehicle's clock, the event's own times are Unix."""
+        """Handle an event; `t` is the vehicle's clock, the event's own times are Unix."""
         if not math.isfinite(event.at_s):
             return
         self._end = (t, event.at_s)
@@ -121,13 +121,13 @@ class LinkFold:
                 self.signal.setdefault(peer, []).append((t, *value))
 
     def holds(self, t: float, peer: str, held: list[list[Any]]) -> None:
-        """A peer is known to hold these: robot, topic, stamp."""
+        """Note the messages that a peer is known to hold: robot, topic, stamp."""
         for robot, topic, stamp_s in held:
             if (robot, topic) == (self.own, MAP_TOPIC):
                 self._held.setdefault(peer, []).append((t, float(stamp_s)))
 
     def end(self, t: float, painted: Series) -> LinkHistory:
-        """The record ends here; `painted`: (t, cells of our map that are known)."""
+        """Finish at the end of the record; `painted`: (t, known cells of our map)."""
         self.links.end(t)
         if self._end is not None:
             received_s, unix_s = self._end
@@ -178,7 +178,7 @@ class LinkFold:
         self._newest_s[event.robot] = stamp_s
 
     def _version(self, stamp_s: float) -> int:
-        """Known cells of the map of a stamp: versions are stored in the order they are made in."""
+        """Known cells of the map with this stamp: versions are stored in order."""
         number = min(bisect_right(self._maps, stamp_s + STAMP_S), len(self.published))
         return self.published[number - 1][1] if number else 0
 

@@ -1,4 +1,4 @@
-"""The sheet that a map is drawn on: axes in metres, marks, title, legend, scale and north.
+"""The sheet of a map: axes in meters, marks, title, legend, scale and north arrow.
 
 Needs matplotlib.
 """
@@ -35,23 +35,22 @@ _WIDTH_INCH: Final = 8.0
 _FLATTEST, _TALLEST = 0.4, 1.8  # of a sheet: height by width
 _DPI: Final = 130
 _SMALL: Final = 6.5  # points: the size of text
-_TOUCH_PX: Final = 1.0  # texts may be this near to others
+_TOUCH_PX: Final = 1.0  # smallest distance between texts
 
 
 class MapSheet:
-    """A picture in the proportions of what it shows, with quiet axes in metres.
+    """A picture with the proportions of its content, and plain axes in meters.
 
-    Of several things with one label the legend names one. Marks with a higher `zorder`
-    covers what has a lower one.
+    The legend lists each label once. Marks with a higher `zorder` cover those with a lower one.
 
     Args:
-        points: There is room for all of them.
-        ground: The colour below everything.
-        width_inch: Of the map; text keeps its size.
-        tallest: Its height by its width, at most.
+        points: The sheet includes all of them.
+        ground: Background color.
+        width_inch: Width of the map; text keeps its size.
+        tallest: Largest ratio of height to width.
 
     Attributes:
-        axes: Matplotlib's; east and north in metres.
+        axes: Matplotlib's axes; east and north in meters.
     """
 
     def __init__(
@@ -72,10 +71,10 @@ class MapSheet:
         self._height_inch = width_inch * (north - south) / (east - west)
         self._figure = Figure(figsize=(width_inch, self._height_inch))
         self._labels: set[str] = set()  # in the legend
-        self._taken: list[tuple[str, Bbox]] = []  # texts and their boxes; "" is a mark
-        self._names: list[Annotation] = []  # texts with an outline in the colour of their ground
+        self._taken: list[tuple[str, Bbox]] = []  # texts and their boxes; "": a mark
+        self._names: list[Annotation] = []  # texts outlined in the background color
         self._columns = max(2, round(width_inch / 2))  # of the legend
-        self.tooltips: dict[str, Sequence[str]] = {}  # in a page, by the gid of what was drawn
+        self.tooltips: dict[str, Sequence[str]] = {}  # in a page, by gid
         self.axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=ground)
         self.axes.tick_params(colors=Ink.FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
@@ -85,7 +84,7 @@ class MapSheet:
             spine.set(color=Ink.FAINT, linewidth=0.5)
 
     def shape(self, shape: BaseGeometry, label: str = "_", **style: Any) -> None:
-        """A polygon, or several, with holes; without borders unless the style has them."""
+        """Draw polygons with holes; without borders unless the style has them."""
         rings = [ring for p in polygons_of(shape) for ring in (p.exterior, *p.interiors)]
         outline = Outline.make_compound_path(
             *(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings)
@@ -102,14 +101,14 @@ class MapSheet:
         label: str = "_",
         **style: Any,
     ) -> None:
-        """Lines of one colour."""
+        """Draw lines of one color."""
         drawn = LineCollection(
             lines, colors=colour, linewidths=width, label=self._once(label), **style
         )
         self.axes.add_collection(drawn)
 
     def way(self, points: Sequence[Point], colour: str, width: float, label: str, z: float) -> None:
-        """A line along points, in white where it lies over others."""
+        """Draw a line along points, with a white outline."""
         east, north = zip(*points, strict=True)
         round_ends: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round"}
         self.axes.plot(east, north, color=Ink.HALO, linewidth=2 * width, zorder=z, **round_ends)
@@ -128,9 +127,9 @@ class MapSheet:
         tooltips: Sequence[str] = (),
         **style: Any,
     ) -> None:
-        """Marks of one kind at places; nothing without any.
+        """Draw marks of one kind at places.
 
-        In a page, `tooltips` are shown where the pointer is, one for each mark.
+        In a page each mark has its tooltip.
         """
         if places:
             whole: dict[str, Any] = {"edgecolor": Ink.HALO, "linewidth": 1, "zorder": 7} | style
@@ -148,38 +147,38 @@ class MapSheet:
                 )
 
     def home(self, home: Point) -> None:
-        """Where the vehicle takes off and lands."""
+        """Draw the place of take-off and landing."""
         self.marks([home], "^", 85, Ink.HOME, "home", zorder=8)
 
     def name(
         self, text: str, place: Point, colours: tuple[str, str], *, below: bool = False, z: float
     ) -> None:
-        """A name in a colour and one around it, at a place, or below or beside the marks there.
+        """Draw an outlined name at a place, or below or beside the marks there.
 
-        Not once more where it would cover itself.
+        Not drawn if it would overlap itself.
         """
         aside = 8 + 0.3 * _SMALL * len(text)
         offs = [(0, -10), (0, 10), (aside, 0), (-aside, 0)] if below else [(0, 0)]
         self._write(text, place, offs, *colours, zorder=z)
 
     def number(self, text: str, place: Point, angle: float, *, wrong: bool = False) -> None:
-        """The number of a waypoint, beside it; in this direction, if nothing is there."""
+        """Draw the number beside a waypoint; in this direction if it is free."""
         turns = (math.radians(turn) for turn in (0, 45, -45, 90, -90, 135, -135, 180))
         offs = [(7.5 * math.cos(angle + turn), 6.5 * math.sin(angle + turn)) for turn in turns]
         style = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
         self._write(text, place, offs, Ink.WRONG if wrong else Ink.TEXT, Ink.HALO, **style)
 
     def save(self, path: Path, title: str, subtitle: str, warning: str = "") -> None:
-        """Write what the picture shows around it, and the whole into a file.
+        """Add title, legend and scale, and write the picture to a file.
 
         Args:
-            path: Its ending (.png, .svg, .pdf) chooses the format.
-            title: Stands above the map.
-            subtitle: Stands below the title.
-            warning: Stands in red above the title.
+            path: Its suffix (.png, .svg, .pdf) chooses the format.
+            title: Above the map.
+            subtitle: Below the title.
+            warning: In red above the title.
 
         Raises:
-            PictureError: the file cannot be written, or its ending is not a picture's.
+            PictureError: The file cannot be written, or its suffix is not a picture's.
         """
         for text, rise, size, weight, colour in (
             (warning, 36, 9.5, "bold", Ink.WRONG),
@@ -210,15 +209,15 @@ class MapSheet:
             raise PictureError(f"cannot write the picture {path}: {error}") from None
 
     def svg(self, kind: str, label: str) -> str:
-        """The map as an element of an HTML page, with its legend and scale; see `embedded`."""
+        """The map as an element of an HTML page, with legend and scale; see `embedded`."""
         self._finish()
-        for name in self._names:  # outlined by the style sheet: text with an effect would be paths
+        for name in self._names:  # outlined by the style sheet
             name.set_path_effects([])
         style: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03}
         return embedded(self._figure, kind, label, self.tooltips, **style)
 
     def _finish(self) -> None:
-        """The legend below the map, and its scale."""
+        """Draw the legend below the map, and the scale."""
         self.axes.legend(
             loc="upper center",
             bbox_to_anchor=(0.5, -0.36 / self._height_inch),
@@ -232,7 +231,7 @@ class MapSheet:
         self._draw_scale()
 
     def _once(self, label: str) -> str:
-        """A label, unless the legend has it already."""
+        """The label, unless the legend has it already."""
         known, self._labels = label in self._labels, self._labels | {label}
         return "_" if known else label
 
@@ -245,9 +244,9 @@ class MapSheet:
         halo: str,
         **style: Any,
     ) -> None:
-        """A text some points off a place: where there is room, else where it covers least.
+        """Draw a text near a place: where there is space, else where it overlaps least.
 
-        Not repeated beside the same text, which names this place, too.
+        Not repeated beside the same text.
         """
         whole: dict[str, Any] = {"fontsize": _SMALL, "ha": "center", "va": "center"} | style
         note = self.axes.annotate(
@@ -276,7 +275,7 @@ class MapSheet:
         self._taken.append((text, spot))
 
     def _draw_scale(self) -> None:
-        """A scale bar and an arrow to the north, above the upper right corner."""
+        """Draw a scale bar and a north arrow above the upper right corner."""
         west, east = self.axes.get_xlim()
         width_m = east - west
         power = 10 ** math.floor(math.log10(width_m / 5))
@@ -304,20 +303,20 @@ class MapSheet:
 
 
 def _shared(box: Bbox, other: Bbox) -> float:
-    """The area that both cover."""
+    """The overlap of two boxes."""
     shared = Bbox.intersection(box, other)
     return 0.0 if shared is None else shared.width * shared.height
 
 
 def drawn(shape: Shape) -> BaseGeometry:
-    """The drawn shape: circles are round."""
+    """The shape to draw, with round circles."""
     if isinstance(shape, Circle):
         return ShapelyPoint(shape.centre).buffer(shape.radius_m, quad_segs=48)
     return shape.polygon
 
 
 def roomiest(polygon: Polygon) -> Point:
-    """Where a line of text fits best: on a long chord from west to east, near the middle."""
+    """Where a line of text fits best: on a long west-east chord near the center."""
     west, south, east, north = polygon.bounds
     chords = []
     for step in range(1, 16):

@@ -1,6 +1,6 @@
-"""Pictures of a mission: zones, waypoint graph, a route, a flown track, and its faults.
+"""Pictures of a mission: zones, waypoint graph, a route, a flown track, and faults.
 
-Of a coverage too: the area, the part that is seen, and the rows. Needs matplotlib.
+Also of a coverage: the area, the covered part, and the rows. Needs matplotlib.
 """
 
 import math
@@ -24,7 +24,7 @@ from geo.frame import Point
 from mocha_link.sanitize import sanitize
 
 _MOST_NUMBERS: Final = 150
-"""With more waypoints their numbers would cover each other; so would legs that are no edges."""
+"""With more waypoints their numbers, and legs that are no edges, would overlap."""
 
 _MOST_NAMES: Final = 60
 _MANY_EDGES: Final = 2_000
@@ -49,22 +49,22 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
     around: Sequence[tuple[Point, Point]] = (),
     faults: Faults | None = None,
 ) -> None:
-    """Draw a mission into a file; its name's ending (.png, .svg, .pdf) chooses the format.
+    """Draw a mission to a file; the suffix (.png, .svg, .pdf) chooses the format.
 
     Args:
-        mission: fences, zones with their clearance, waypoints, home, rally points. Zones that do
-            not apply at its altitudes and in its time are drawn faint. Anything impossibly far from
-            home is left out.
-        path: the file to write.
-        graph: draw its edges too.
-        route: a start and the route from there.
-        track: where the vehicle flew.
-        meetings: robots that it found, and where it was then.
-        around: straight legs that are flown around something.
-        faults: the faults of the mission, in red.
+        mission: Fences, zones with their clearance, waypoints, home, rally points. Zones that do
+            not apply at its altitudes and times are drawn faint. Anything impossibly far from home
+            is omitted.
+        path: The file to write.
+        graph: Also draw its edges.
+        route: A start and the route from there.
+        track: The flown track.
+        meetings: Robots that the vehicle found, and its positions then.
+        around: Straight legs that are flown around an obstacle.
+        faults: The faults of the mission, in red.
 
     Raises:
-        PictureError: the file cannot be written, or its ending is not a picture's.
+        PictureError: The file cannot be written, or its suffix is not a picture's.
     """
     points = [mission.home, *(w.position for w in mission.waypoints), *(track or ())]
     points += [] if faults is None else [corner for r in faults.refused for corner in r.ring]
@@ -96,10 +96,10 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
 
 @figure_style()
 def draw_coverage(field: Field, plan: Coverage, path: Path, caption: str) -> None:
-    """Draw a coverage into a file; its name's ending (.png, .svg, .pdf) chooses the format.
+    """Draw a coverage to a file; the suffix (.png, .svg, .pdf) chooses the format.
 
     Raises:
-        PictureError: the file cannot be written, or its ending is not a picture's.
+        PictureError: The file cannot be written, or its suffix is not a picture's.
     """
     corners = [Point(*corner) for corner in shapely.get_coordinates(field.area).tolist()]
     home = [] if field.home is None else [field.home]
@@ -125,7 +125,7 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, caption: str) -> Non
         sheet.home(place)
     sheet.marks([plan.rows[0].start], "o", 36, Ink.ROUTE, "first row")
     caption = caption.replace(" m2", " m²").replace(" deg", "°")
-    sheet.save(path, sanitize(field.draft.name), caption)
+    sheet.save(path, sanitize(field.placed.form.title), caption)
 
 
 def _subtitle(mission: Mission) -> str:
@@ -166,7 +166,7 @@ def draw_airspace(sheet: MapSheet, mission: Mission) -> None:
 def _draw_zones(
     sheet: MapSheet, zones: Sequence[Zone], grown: Sequence[BaseGeometry], kept: str
 ) -> None:
-    """Zones that apply, and each grown by its clearance, with the name for that."""
+    """Draw the zones that apply, each also grown by its clearance."""
     if not zones:
         return
     buffers = shapely.union_all(grown)
@@ -245,7 +245,7 @@ def _draw_places(
 
 
 def _quiet_direction(node: int, graph: WaypointGraph | None) -> float:
-    """The middle of the widest angle between a node's edges, where its number disturbs least."""
+    """The middle of the widest angle between a node's edges, the best place for its number."""
     if graph is None or node not in graph.positions or not graph.neighbours[node]:
         return math.pi / 4
     here = graph.position(node)

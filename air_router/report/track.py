@@ -1,4 +1,4 @@
-"""The flown track over the mission, for a wide page and for a phone."""
+"""The flown track on the mission's map, for wide pages and phones."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -16,15 +16,15 @@ from geo.airspace import FENCE
 from geo.frame import Point
 
 _SIZES: Final = {"wide": (6.6, 0.8), "narrow": (2.8, 1.4)}
-"""Inches of a map's width, and its height by its width at most: pages show it about 1.8 times as
-large, phones 1.5 times."""
+"""Width of a map in inches, and its largest ratio of height to width: pages show it about 1.8 times
+as large, phones 1.5 times."""
 
 _DOTS: Final = 90
-"""So many places of one robot fit beside each other across the map; of more, the first is drawn."""
+"""Number of distinct places of one robot across the map; only the first at each place is drawn."""
 
 
 def track_figure(history: FlightHistory) -> Figure:
-    """Zones, fence, waypoints, the track, robots, and where it came closest."""
+    """The figure with zones, fence, waypoints, track, robots, and the closest approach."""
     mission = history.mission
     track = [Point(at.east_m, at.north_m) for at in history.track]
     reports = {name: fixes for name, fixes in history.robots.items() if name in history.links.names}
@@ -73,7 +73,7 @@ def _waypoints(sheet: MapSheet, history: FlightHistory) -> None:
 def _robots(
     sheet: MapSheet, history: FlightHistory, reports: dict[str, tuple[RobotFix, ...]]
 ) -> None:
-    """Where robots reported to be, once for each spot that can be distinguished."""
+    """Draw the reported positions of robots, once per distinguishable place."""
     west, east = sheet.axes.get_xlim()
     for name, fixes in sorted(reports.items()):
         spots = np.array([(fix.east_m, fix.north_m) for fix in fixes]) // ((east - west) / _DOTS)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final
 
-from air_router.control import ControlAnswer
+from air_router.control import ControlReply
 from air_router.gossip import stamp
 from air_router.ros2.messages import CANCEL, Values
 from air_router.ros2.ros_graph import RosGraph
@@ -195,8 +195,8 @@ class ActionServer:
         kind: str,
         spec: GoalSpec,
         *,
-        ask: Callable[[Values], ControlAnswer],
-        hold: Callable[[], ControlAnswer],
+        ask: Callable[[Values], ControlReply],
+        hold: Callable[[], ControlReply],
         newest: Callable[[], int],
         unix_s: Callable[[], float],
     ) -> None:

@@ -13,9 +13,9 @@ from functools import partial
 from typing import Any, Final
 
 from air_router.control import (
-    ControlAnswer,
     ControlClient,
     ControlError,
+    ControlReply,
     ControlUnreachableError,
     parse_command,
 )
@@ -200,7 +200,7 @@ class Ros2Bridge:
                 kind,
                 course,
                 ask=ask,
-                hold=lambda: self._answer_of(self._client.hold),
+                hold=lambda: self._reply_of(self._client.hold),
                 newest=self._newest,
                 unix_s=self._unix_s,
             )
@@ -240,25 +240,25 @@ class Ros2Bridge:
         self._graph.publish(self._topic(ANSWERS), TEXT, {"data": json.dumps(answer)})
 
     def _trigger(self, verb: str, _: Values) -> Values:
-        answer = self._answer_of(getattr(self._client, verb))
+        answer = self._reply_of(getattr(self._client, verb))
         return {"success": answer.accepted, "message": answer.why}
 
     def _altitude(self, request: Values) -> Values:
-        answer = self._answer_of(partial(self._client.altitude, request["altitude_m"]))
+        answer = self._reply_of(partial(self._client.altitude, request["altitude_m"]))
         return {"success": answer.accepted, "message": answer.why, "code": answer.code or ""}
 
-    def _goto(self, goal: Values) -> ControlAnswer:
+    def _goto(self, goal: Values) -> ControlReply:
         heights = [point["altitude"] for point in goal["points"]]
         if any(height not in (0.0, "nan") for height in heights):
             return _refused(_ALTITUDE)
         points = [(point["latitude"], point["longitude"]) for point in goal["points"]]
-        return self._answer_of(partial(self._client.goto, points, hold_s=goal["hold_s"] or None))
+        return self._reply_of(partial(self._client.goto, points, hold_s=goal["hold_s"] or None))
 
-    def _seek(self, goal: Values) -> ControlAnswer:
-        return self._answer_of(partial(self._client.seek, goal["robot"]))
+    def _seek(self, goal: Values) -> ControlReply:
+        return self._reply_of(partial(self._client.seek, goal["robot"]))
 
     @staticmethod
-    def _answer_of(ask: Callable[[], ControlAnswer]) -> ControlAnswer:
+    def _reply_of(ask: Callable[[], ControlReply]) -> ControlReply:
         """The flight's answer; a refusal where it does not answer."""
         try:
             return ask()
@@ -278,5 +278,5 @@ def _number(view: dict[str, Any]) -> int:
     return int(changes[-1]["number"]) if changes else 0
 
 
-def _refused(why: str) -> ControlAnswer:
-    return ControlAnswer(accepted=False, why=why, code=None, state="")
+def _refused(why: str) -> ControlReply:
+    return ControlReply(accepted=False, why=why, code=None, state="")

@@ -1,4 +1,4 @@
-"""Routes: the waypoint graph, its planners, first legs, and the ways home."""
+"""Routes: the waypoint graph, the planners, first legs, and the ways home."""
 
 from air_router.routing.departure import (
     Momentum,

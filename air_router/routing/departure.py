@@ -1,17 +1,18 @@
-"""What the first leg from where the vehicle is has to satisfy, however near to zones that is.
+"""The rules for the first leg from the vehicle's current position, also when it is near a zone.
 
-* Over its whole length it is clear in the airspace of the caller: with the whole tracking margin
-  when a route is planned; with half of it when that fails, and when a leg of the route is about to
-  be flown: the vehicle is never exactly at a node, and tight legs must be clear from where it is.
-* A moving vehicle needs the whole area clear that its turn may sweep (`Momentum`), and the rest of
-  the leg that it is on with it: it goes on with that until the new command arrives.
-* A vehicle that is closer than that already (wind, noise, a newly drawn zone), or comes to rest
-  closer, may be as close as it is or will be anyhow in the first metres, and then the leg is clear.
-  To what it keeps the clearance from now it keeps it all the way.
-* One that would come to rest within the clearance has to brake first.
-* A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
-* Where no such leg leads out of a tight place (a lane between two zones), the steps of the shortest
-  way out are allowed that comes no closer to anything than the vehicle is now.
+* The whole leg is clear in the caller's airspace. The router plans with the whole tracking margin,
+  and with half of it if that fails. A leg of a route is checked again with half of the margin
+  before it is flown, because the vehicle is never exactly at a node of the route.
+* For a moving vehicle the whole area that its turn may sweep (`Momentum`) is clear, and so is the
+  rest of its current leg: the vehicle stays on that leg until the new command arrives.
+* A vehicle that is already closer (wind, noise, a newly drawn zone), or that would stop closer,
+  gets a leeway: for the first meters the leg may be as close as the vehicle is now or will be when
+  it stops. After that the leg is clear. Zones from which the vehicle keeps the clearance now get
+  the clearance along the whole leg.
+* A vehicle that would stop within the clearance brakes first.
+* A vehicle inside a zone or outside the fence takes a short way out that enters no other zone.
+* If no such leg leads out of a tight place (a lane between two zones), the vehicle flies the legs
+  of the shortest way out that comes no closer to anything than the vehicle is now.
 """
 
 from __future__ import annotations
@@ -41,18 +42,18 @@ from geo.paths import ShortestPaths, path_length_m
 
 
 class Momentum(NamedTuple):
-    """What a vehicle flies on by itself, whether it is told to stop or sent elsewhere.
+    """How far a moving vehicle coasts after a command to stop or to fly elsewhere.
 
-    It follows after its reaction. From then on its velocity goes straight over from v to the new u
-    with a = `BRAKING_M_S2`, which takes T = |u - v| / a: a parabola; its control polygon has the
-    sides v T / 2 and u T / 2. Halved once (de Casteljau), it has its corners at v T / 4, no farther
-    than where braking would end, and at v T / 2 + u T / 4.
+    The vehicle reacts after `reaction_s`. Then its velocity changes linearly from v to the new u
+    with a = `BRAKING_M_S2`, which takes T = |u - v| / a. The path is a parabola whose control
+    polygon has the sides v T / 2 and u T / 2. Halved once (de Casteljau), the polygon has its
+    corners at v T / 4, no farther than the stopping point, and at v T / 2 + u T / 4.
 
     Attributes:
-        rest: Where it comes to rest if it is told now to brake.
+        rest: Where the vehicle stops if it is commanded to brake now.
         velocity_m_s: East and north.
-        speed_m_s: How fast it flies the new leg.
-        reaction_s: For how long it flies on as it does.
+        speed_m_s: Speed on the new leg.
+        reaction_s: Delay before the vehicle follows a new command.
     """
 
     rest: Point
@@ -61,9 +62,9 @@ class Momentum(NamedTuple):
     reaction_s: float
 
     def turn(self, here: Point, end: Point) -> Point:
-        """The corner that is missing for its turn to `end` to lie between `here`, `rest` and `end`.
+        """The fourth corner: the turn to `end` lies within `here`, `rest`, `end` and this point.
 
-        It is `rest` for a vehicle that stands. Nearer to its end than it can stop, it turns wider.
+        For a hovering vehicle this is `rest`. A vehicle that cannot stop before `end` turns wider.
         """
         rest, (east_m_s, north_m_s) = self.rest, self.velocity_m_s
         length_m = math.dist(rest, end)
@@ -82,44 +83,45 @@ class Momentum(NamedTuple):
 
 
 class PendingSetpoint(NamedTuple):
-    """The end of a leg that the vehicle may be on, and how far it swings if turned away there."""
+    """The end of a leg that the vehicle may be flying, and the point it may overshoot to."""
 
-    place: Point  # end of the leg
-    reach: Point  # behind it, where it swings to
+    place: Point  # the end of the leg
+    reach: Point  # beyond it, where the vehicle overshoots to
 
 
 class Stand(Enum):
-    """Where the vehicle is as it sets out, and where it would come to rest: a row of `RULES`.
+    """Where the vehicle is as it sets out, and where it would stop: a row of `RULES`.
 
-    *Near* is nearer to a zone or the fence than routes keep, *too near* nearer than the clearance.
+    *Near* means nearer to a zone or the fence than a route may come, *too near* nearer than the
+    clearance.
     """
 
-    CLEAR = "it stands where routes go"
-    MOVING = "it moves, and comes to rest where routes go"
-    WITHIN = "it is in a zone or outside of the fence, and near to no other"
-    WITHIN_NEAR = "it is in a zone or outside of the fence, and near to another, or will be"
-    TOO_FAST = "it comes to rest too near, or nearer still than too near"
+    CLEAR = "it hovers where routes may go"
+    MOVING = "it moves and would stop where routes may go"
+    WITHIN = "it is in a zone or outside the fence, and not near another zone"
+    WITHIN_NEAR = "it is in a zone or outside the fence, and is or will be near another zone"
+    TOO_FAST = "it would stop too near, or is too near and would stop nearer still"
     TOO_NEAR = "it is too near"
-    NEAR = "it is near, or comes to rest there"
+    NEAR = "it is near, or would stop near"
 
 
 class Begins(Enum):
     """How the first leg may begin."""
 
-    AS_ROUTES = "clear over its whole length, with all that its turn may sweep"
-    BY_LEEWAY = "its first metres nearer than routes keep; then clear"
-    BRAKING = "not at all: the vehicle brakes first"
+    AS_ROUTES = "clear along its whole length, with the area that the turn may sweep"
+    BY_LEEWAY = "nearer than routes for the first meters, then clear"
+    BRAKING = "not yet: the vehicle brakes first"
 
 
 class Rule(NamedTuple):
-    """What a first leg has to keep to; each function takes the departure.
+    """The rule for a first leg. Each function takes the departure.
 
     Attributes:
-        begins: How it may begin.
-        first: What its first metres keep to.
-        reach_m: How far these reach.
-        whole: What the whole leg keeps to beside that; None: nothing.
-        warning: What the operator should know about where the vehicle is; empty: nothing.
+        begins: How the leg may begin.
+        first: Airspace for the first meters.
+        reach_m: Length of the first meters.
+        whole: Airspace for the whole leg in addition; None: no further rule.
+        warning: Warning to the operator about the vehicle's position; empty: no warning.
     """
 
     begins: Begins
@@ -130,20 +132,21 @@ class Rule(NamedTuple):
 
 
 class Departure:
-    """Judges first legs from one place.
+    """Checks first legs from one position.
 
     Args:
-        airspace: its airspace with the distance that this first leg has to keep.
-        paths: paths at the distance that routes keep.
+        airspace: Airspace with the margin that this first leg has to keep.
+        paths: Shortest paths with the margin that routes keep.
         start: where the vehicle is.
-        momentum: what it flies on by itself; None if it stands.
-        pending: where else it flies to until it is told, or turns there: ends of legs so far.
+        momentum: How far the vehicle coasts; None if it hovers.
+        pending: Ends of earlier legs that the vehicle may still fly to before the new command
+            arrives.
 
     Attributes:
         start: where the vehicle is.
-        rest: where it would come to rest.
-        pending: where else it may be on its way to.
-        moving: whether it may be elsewhere than at the start when it is told.
+        rest: Where the vehicle would stop.
+        pending: Ends of earlier legs that it may still be flying to.
+        moving: Whether the vehicle may have left `start` when the new command arrives.
     """
 
     def __init__(
@@ -162,124 +165,125 @@ class Departure:
         self.pending = tuple(pending)
         self.moving = self.rest != start or bool(self.pending)
 
-    # Where it stands.
+    # Where the vehicle is.
 
     @cached_property
     def stand(self) -> Stand:
-        """The row of `RULES` that holds."""
+        """The row of `RULES` that applies."""
         if not self.in_margin:
             return Stand.MOVING if self.moving else Stand.CLEAR
-        if self._holders:
-            here_m, rest_m = self._others_spare_m
+        if self._zones_here:
+            here_m, rest_m = self._others_clearance_left_m
             clear = min(here_m, rest_m) >= 0 or rest_m < here_m - HOVER_DRIFT_M
             return Stand.WITHIN if clear else Stand.WITHIN_NEAR
-        too_near = self._here_m < 0
-        if self._kept_m < (self._here_m - HOVER_DRIFT_M if too_near else 0):
+        too_near = self._left_here_m < 0
+        if self._least_left_m < (self._left_here_m - HOVER_DRIFT_M if too_near else 0):
             return Stand.TOO_FAST
         return Stand.TOO_NEAR if too_near else Stand.NEAR
 
     @cached_property
     def in_margin(self) -> bool:
-        """Whether the vehicle is, or would come to rest, where routes do not go."""
+        """Whether the vehicle is, or would stop, where routes may not go."""
         here = self._airspace.point_clear(self.start)
         return not (here and (not self.moving or self._airspace.point_clear(self.rest)))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the operator should know about where the vehicle is."""
+        """Warnings to the operator about the vehicle's position."""
         rule = RULES[self.stand]
         warning = "" if rule.warning is None else rule.warning(self)
         return (warning,) if warning else ()
 
     @cached_property
-    def _holders(self) -> tuple[str, ...]:
-        """The zones that it is in, and the fence that it is outside of."""
+    def _zones_here(self) -> tuple[str, ...]:
+        """The zones that the vehicle is in, and the fence if it is outside."""
         return tuple(self._airspace.zones_at(self.start))
 
     @cached_property
-    def _here_m(self) -> float:
-        """What there is on top of the clearance; less than 0: it is too near."""
+    def _left_here_m(self) -> float:
+        """Distance beyond the clearance at the current position; negative: too near."""
         return self._airspace.clearance_left_m(self.start)[0] + self._airspace.margin_m
 
     @cached_property
-    def _kept_m(self) -> float:
-        """The least that there is on top of the clearance, here and where it comes to rest."""
+    def _least_left_m(self) -> float:
+        """The smaller distance beyond the clearance: current position or stopping point."""
         return min(
-            self._here_m, self._airspace.clearance_left_m(self.rest)[0] + self._airspace.margin_m
+            self._left_here_m,
+            self._airspace.clearance_left_m(self.rest)[0] + self._airspace.margin_m,
         )
 
     @cached_property
     def _others(self) -> Airspace:
-        """All that it is not in, with half of the margin."""
+        """The other zones (those the vehicle is not in), with half of the margin."""
         others = self._airspace.without_zones_at(self.start)
         return others.with_margin((others.margin_m - others.clearance_m) / 2)
 
     @cached_property
-    def _others_spare_m(self) -> tuple[float, float]:
-        """What there is to spare to these, here and where it comes to rest."""
+    def _others_clearance_left_m(self) -> tuple[float, float]:
+        """Distance to the other zones beyond the clearance: current position, stopping point."""
         here_m, rest_m = (
             self._others.clearance_left_m(place)[0] for place in (self.start, self.rest)
         )
         return here_m, rest_m
 
-    # What the rules ask for.
+    # What the rules require.
 
     def first_near(self) -> Airspace:
-        """As near as it is, or comes to rest."""
+        """As near as the vehicle is, or as it would stop."""
         airspace = self._airspace
         return airspace.relaxed(
-            airspace.margin_m - self._kept_m + LEG_ROUNDING_M,
+            airspace.margin_m - self._least_left_m + LEG_ROUNDING_M,
             self._nearest_m(airspace) - LEG_ROUNDING_M,
         )
 
     def reach_near_m(self) -> float:
-        """Twice as far as it takes to be clear, straight away from there."""
+        """Twice the distance to clear airspace, flown straight away from the zone."""
         drift_m = math.dist(self.start, self.rest)
-        return 2 * (self._airspace.margin_m - self._kept_m) + drift_m + LEEWAY_M
+        return 2 * (self._airspace.margin_m - self._least_left_m) + drift_m + LEEWAY_M
 
     def whole_near(self) -> Airspace:
-        """To what it keeps the clearance from now it keeps it all the way."""
+        """The clearance from every zone from which the vehicle keeps it now."""
         return self._airspace.with_margin(0.0).clear_of_leg(self.start, self.rest)
 
     def warning_near(self) -> str:
-        """That it is too near, if it is."""
-        if self._here_m >= 0:
+        """Warning that the vehicle is too near; empty if it is not."""
+        if self._left_here_m >= 0:
             return ""
-        spare_m, name = self._airspace.clearance_left_m(self.start)
-        distance_m = spare_m + self._airspace.required_m(name)
+        clearance_left_m, name = self._airspace.clearance_left_m(self.start)
+        distance_m = clearance_left_m + self._airspace.required_m(name)
         where = f"{distance_m:.1f} m from {names_of((name,))}"
         return f"the vehicle is {where}: it moves away first"
 
     def first_within(self) -> Airspace:
-        """Out of what it is in; half of the margin to all else."""
+        """Out of the zone it is in; half of the margin from all others."""
         return self._others
 
     def reach_within_m(self) -> float:
-        """Somewhat farther than to the nearest clear place."""
+        """Somewhat more than the distance to the nearest clear point."""
         nearest = self._paths.nearest(self.start)
         if nearest is None:
             return 0.0
         return LEEWAY_OUT_OF_ZONE * math.dist(self.start, nearest) + LEEWAY_M
 
     def warning_within(self) -> str:
-        """That it is in a zone, or outside of the fence."""
-        holders = self._holders
-        where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
+        """Warning that the vehicle is in a zone or outside the fence."""
+        zones_here = self._zones_here
+        where = "outside the fence" if FENCE in zones_here else f"inside {names_of(zones_here)}"
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """The same, and to others as near as it is, or comes to rest."""
-        shortfall_m = LEG_ROUNDING_M - min(self._others_spare_m)
+        """The same, but as near to other zones as the vehicle is, or as it would stop."""
+        shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 
     def whole_within_near(self) -> Airspace:
-        """To others that it keeps half of the margin from now it keeps it all the way."""
+        """Half of the margin from every other zone from which the vehicle keeps it now."""
         return self._others.clear_of_leg(self.start, self.rest)
 
     @cached_property
     def _first(self) -> Airspace | None:
-        """What the first metres keep to; None: routes' own airspace, or no leg at all."""
+        """Airspace for the first meters; None: the route's own airspace, or no leg is allowed."""
         first = RULES[self.stand].first
         return None if first is None else first(self)
 
@@ -294,20 +298,20 @@ class Departure:
         return 0.0 if reach_m is None else reach_m(self)
 
     def _nearest_m(self, airspace: Airspace) -> float:
-        """How near to anything it is, or comes to rest."""
+        """Distance from the current position or the stopping point to the nearest zone or fence."""
         return min(airspace.distance_m(place) for place in (self.start, self.rest))
 
     def clear(self, end: Point) -> bool:
-        """Whether all is clear that the vehicle may sweep if it is sent straight to `end`.
+        """Whether the whole area is clear that the vehicle may sweep if it flies straight to `end`.
 
-        That includes where it is, where it would come to rest, and `end` itself.
+        The area includes its current position, its stopping point, and `end` itself.
         """
         if not self.moving:
             return self._airspace.leg_clear(self.start, end)
         return self._airspace.swept_clear(self._area(end))
 
     def allows(self, end: Point) -> bool:
-        """Whether the vehicle may be sent straight to `end`, which is clear."""
+        """Whether the vehicle may fly straight to `end`, a clear point."""
         if RULES[self.stand].begins is Begins.AS_ROUTES:
             return self.clear(end)
         if self._first is None:
@@ -323,27 +327,27 @@ class Departure:
         return self._first.swept_clear(area)
 
     def _area(self, end: Point) -> list[Point]:
-        """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
+        """The corners of the area that the vehicle may sweep on its way to `end`, turning late."""
         return [*self._turning(end), *self._bound(end)]
 
     def _turning(self, end: Point) -> list[Point]:
-        """The corners of what it sweeps before it is bound for `end`."""
+        """The corners of the area swept before the vehicle heads for `end`."""
         turn = self.rest if self._momentum is None else self._momentum.turn(self.start, end)
         return [self.start, self.rest, turn]
 
     def _bound(self, end: Point) -> list[Point]:
-        """The corners of what it sweeps from then on."""
+        """The corners of the area swept after that."""
         elsewhere = [on.reach for on in self.pending if math.dist(on.place, end) > SAME_PLACE_M]
         return [*elsewhere, end]
 
     @property
     def special(self) -> bool:
-        """Whether more, or less, is asked of the first leg than to be clear."""
+        """Whether the first leg has another rule than to be clear."""
         return self.in_margin or self.moving
 
     @cached_property
     def way_out(self) -> tuple[Point, ...] | None:
-        """The shortest way out of a tight place that no single leg leads out of."""
+        """The shortest way out of a tight place, if no single leg leads out."""
         near = self._first
         if near is None or any(self.allows(place) for place in self._paths.exits(self.start)):
             return None
@@ -353,7 +357,7 @@ class Departure:
         return way
 
     def leads_out(self, end: Point) -> bool:
-        """Whether a leg is a step of the shortest way out of a tight place; see `way_out`."""
+        """Whether this is a leg of the shortest way out of a tight place; see `way_out`."""
         near = self._first
         if near is None or self.way_out is None or not near.swept_clear(self._area(end)):
             return False
@@ -367,7 +371,7 @@ class Departure:
         return way_m <= WAY_OUT_DETOUR * path_length_m(self.way_out) + WAY_OUT_DETOUR_M
 
     def allowed(self, ends: Sequence[Point]) -> list[bool]:
-        """`allows` for many."""
+        """`allows` for several ends."""
         if self.in_margin:
             return [self.allows(end) for end in ends]
         straight = self._airspace.legs_clear(self.start, ends)
@@ -409,13 +413,13 @@ RULES: Final[Mapping[Stand, Rule]] = MappingProxyType(
         ),
     }
 )
-"""What a first leg has to keep to, by where the vehicle is. Where none leads out of a tight place
-there is `Departure.way_out`.
+"""The rule for a first leg, by the vehicle's position. If no leg leads out of a tight place, see
+`Departure.way_out`.
 """
 
 
 def _along(start: Point, end: Point, reach_m: float) -> Point:
-    """The point of a leg that is so far from its start; its end if it is shorter."""
+    """The point `reach_m` along a leg; its end if the leg is shorter."""
     length_m = math.dist(start, end)
     if length_m <= reach_m:
         return end
@@ -427,6 +431,6 @@ def _along(start: Point, end: Point, reach_m: float) -> Point:
 
 
 def names_of(names: Sequence[str]) -> str:
-    """Zones, and the fence, as words of a sentence."""
+    """The names of zones and the fence, as part of a sentence."""
     words = ["the fence" if name == FENCE else f"no-fly zone '{name}'" for name in names]
     return " and ".join(words)

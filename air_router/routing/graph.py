@@ -1,8 +1,8 @@
-"""The waypoint graph: the operator's waypoints, and the clear ways between them.
+"""The waypoint graph: the operator's waypoints and the clear legs between them.
 
-Two nodes are joined when they are at most `max_edge_m` apart and the straight leg between them is
-clear. Where that leaves the graph in pieces, each piece is joined to its neighbours by the shortest
-detours around zones, so that the graph hangs together wherever the airspace does.
+Two nodes are joined if they are at most `max_edge_m` apart and the straight leg between them is
+clear. If that leaves several pieces, each piece is joined to its neighbors by the shortest detours
+around zones, so the graph is connected wherever the airspace is.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _Integers = npt.NDArray[np.intp]
 
 
 class WaypointGraph:
-    """Home (node 0), the waypoints (their numbers), and the clear ways between them.
+    """Home (node 0), the waypoints (by number), and the clear ways between them.
 
     Attributes:
-        mission: what it was made from.
-        paths: shortest paths in the mission's planning airspace.
-        places: positions of the nodes, a row of (east, north) for each.
-        neighbours: for every node, the nodes that it is joined to, with the length of the way.
+        mission: The mission of the graph.
+        paths: Shortest paths in the mission's planning airspace.
+        places: Positions of the nodes, one row (east, north) each.
+        neighbours: The joined nodes of each node, with the length of the way.
     """
 
     def __init__(self, mission: Mission) -> None:
@@ -42,7 +42,7 @@ class WaypointGraph:
         self._positions = dict(enumerate(positions, start=HOME_NODE))  # by node
         self.places: _Floats = np.array(positions, dtype=float)
         self.neighbours: list[list[tuple[int, float]]] = [[] for _ in positions]
-        # corners of edges that lead around
+        # corners of detour edges
         self._vias: dict[tuple[int, int], tuple[Point, ...]] = {}
         self._join_visible()
         self._join_pieces()
@@ -51,10 +51,10 @@ class WaypointGraph:
     def graph(self) -> Any:
         """The same as a `networkx.Graph[int]`, for programs that know those.
 
-        Nodes have `position` (a Point), edges have `length_m` and `via`, the corners of a detour in
-        order from the lower node to the higher (mostly none).
+        Nodes have `position` (a Point). Edges have `length_m` and `via`, the corners of a detour
+        from the lower node to the higher (usually none).
         """
-        import networkx as nx  # noqa: PLC0415 - no command of ours needs it, and it takes long
+        import networkx as nx  # noqa: PLC0415 - slow to import, and needed by no command
 
         graph: nx.Graph[int] = nx.Graph()
         for node, position in self._positions.items():
@@ -75,20 +75,20 @@ class WaypointGraph:
 
     @property
     def connected(self) -> bool:
-        """Whether it is in one piece."""
+        """Whether the graph is connected."""
         return not self._pieces().any()
 
     @property
     def positions(self) -> dict[int, Point]:
-        """Position of every node, in metres east and north."""
+        """Position of every node, in meters east and north."""
         return self._positions
 
     def position(self, node: int) -> Point:
-        """Where a node is. Raises KeyError if there is no such node."""
+        """The position of a node. Raises KeyError if there is no such node."""
         return self._positions[node]
 
     def via(self, start: int, end: int) -> tuple[Point, ...]:
-        """The corners between two joined nodes, in the order from start to end."""
+        """The corners between two joined nodes, from start to end."""
         corners = self._vias.get((min(start, end), max(start, end)), ())
         return corners if start < end else corners[::-1]
 
@@ -98,7 +98,7 @@ class WaypointGraph:
         return iter(self._vias)
 
     def _join_visible(self) -> None:
-        """Every pair within reach that sees each other; all of them tested at once."""
+        """Join all pairs within reach with a clear straight leg, tested in one batch."""
         points: npt.NDArray[np.object_] = np.asarray(shapely.points(self.places))
         reach_m = self.mission.planner.max_edge_m
         low, high = STRtree(points).query(points, predicate="dwithin", distance=reach_m)
@@ -116,7 +116,7 @@ class WaypointGraph:
             self.neighbours[other].append((one, length_m))
 
     def _join_pieces(self) -> None:
-        """Join pieces that a clear way joins, until none is left."""
+        """Join pieces by clear detours, until no more can be joined."""
         while True:
             pieces = self._pieces()
             if pieces.max() == 0:
@@ -133,7 +133,7 @@ class WaypointGraph:
 
     @cached_property
     def _regions(self) -> _Integers:
-        """In which part of the clear area each node is."""
+        """The connected part of the clear area of each node."""
         parts = self.paths.parts_of([*self._positions.values()])
         regions = np.array([-1 if part is None else part for part in parts], dtype=np.intp)
         home = regions[HOME_NODE]
@@ -144,7 +144,7 @@ class WaypointGraph:
         return regions
 
     def _pieces(self) -> _Integers:
-        """The number of the connected piece of the graph that each node belongs to."""
+        """The connected piece of the graph of each node, by number."""
         pieces = [-1] * len(self.neighbours)
         piece = 0
         for first in range(len(pieces)):
@@ -163,11 +163,11 @@ class WaypointGraph:
     def _nearest_pairs(
         self, pieces: _Integers, regions: _Integers, piece: int
     ) -> Iterator[tuple[int, int]]:
-        """The nearest nodes of a piece and of each of those around it, in the same region."""
+        """The nearest pairs of nodes between a piece and its neighbors in the same region."""
         mine = np.flatnonzero(pieces == piece)
         theirs = np.flatnonzero((pieces != piece) & (regions == regions[mine[0]]))
         if len(mine) > len(theirs) or not len(theirs):
-            return  # the others come to it
+            return  # the other pieces find it
         apart_m = np.hypot(*(self.places[mine][:, None] - self.places[theirs]).transpose(2, 0, 1))
         nearest = apart_m.argmin(axis=0)
         least_m = apart_m[nearest, np.arange(len(theirs))]

@@ -1,8 +1,8 @@
-"""Coming home: how far it is, what it takes, and what the autopilot would do by itself.
+"""Ways home: length, time, required charge, and what PX4's own Return would do.
 
-The vehicle comes home along the waypoint graph; lengths are those of one shortest-path tree from
-home, and one from all rally points together, so that a mission of thousands of waypoints is looked
-at in a fraction of a second. A straight leg home that is clear is taken instead, as in flight.
+The vehicle comes home along the waypoint graph. All lengths come from one shortest-path tree from
+home, and one from all rally points, so a mission with thousands of waypoints takes a fraction of a
+second. A clear straight leg home is preferred, as in flight.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from geo.frame import Point
 
 @dataclass(frozen=True, slots=True, order=True)
 class Way:
-    """A way that is known to be clear: its length and its number of legs."""
+    """The length and the number of legs of a clear way."""
 
     length_m: float
-    legs: int = 1  # each takes time to brake and speed up
+    legs: int = 1  # each takes time to brake and accelerate
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """What ways take a vehicle.
+    """Times of a vehicle on its ways.
 
     Attributes:
-        speed_m_s: cruise speed.
-        landing_s: from the mission's altitude to the ground.
-        endurance_s: how long a full battery lasts; None if that is not known.
+        speed_m_s: Cruise speed.
+        landing_s: Time from the mission's altitude to the ground.
+        endurance_s: Flight time of a full battery; None: unknown.
     """
 
     speed_m_s: float
@@ -55,7 +55,7 @@ class Pace:
 
     @classmethod
     def of(cls, mission: Mission) -> Pace:
-        """A mission's pace, landing from the highest altitude that it flies at."""
+        """A mission's pace, with the landing from its highest altitude."""
         highest_m = mission.altitudes_m[1]
         return cls(mission.speed_m_s, highest_m / LANDING_M_S, mission.endurance_s)
 
@@ -64,42 +64,42 @@ class Pace:
         return way.length_m / self.speed_m_s + way.legs * self.speed_m_s / ACCELERATION_M_S2
 
     def home_s(self, way: Way) -> float:
-        """Time of the way home and of landing there."""
+        """Time of the way home including the landing."""
         return self.time_s(way) + self.landing_s
 
     def need(self, way: Way) -> float | None:
-        """The share of a full battery that flying home and landing takes; None if unknown."""
+        """The share of a full battery needed to fly home and land; None: unknown."""
         return None if self.endurance_s is None else self.home_s(way) / self.endurance_s
 
 
 class ReturnPlanner:
-    """The ways home, and to the nearest rally point, of all nodes of a waypoint graph."""
+    """The ways from all nodes of a waypoint graph to home and to the nearest rally point."""
 
     def __init__(self, router: Router) -> None:
         self._graph = router.graph
         self._router = router
         self._mission = router.graph.mission
-        self.pace = Pace.of(self._mission)  # what ways take this vehicle
+        self.pace = Pace.of(self._mission)  # times of this vehicle
 
     @cached_property
     def home(self) -> Mapping[int, Way]:
-        """The way home of every node that has one."""
+        """The way home from every node that has one."""
         ways = _tree(self._graph, {HOME_NODE: Way(0.0, 0)})
         return self._with_straight(ways, self._mission.home)
 
     @cached_property
     def rally(self) -> Mapping[int, Way]:
-        """The way to the nearest rally point (by way) of every node that has one."""
+        """The way to the nearest rally point (by length) from every node that has one."""
         ways: dict[int, Way] = {}
         for place in self._mission.landings:
-            seen = self._with_straight({}, place) or self._by_route(place)
-            for node, way in seen.items():
+            known = self._with_straight({}, place) or self._by_route(place)
+            for node, way in known.items():
                 ways[node] = min(way, ways.get(node, way))
         return _tree(self._graph, ways) if ways else {}
 
     @property
     def worst_waypoint(self) -> tuple[int, Way] | None:
-        """The waypoint with the longest way home; None if none has a way."""
+        """The waypoint with the longest way home; None: no waypoint has one."""
         ways = {
             w.number: self.home[w.number] for w in self._mission.waypoints if w.number in self.home
         }
@@ -112,11 +112,10 @@ class ReturnPlanner:
 
     @property
     def worst_place(self) -> tuple[tuple[int, int], Way] | None:
-        """The leg of the graph with the place that is farthest from home, and the way from there.
+        """The leg with the place farthest from home, and the way from there.
 
-        On a leg of length L between a and b that is the place from which both ways home, back by a
-        and on by b, are equally long: (L + way of a + way of b) / 2. None where routes leave the
-        graph.
+        On a leg of length L between a and b this is the place with equally long ways home by a and
+        by b: (L + way of a + way of b) / 2. None if routes leave the graph.
         """
         if self._mission.planner.kind == "shortest":
             return None
@@ -132,7 +131,7 @@ class ReturnPlanner:
         return worst
 
     def _worst_of_shortest(self, ways: Mapping[int, Way]) -> tuple[int, Way]:
-        """The same where routes leave the graph, whose ways are no shorter than the shortest."""
+        """The worst waypoint if routes leave the graph: the graph's ways are upper bounds."""
         worst: tuple[float, int, Way] | None = None
         for number in sorted(ways, key=lambda n: -self.pace.time_s(ways[n])):
             way = ways[number]
@@ -146,7 +145,7 @@ class ReturnPlanner:
         return worst[1], worst[2]
 
     def _with_straight(self, ways: Mapping[int, Way], place: Point) -> dict[int, Way]:
-        """The ways, with straight ones to a place where these are clear."""
+        """The ways, replaced by straight ones to a place if those are clear."""
         better = dict(ways)
         nodes = self._graph.positions
         clear = self._mission.planning_airspace.legs_clear(place, list(nodes.values()))
@@ -157,7 +156,7 @@ class ReturnPlanner:
         return better
 
     def _by_route(self, place: Point) -> dict[int, Way]:
-        """The way to a place that no node sees, from the node that is nearest to it."""
+        """The way to a place without a clear leg to any node, from its nearest node."""
         nodes = self._graph.positions
         nearest = min(nodes, key=lambda node: math.dist(nodes[node], place))
         route = self._router.route(nodes[nearest], place)
@@ -168,39 +167,39 @@ class ReturnPlanner:
 
 @dataclass(slots=True, eq=False)
 class WayHome:
-    """The way home from where the vehicle is, asked for again and again in flight. Pure.
+    """The way home from the vehicle's position, updated repeatedly in flight. Pure.
 
     Attributes:
-        need_now: The answer of last time.
+        need_now: The last result.
     """
 
     need_now: float | None = None
     _router: Router | None = None
     _pace: Pace | None = None
-    _from: Point | None = None  # where the way was planned from
-    _asked_s: float = -math.inf  # when, vehicle's clock
+    _from: Point | None = None  # start of the planned way
+    _planned_s: float = -math.inf  # time of planning, vehicle's clock
     _way: Way | None = None
 
     def need(self, telemetry: Telemetry, router: Router) -> float | None:
-        """The share of a full battery that flying home from here and landing takes.
+        """The share of a full battery needed to fly home from here and land.
 
-        None while endurance or way are unknown. Where no way is found now (too fast, too near to a
-        zone) it is the last one's, and the distance from where that began.
+        None while endurance or way are unknown. If no way is found now (too fast, too near a zone),
+        the last way plus the distance to its start is used.
 
         Args:
-            telemetry: Where the vehicle is.
-            router: Plans among the zones of now; by another all that was found before is forgotten.
+            telemetry: The vehicle's position.
+            router: The router for the current zones; a different router discards earlier results.
         """
         if router is not self._router:
             self._router, self._pace = router, Pace.of(router.graph.mission)
-            self._from, self._asked_s, self._way = None, -math.inf, None
+            self._from, self._planned_s, self._way = None, -math.inf, None
         pace = self._pace
         if pace is None or pace.endurance_s is None:
             self.need_now = None
             return None
         moved_m = math.inf if self._from is None else math.dist(self._from, telemetry.position)
-        if moved_m >= WAY_HOME_MOVED_M or telemetry.time_s >= self._asked_s + WAY_HOME_EVERY_S:
-            self._asked_s = telemetry.time_s
+        if moved_m >= WAY_HOME_MOVED_M or telemetry.time_s >= self._planned_s + WAY_HOME_EVERY_S:
+            self._planned_s = telemetry.time_s
             route = router.route(telemetry.position, HOME_NODE)
             if isinstance(route, Route):
                 self._from, moved_m = telemetry.position, 0.0
@@ -213,10 +212,10 @@ class WayHome:
 
 
 def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:
-    """The shortest ways over the graph to the nearest of some nodes, each with a way on."""
+    """The shortest ways over the graph to the nearest end node, each end with an onward way."""
     ways: dict[int, Way] = {}
     best_m = {node: way.length_m for node, way in ends.items()}
-    number = count()  # of ways as long as each other the one found first is taken
+    number = count()  # of equally long ways the first one counts
     waiting = [(way.length_m, next(number), node, way.legs) for node, way in ends.items()]
     heapify(waiting)
     while waiting:
@@ -235,12 +234,12 @@ def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:
 
 @dataclass(frozen=True, slots=True)
 class StraightReturn:
-    """Where the autopilot's own return from a waypoint would go, and what it would cut.
+    """PX4's own Return from a waypoint, and the zones it would cut.
 
     Attributes:
-        waypoint: its number.
+        waypoint: Number of the waypoint.
         to: `home`, or `rally point N`.
-        cuts: names of zones, and the fence.
+        cuts: Names of the zones, and the fence.
     """
 
     waypoint: int
@@ -249,11 +248,11 @@ class StraightReturn:
 
 
 def straight_returns(mission: Mission) -> tuple[StraightReturn, ...]:
-    """From which waypoints the autopilot's own return would cut a zone or the fence.
+    """The waypoints from which PX4's own Return would cut a zone or the fence.
 
-    PX4's Return climbs to RTL_RETURN_ALT, flies straight and lands; with RTL_TYPE 0, the default of
-    multicopters, at the nearest of home and the rally points, which are the mission's: they go on
-    board with it. It tests no fence on the way.
+    PX4's Return climbs to RTL_RETURN_ALT, flies straight and lands. With RTL_TYPE 0, the default of
+    multicopters, it lands at the nearest of home and the rally points, which are uploaded with the
+    mission. It does not check the fence on the way.
     """
     if not mission.waypoints:
         return ()
@@ -271,7 +270,7 @@ def straight_returns(mission: Mission) -> tuple[StraightReturn, ...]:
 
 
 def return_airspace(mission: Mission) -> Airspace:
-    """What the autopilot's own return may cut: as drawn, at the altitudes where it flies."""
+    """The airspace that PX4's own Return may cut: zones as drawn, at its altitudes."""
     every = Airspace(
         mission.fences, (*mission.zones, *mission.climb_corridors), mission.planner.clearance_m
     )

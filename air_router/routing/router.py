@@ -1,9 +1,8 @@
-"""Routes from where the vehicle is to a waypoint or any other point, every leg checked.
+"""Plans routes from the vehicle's position to a waypoint or any point; every leg is checked.
 
-The mission chooses between two planners (`planner.kind`): on the waypoint graph, as the paper does,
-or the shortest there is. Both are exact: every leg is clear in the mission's planning airspace, and
-the first one satisfies the rule of departure: what it may do when the vehicle is where it should
-not be, or moves, is in `departure`.
+The mission chooses the planner (`planner.kind`): on the waypoint graph, as in the paper, or the
+shortest path. Both are exact: every leg is clear in the mission's planning airspace, and the first
+leg follows the rules in `departure`.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ from geo.frame import Point
 from geo.paths import barriers
 
 _START = -1
-"""Stands for where the vehicle is among the nodes of a way."""
+"""Represents the vehicle's position among the nodes of a way."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A straight leg to a point; `node` is its waypoint number (0: home), None if it is no node."""
+    """A straight leg to a point; `node`: its waypoint number (0: home), None: no node."""
 
     to: Point
     node: int | None = None
@@ -41,7 +40,7 @@ class Leg:
 class Route:
     """Legs from the start to the goal, and their length.
 
-    `warnings` says what is wrong with where the vehicle is now; the route leaves it at once.
+    `warnings` are about the vehicle's current position, which the route leaves at once.
     """
 
     legs: tuple[Leg, ...]
@@ -51,24 +50,24 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class NoRoute:
-    """There is no route: why, and the names of the zones (or of the fence) in the way."""
+    """There is no route: the reason, and the zones (or the fence) in the way."""
 
-    reason: str  # in words
+    reason: str  # as text
     blockers: tuple[str, ...] = ()  # names of zones, or of the fence
 
 
 class Router:
-    """Finds routes, in the way that the mission asks for.
+    """Plans routes with the mission's planner.
 
     Args:
-        graph: the mission's waypoint graph.
+        graph: The mission's waypoint graph.
     """
 
     def __init__(self, graph: WaypointGraph) -> None:
         self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace  # with the tracking margin
-        # A first leg keeps the whole tracking margin; where that is too much to ask, what it needs.
+        # A first leg keeps the whole tracking margin if possible, else the margin that it needs.
         tracking, most_m = graph.mission.tracking, self._airspace.margin_m
         self._flown = self._airspace.with_margin(min(tracking.flown_m, most_m))  # from hovering
         self._turned = self._airspace.with_margin(min(tracking.turned_m, most_m))  # at speed
@@ -88,14 +87,14 @@ class Router:
         """The shortest known route.
 
         Args:
-            start: where the vehicle is.
-            goal: a node of the graph, or any point.
-            momentum: what the vehicle flies on by itself; None if it stands.
-            pending: where it was sent before, and goes on to until it follows a new command.
+            start: The vehicle's position.
+            goal: A node of the graph, or any point.
+            momentum: How far the vehicle coasts; None: it hovers.
+            pending: Ends of earlier legs that it may still fly to until it follows a new command.
 
         Returns:
-            A Route whose legs are all clear by the rules above, or NoRoute with the reason: the
-            goal is not clear, zones separate start and goal, no first leg is clear at this speed.
+            A Route with clear legs, or NoRoute with the reason: the goal is not clear, zones
+            separate start and goal, or no first leg is clear at this speed.
         """
         target = self._goal(goal)
         whole = Departure(self._airspace, self._paths, start, momentum, pending)
@@ -124,7 +123,7 @@ class Router:
         momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] = (),
     ) -> bool:
-        """Whether the vehicle, now at `start`, may be sent straight to `end`."""
+        """Whether the vehicle at `start` may fly straight to `end`."""
         whole = Departure(self._airspace, self._paths, start, momentum, pending)
         if whole.clear(end):
             return True
@@ -134,20 +133,20 @@ class Router:
         return half.leads_out(end)
 
     def _needed(self, momentum: Momentum | None, pending: Sequence[PendingSetpoint]) -> Airspace:
-        """With the margin that a first leg needs: more of one that begins at speed."""
+        """The airspace with the margin of a first leg: larger for a moving vehicle."""
         speed_m_s = 0.0 if momentum is None else math.hypot(*momentum.velocity_m_s)
         return self._turned if pending or speed_m_s >= STANDING_M_S else self._flown
 
     def off_cruise(self, altitude_m: float, swept: Sequence[Point]) -> NoRoute | None:
-        """Why a leg is not clear that begins off the cruise altitudes; None if it is.
+        """Why a leg that starts off the cruise altitudes is not clear; None if it is.
 
-        The vehicle climbs or sinks on its way to the cruise altitudes: which part of the leg is
-        low, or high, is not known, so whatever applies from there to them counts over all of it,
-        but for zones that it is in already: it leaves them.
+        The vehicle climbs or descends to the cruise altitudes on this leg, at an unknown place. So
+        all zones between its altitude and the cruise altitudes count along the whole leg, except
+        zones that it is in already and leaves.
 
         Args:
-            altitude_m: how high above home the vehicle is.
-            swept: what it may sweep, from where it is to the end of the leg.
+            altitude_m: The vehicle's altitude above home.
+            swept: Corners of the area that it may sweep, from its position to the end of the leg.
         """
         mission = self._mission
         low = altitude_m < mission.cruise.lower_m
@@ -167,9 +166,9 @@ class Router:
         )
 
     def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
-        """Straight there where that is clear, else on the graph if the mission says so.
+        """The straight leg if it is clear, else a way on the graph if the mission uses it.
 
-        Else, and where the graph has no way, it is the shortest clear one.
+        Otherwise, or without a way on the graph, the shortest clear way.
         """
         if rule.allows(target.to):
             return [target]
@@ -182,7 +181,7 @@ class Router:
         return None if path is None else [*map(Leg, path[1:-1]), target]
 
     def _ways_out(self, rule: Departure) -> Iterator[tuple[Point, ...]]:
-        """To clear places around a start that is not clear: straight ones, nearest first."""
+        """Straight ways from a start that is not clear to clear places, nearest first."""
         for place in self._paths.exits(rule.start):
             if rule.allows(place):
                 yield (place,)
@@ -198,12 +197,12 @@ class Router:
         return Leg(goal)
 
     def _bad_goal(self, target: Leg) -> NoRoute:
-        holders = self._airspace.zones_at(target.to)
+        zones = self._airspace.zones_at(target.to)
         spare_m, name = self._airspace.clearance_left_m(target.to)
-        if FENCE in holders:
-            return NoRoute("the goal lies outside of the fence", holders)
-        if holders:
-            return NoRoute(f"the goal lies inside {names_of(holders)}", holders)
+        if FENCE in zones:
+            return NoRoute("the goal lies outside the fence", zones)
+        if zones:
+            return NoRoute(f"the goal lies inside {names_of(zones)}", zones)
         kept_m = self._airspace.required_m(name)
         return NoRoute(
             f"the goal is {kept_m + spare_m:.1f} m from {names_of((name,))}, "
@@ -241,16 +240,17 @@ def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...] = ()) ->
 
 @lru_cache(maxsize=8)
 def _with_margin(airspace: Airspace, margin_m: float, without: frozenset[str]) -> Airspace:
-    """Kept for the next leg that begins off the cruise altitudes."""
+    """Cached for the next leg that starts off the cruise altitudes."""
     zones = [zone for zone in airspace.zones if zone.name not in without]
     kept = Airspace(airspace.fences, zones, airspace.clearance_m) if without else airspace
     return kept.with_margin(margin_m)
 
 
 class WaypointPlanner:
-    """The paper's: onto the waypoint graph, along it, and off it at the goal.
+    """The paper's planner: onto the waypoint graph, along it, and off it at the goal.
 
-    Legs onto the graph and off it are as long as its edges at most, unless no node is seen so near.
+    Legs onto and off the graph are at most as long as its edges, unless no node is visible that
+    near.
     """
 
     def __init__(self, graph: WaypointGraph) -> None:
@@ -261,13 +261,13 @@ class WaypointPlanner:
     def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:
         """The legs in order, the target last.
 
-        None where start or goal see no waypoint, or none that the graph joins.
+        None if start or goal have no visible waypoint, or the graph does not connect them.
         """
         way = self._way(rule, target)
         if way is None:
             return None
         first = self._graph.position(way[0])
-        there = first == rule.start and not rule.special  # nothing to fly, no leg
+        there = first == rule.start and not rule.special  # already there
         legs = [] if there else [Leg(first, way[0])]
         for before, node in pairwise(way):
             legs += map(Leg, self._graph.via(before, node))
@@ -275,7 +275,7 @@ class WaypointPlanner:
         return legs if target.node is not None else [*legs, target]
 
     def _way(self, rule: Departure, target: Leg) -> list[int] | None:
-        """The nodes of the shortest way from those that the start sees to those that the goal sees.
+        """The nodes of the shortest way from the start's visible nodes to the goal's.
 
         A* with the straight distance to the goal.
         """
@@ -284,10 +284,12 @@ class WaypointPlanner:
         if target.node is not None:
             leaving = {target.node}
         else:
-            leaving = self._seen(target.to, lambda ends: self._airspace.legs_clear(target.to, ends))
+            leaving = self._visible(
+                target.to, lambda ends: self._airspace.legs_clear(target.to, ends)
+            )
         if not leaving:
             return None
-        entering = self._seen(rule.start, rule.allowed)
+        entering = self._visible(rule.start, rule.allowed)
         queue = []
         for node in entering:
             away_m = math.dist(rule.start, graph.position(node))
@@ -299,7 +301,7 @@ class WaypointPlanner:
             if node in came_from:
                 continue
             came_from[node] = before
-            if node in leaving:  # what it is estimated by is the way from there: none is shorter
+            if node in leaving:  # the remaining way is exact here
                 return _trace(came_from, node)
             for other, length_m in graph.neighbours[node]:
                 if other not in came_from:
@@ -307,14 +309,14 @@ class WaypointPlanner:
                     heapq.heappush(queue, (reach_m + to_goal_m[other], reach_m, other, node))
         return None
 
-    def _seen(self, place: Point, ask: Callable[[list[Point]], list[bool]]) -> set[int]:
-        """The nodes seen from a place, no farther than edges are long; else any that are seen."""
+    def _visible(self, place: Point, check: Callable[[list[Point]], list[bool]]) -> set[int]:
+        """The visible nodes within edge length of a place; if there are none, any visible node."""
         near = self._distances_m(place) <= self._max_edge_m
         for nodes in (np.flatnonzero(near).tolist(), np.flatnonzero(~near).tolist()):
-            answers = ask([self._graph.position(node) for node in nodes])
-            seen = {node for node, ok in zip(nodes, answers, strict=True) if ok}
-            if seen:
-                return seen
+            are_clear = check([self._graph.position(node) for node in nodes])
+            visible = {node for node, ok in zip(nodes, are_clear, strict=True) if ok}
+            if visible:
+                return visible
         return set()
 
     def _distances_m(self, place: Point) -> npt.NDArray[np.float64]:

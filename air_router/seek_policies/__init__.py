@@ -2,31 +2,12 @@
 
 A policy is a class that can be made without arguments, with `foresees`, `order` and `place`
 (`Policy`), registered as an entry point of the group `air_router.seek_policies`, or named by the
-mission as `package.module:Class`:
+mission as `package.module:Class`. `python -m air_router.seek_policies` prints one to begin with
+(`template.py`); `testing` has the contract as checks for its tests; docs/seeking.md says what a
+policy may see, and CONTRIBUTING.md has the recipe.
 
-    class Nearest:
-        foresees = False
-
-        def order(self, targets: TargetList, context: SeekContext) -> list[SearchPlace]:
-            ordered = []
-            for group in targets.groups(context.now_s):
-                places = [self.place(robot, targets, context) for robot in group]
-                ordered += sorted(places, key=lambda place: self._flight_s(place, context))
-            return ordered
-
-        def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
-            return targets.place(robot, context.now_s)
-
-        def _flight_s(self, place: SearchPlace, context: SeekContext) -> float:
-            return context.flight_s(place.position or context.unseen)
-
-`targets` says what is known of each robot, `context` how long flights take, where radios were
-received, and what is mapped; all are read only.
-Places are metres east and north of the mission's origin, times seconds of the vehicle's clock.
-`targets.groups` keeps robots that are lost, and those that another UAV seeks, behind the others;
-the robot whose turn was last comes last in its group. `SearchPlace.over` names robots that are
-flown over on the way. A policy decides in milliseconds, by its arguments alone: no clock, file or
-random number. CONTRIBUTING.md has the recipe.
+Places are metres east and north of the mission's origin, times seconds of the vehicle's clock. A
+policy decides in milliseconds, by its arguments alone: no clock, file or random number.
 """
 
 from air_router.controller.targets import (
@@ -39,10 +20,10 @@ from air_router.controller.targets import (
     SeekContext,
     SeekPolicyError,
     Sighting,
-    Stop,
     TargetList,
     TargetTrack,
     Tour,
+    TourStop,
     policy_of,
 )
 from geo.frame import Point
@@ -58,9 +39,9 @@ __all__ = [
     "SeekContext",
     "SeekPolicyError",
     "Sighting",
-    "Stop",
     "TargetList",
     "TargetTrack",
     "Tour",
+    "TourStop",
     "policy_of",
 ]

@@ -54,7 +54,7 @@ from mocha_link.path_safety import made_folder
     type=Parsed(speed_factor),
     metavar="X",
     default=1.0,
-    help="largest speed, times real time, 0.1 to 100 (default 1); the simulation waits for the "
+    help="speed limit, times real time, 0.1 to 100 (default 1); the simulation waits for the "
     "slowest process",
 )
 @option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
@@ -67,8 +67,9 @@ from mocha_link.path_safety import made_folder
 @px4_version_option("our simulated one behaves as")
 def run(arguments: Options) -> int:
     """Fly in a world of its own, and report on stdout."""
-    if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
-        raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
+    for package in ("mavsdk", "pymavlink"):  # the flight and the world are other processes
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtraError("the simulated world", package, "sim", "air-router")
     arguments.mission = demo_or(arguments.mission)
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     check_world(arguments.mission, arguments.rover)
@@ -134,7 +135,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
         SimWorld(arguments.mission, options, folder, mission.layers) as world,
     ):
         commands = {
-            seat.uav: _command(seat, index, world, arguments)
+            seat.uav: command_of(seat, index, world, arguments)
             for index, seat in enumerate(world.seats)
         }
         flights = Flights(commands, overhear=overhear)
@@ -149,7 +150,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
     return code
 
 
-def _command(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
+def command_of(seat: SimVehicle, index: int, world: SimWorld, arguments: Options) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
     command += ["--connect", seat.url, "--sysid", str(seat.system_id)]

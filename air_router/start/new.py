@@ -150,7 +150,7 @@ _FOLDER, *_ASKED = _QUESTIONS
 
 
 @command(
-    "Make a folder with a mission, its team, a world to simulate and a rover's program. The "
+    "Make a folder with a mission, its team, a simulated world and a rover's program. The "
     "command asks on the terminal for what no option gives. Nothing is overwritten.",
     _EPILOG,
 )

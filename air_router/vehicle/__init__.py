@@ -1,4 +1,4 @@
-"""The port through which a flight sees and commands its vehicle."""
+"""The interface through which a flight observes and commands its vehicle."""
 
 from mocha_link.lazy import door
 
@@ -10,16 +10,16 @@ __getattr__, __dir__, __all__ = door(
         "clock": ("VehicleClock", "loop_s"),
         "height_frame": ("HeightFrame", "HomeMove"),
         "input_limits": (
-            "CALM",
+            "INPUTS_NOMINAL",
             "INPUT_ALARMS",
-            "InputNews",
+            "InputAnnouncement",
             "InputStatus",
             "InputWatch",
             "NO_FIX",
-            "Stop",
+            "InputResponse",
         ),
         "instructions": (
-            "ASK_AGAIN",
+            "REQUEST_AGAIN",
             "BE_READY",
             "BE_READY_AT_HOME",
             "BRING_HOME_BY_HEIGHT",
@@ -40,7 +40,7 @@ __getattr__, __dir__, __all__ = door(
             "KEEP_CLEAR",
             "LAND_AND_START_AGAIN",
             "LAND_BY_HAND",
-            "NEARER_THAN_IT_SAYS",
+            "CLEARANCE_UNCERTAIN",
             "NO_OTHER_HOME",
             "NO_OTHER_SPEED",
             "NO_UPLOADS",

@@ -1,7 +1,7 @@
-"""Which vehicles are flown: by the type and the autopilot that a HEARTBEAT names. Pure.
+"""Which vehicles are flown, by type and autopilot in HEARTBEAT. Pure.
 
-A plan for a multicopter is none for another vehicle: a fixed wing does not hover at a node, a VTOL
-may change into one on a leg, and modes of another autopilot have other numbers.
+A multicopter's plan does not fit other vehicles: a fixed wing cannot hover at a node, a VTOL may
+transition on a leg, and another autopilot numbers its modes differently.
 """
 
 from collections import deque
@@ -10,7 +10,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final
 
-from air_router.vehicle.limits import ANOTHER_TYPE_AMONG, ANOTHER_TYPE_GONE, ANOTHER_TYPE_HEARTBEATS
+from air_router.vehicle.limits import (
+    ANOTHER_TYPE_CLEARED,
+    ANOTHER_TYPE_HEARTBEATS,
+    ANOTHER_TYPE_WINDOW,
+)
 
 MULTICOPTERS: Final[Mapping[int, str]] = MappingProxyType(
     {
@@ -48,12 +52,12 @@ PX4: Final = 12  # MAV_AUTOPILOT
 _AUTOPILOTS: Final = MappingProxyType({3: "ArduPilot", PX4: "PX4"})
 
 SET_UP: Final = "connect a multicopter; if this is one, choose its airframe (MAV_TYPE) in PX4"
-"""What to do about another vehicle."""
+"""The operator's action for another vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Airframe:
-    """What a vehicle says that it is.
+    """The type of vehicle, as it reports it.
 
     Attributes:
         kind: HEARTBEAT.type, a MAV_TYPE.
@@ -67,7 +71,7 @@ class Airframe:
 
     @property
     def words(self) -> str:
-        """Its type in words."""
+        """The type as text."""
         if self.kind in VTOLS or self.vtol:
             return "VTOL"
         other = _OTHERS.get(self.kind, f"vehicle of MAV_TYPE {self.kind}")
@@ -88,31 +92,31 @@ class Airframe:
 
 @dataclass(slots=True, eq=False)
 class AirframeWatch:
-    """Follows what HEARTBEATs name, so that neither a stray one counts nor two that take turns.
+    """Tracks the type in HEARTBEATs, robust to stray frames and to two vehicles in turns.
 
     Attributes:
-        airframe: As it was named last; while `why_not` stands, the one that it is about.
-        why_not: Why no mission is flown with what is on the link; None: nothing stands against it.
+        airframe: The last reported type; with `why_not`, the type it concerns.
+        why_not: Why no mission is flown with the vehicle on the link; None: it may fly.
     """
 
     airframe: Airframe = field(default_factory=Airframe)
     why_not: str | None = None
-    _vtol: bool = False  # as EXTENDED_SYS_STATE said last
-    _latest: deque[Airframe] = field(  # as named
-        default_factory=lambda: deque(maxlen=ANOTHER_TYPE_GONE)
+    _vtol: bool = False  # by the last EXTENDED_SYS_STATE
+    _latest: deque[Airframe] = field(  # latest reported types
+        default_factory=lambda: deque(maxlen=ANOTHER_TYPE_CLEARED)
     )
 
     def state(self, fields: Mapping[str, Any]) -> None:
-        """Take an EXTENDED_SYS_STATE."""
+        """Handle an EXTENDED_SYS_STATE."""
         self._vtol = bool(fields.get("vtol_state"))
 
     def heartbeat(self, fields: Mapping[str, Any]) -> bool:
-        """Take a HEARTBEAT; whether `why_not` is another."""
+        """Handle a HEARTBEAT; return whether `why_not` has changed."""
         named = Airframe(fields["type"], fields["autopilot"], self._vtol)
         self._latest.append(named)
         before = self.why_not
         others = [other for other in self._latest if other.why_not_flown is not None]
-        lately = sum(other in others for other in list(self._latest)[-ANOTHER_TYPE_AMONG:])
+        lately = sum(other in others for other in list(self._latest)[-ANOTHER_TYPE_WINDOW:])
         if lately >= ANOTHER_TYPE_HEARTBEATS:
             self.airframe = others[-1]
             self.why_not = self.airframe.why_not_flown

@@ -1,7 +1,7 @@
-"""Whether what a battery says is believed: one message with 0 % ends no mission.
+"""Filters battery reports, so a single message with 0 % ends no mission.
 
-Pure. A charge that falls as batteries do is believed at once. One that jumps is believed once it
-has said so for some seconds, or where the voltage has jumped with it.
+Pure. A charge that falls at a normal rate is accepted at once. A charge that jumps is accepted
+after some seconds, or if the voltage has dropped with it.
 """
 
 import math
@@ -13,31 +13,31 @@ from air_router.vehicle.vehicle import Telemetry
 
 @dataclass(slots=True, eq=False)
 class BatteryWatch:
-    """Takes the charge of every telemetry in.
+    """Filters the charge of every telemetry update.
 
     Attributes:
-        charge: As it is believed, 0 to 1; None: unknown.
-        doubted: What it says instead, since its jump; None: nothing is doubted.
+        charge: The accepted charge, 0 to 1; None: unknown.
+        doubted: The reported charge after a jump that is not accepted yet; None: there is none.
     """
 
     charge: float | None = None
     doubted: float | None = None
-    _since_s: float = 0.0  # of the jump, vehicle's clock
-    _voltage_v: float | None = None  # with the last charge that was believed
+    _since_s: float = 0.0  # time of the jump, vehicle's clock
+    _voltage_v: float | None = None  # at the last accepted charge
 
     def take(self, telemetry: Telemetry) -> float | None:
-        """Take the next telemetry in; the charge that is believed."""
-        told, now_s = telemetry.battery, telemetry.told_s
-        if told is None:
+        """Handle the next telemetry; return the accepted charge."""
+        reported, now_s = telemetry.battery, telemetry.received_s
+        if reported is None:
             self.charge = self.doubted = None
             return None
-        if self.charge is None or abs(told - self.charge) <= CHARGE_JUMP:
-            return self._believe(telemetry, told)
-        if self.doubted is None or abs(told - self.doubted) > CHARGE_JUMP:
-            self.doubted, self._since_s = told, now_s
-        self.doubted = told
+        if self.charge is None or abs(reported - self.charge) <= CHARGE_JUMP:
+            return self._believe(telemetry, reported)
+        if self.doubted is None or abs(reported - self.doubted) > CHARGE_JUMP:
+            self.doubted, self._since_s = reported, now_s
+        self.doubted = reported
         if now_s - self._since_s >= CHARGE_BELIEVED_S or self._sags(telemetry):
-            return self._believe(telemetry, told)
+            return self._believe(telemetry, reported)
         return self.charge
 
     def _sags(self, telemetry: Telemetry) -> bool:
@@ -46,6 +46,6 @@ class BatteryWatch:
             return False
         return now_v <= (1.0 - VOLTAGE_DROP) * before_v
 
-    def _believe(self, telemetry: Telemetry, told: float) -> float:
-        self.charge, self.doubted, self._voltage_v = told, None, telemetry.voltage_v
-        return told
+    def _believe(self, telemetry: Telemetry, reported: float) -> float:
+        self.charge, self.doubted, self._voltage_v = reported, None, telemetry.voltage_v
+        return reported

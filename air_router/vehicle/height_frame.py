@@ -1,8 +1,8 @@
-"""The home that the heights of a flight count from, while the autopilot's own may move. Pure.
+"""The home of the take-off, the reference of a flight's altitudes, although PX4's home may move.
 
-A PX4 flies the heights of its plan above the home that it has now. Any ground station may move
-that in flight, and the vehicle climbs or sinks by as much. What was planned and checked counts
-from the home of the take-off: that one is kept here, and what the vehicle says is told from it.
+Pure. PX4 flies its plan's altitudes above its current home. Any ground station may move that home
+in flight, and the vehicle climbs or descends by as much. The plan was checked relative to the home
+of the take-off. It is stored here, and reported altitudes are converted to it.
 """
 
 import math
@@ -15,7 +15,7 @@ from geo.frame import Point
 
 
 class HomeMove(NamedTuple):
-    """By how much, in metres, the autopilot's home is away from that of the take-off."""
+    """The offset, in meters, of PX4's home from the home of the take-off."""
 
     east_m: float
     north_m: float
@@ -23,11 +23,11 @@ class HomeMove(NamedTuple):
 
     @property
     def changes_heights(self) -> bool:
-        """Whether the items of the plan lie at other heights by it."""
+        """Whether it changes the altitudes of the plan's items."""
         return abs(self.up_m) > HOME_MOVED_UP_M
 
     def words(self, before_amsl_m: float | None) -> str:
-        """How far, and where to; `before_amsl_m` is how high home was above mean sea level."""
+        """The offset as text; `before_amsl_m` is home's altitude before, above mean sea level."""
         words = []
         if self.changes_heights:
             words.append(f"{abs(self.up_m):.0f} m {'up' if self.up_m > 0 else 'down'}")
@@ -42,19 +42,21 @@ class HomeMove(NamedTuple):
 
 @dataclass(slots=True)
 class HeightFrame:
-    """Keeps the home of the take-off.
+    """Stores the home of the take-off.
 
     Attributes:
-        home: Its place, metres east/north; None until the vehicle told it.
-        home_amsl_m: Its height above mean sea level; None until the vehicle was heard.
-        moved: By how much the autopilot's home is off it; None while it is the same.
+        home: Its position, meters east/north; None until the vehicle sent it.
+        home_amsl_m: Its altitude above mean sea level; None until the vehicle sent it.
+        moved: The offset of PX4's home from it; None while both are the same.
     """
 
     home: Point | None = None
     home_amsl_m: float | None = None
     moved: HomeMove | None = None
     _flew: bool = False  # since it was armed
-    _heard: tuple[float, float, Point | None] | None = None  # the last arguments of `altitude_m`
+    _last_report: tuple[float, float, Point | None] | None = (
+        None  # the last arguments of `altitude_m`
+    )
 
     def altitude_m(
         self,
@@ -65,17 +67,17 @@ class HeightFrame:
         armed: bool,
         in_air: bool,
     ) -> float:
-        """How high the vehicle is above the home of the take-off.
+        """The vehicle's altitude above the home of the take-off.
 
-        Until the take-off that is the home that the autopilot has. One that lies clearly higher or
-        lower than a vehicle on the ground is none to take off from: the ground counts then.
+        Until the take-off this is PX4's home. If PX4's home is clearly higher or lower than a
+        vehicle on the ground, the ground counts instead.
 
         Args:
-            amsl_m: Its height above mean sea level, and
-            above_home_m: above the autopilot's home of now, both of one message.
-            home: Where the autopilot's home is, metres east/north; None if it is not known.
-            armed: Whether its motors may turn.
-            in_air: Whether it flies.
+            amsl_m: Its altitude above mean sea level.
+            above_home_m: Its altitude above PX4's current home, from the same message.
+            home: Position of PX4's home, meters east/north; None: unknown.
+            armed: Whether the vehicle is armed.
+            in_air: Whether the vehicle is in the air.
         """
         self._flew = (self._flew and armed) or in_air
         now_m = amsl_m - above_home_m
@@ -84,22 +86,22 @@ class HeightFrame:
             self.home, self.home_amsl_m = home, amsl_m if grounded else now_m
         if self.home is None:
             self.home = home
-        self._heard = (amsl_m, above_home_m, home)
-        return self._above_take_off(*self._heard)
+        self._last_report = (amsl_m, above_home_m, home)
+        return self._above_take_off(*self._last_report)
 
     def took_off_from(self, home_amsl_m: float) -> float | None:
-        """A companion before this one knew how high home was at the take-off: count from there.
+        """Use the home altitude of the take-off that an earlier companion recorded.
 
-        Returns how high the vehicle is above it, as heard last; None before it was heard.
+        Returns the vehicle's last altitude above it; None: no position was received yet.
         """
         self.home_amsl_m = home_amsl_m
-        return None if self._heard is None else self._above_take_off(*self._heard)
+        return None if self._last_report is None else self._above_take_off(*self._last_report)
 
     def above_m(self, amsl_m: float | None) -> float | None:
-        """How high above that home another height is; None: unknown."""
-        if self._heard is None or amsl_m is None:
+        """Convert an altitude above mean sea level to one above that home; None: unknown."""
+        if self._last_report is None or amsl_m is None:
             return None
-        return amsl_m - self._heard[0] + self._above_take_off(*self._heard)
+        return amsl_m - self._last_report[0] + self._above_take_off(*self._last_report)
 
     def _above_take_off(self, amsl_m: float, above_home_m: float, home: Point | None) -> float:
         home_amsl_m = self.home_amsl_m or 0.0

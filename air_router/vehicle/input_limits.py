@@ -1,6 +1,6 @@
-"""What follows when one input is missing while the vehicle says other things: one table.
+"""The responses to a missing input while others are received, as one table.
 
-Pure: ages come with the telemetry, the time with the event.
+Pure: ages are part of the telemetry.
 """
 
 import math
@@ -22,8 +22,8 @@ from air_router.vehicle.vehicle import Telemetry
 NO_FIX: Final = "GPS has no fix"
 
 
-class Stop(Enum):
-    """What is done about the flight while an input is missing for too long."""
+class InputResponse(Enum):
+    """The response while an input has been missing for too long."""
 
     NONE = "the mission goes on"
     HOLD = "holding"
@@ -35,42 +35,42 @@ class InputLimit:
     """One row of the table; times in seconds on the vehicle's clock.
 
     Attributes:
-        words: What is missing, for pilots.
-        message: In which MAVLink messages it comes.
-        age: The field of `Ages` that counts it.
-        told_s: It is announced.
-        stop_s: No leg begins any more, and what `stop` says is done; None: never.
-        home_s: The mission ends; None: never.
-        home_without: Home is flown though it is still missing.
-        instruction: What the pilot or the operator does.
-        why: Why so.
+        words: The input's name, for pilots.
+        message: The MAVLink messages that carry it.
+        age: Its field in `Ages`.
+        announce_s: Age at which it is announced.
+        stop_s: Age at which no further leg starts and the response is `stop`; None: never.
+        home_s: Age at which the mission ends; None: never.
+        home_without: The vehicle comes home even if it is still missing.
+        instruction: Action of the pilot or the operator.
+        why: The reason for this response.
     """
 
     words: str
     message: str
     age: str
-    told_s: float
+    announce_s: float
     home_s: float | None
     instruction: Instruction
     why: str
-    stop: Stop = Stop.NONE
+    stop: InputResponse = InputResponse.NONE
     stop_s: float | None = None
     home_without: bool = True
 
     def ends(self, age_s: float) -> bool:
-        """Whether the mission ends for it."""
+        """Whether the mission ends at this age."""
         return self.home_s is not None and age_s >= self.home_s
 
-    def stop_at(self, age_s: float) -> Stop:
-        """What is done at this age."""
+    def stop_at(self, age_s: float) -> InputResponse:
+        """The response at this age."""
         if self.stop_s is None or age_s < self.stop_s:
-            return Stop.NONE
-        return Stop.NONE if self.home_without and self.ends(age_s) else self.stop
+            return InputResponse.NONE
+        return InputResponse.NONE if self.home_without and self.ends(age_s) else self.stop
 
     def then(self, age_s: float) -> str:
-        """What is done, or comes next, in words."""
+        """The current or next response, as text."""
         stop = self.stop_at(age_s)
-        if stop is not Stop.NONE:
+        if stop is not InputResponse.NONE:
             return str(stop.value)
         if self.ends(age_s):
             return "the mission ends"
@@ -84,93 +84,93 @@ LIMITS: Final = (
         "position",
         "GLOBAL_POSITION_INT",
         "position_s",
-        told_s=2.0,
-        stop=Stop.HOLD,
+        announce_s=2.0,
+        stop=InputResponse.HOLD,
         stop_s=2.0,
         home_s=30.0,
         home_without=False,
         instruction=TAKE_OVER_BLIND,
-        why="legs are checked from where the vehicle is: home is flown once it is known again",
+        why="legs are checked from the vehicle's position: it comes home once that is known again",
     ),
     InputLimit(
         "flight mode",
         "HEARTBEAT, CURRENT_MODE",
         "mode_s",
-        told_s=FLIGHT_MODE_S,
-        stop=Stop.SILENT,
+        announce_s=FLIGHT_MODE_S,
+        stop=InputResponse.SILENT,
         stop_s=FLIGHT_MODE_S,
         home_s=None,
         instruction=CHECK_LINK,
-        why="a pilot may have taken the vehicle",
+        why="a pilot may have taken over",
     ),
     InputLimit(
         "heartbeat",
         "HEARTBEAT",
         "armed_s",
-        told_s=5.0,
+        announce_s=5.0,
         home_s=30.0,
         instruction=CHECK_STREAMS,
-        why="neither disarming nor a failsafe may show; on the ground it counts as disarmed",
+        why="disarming or a failsafe may go unnoticed; a landed vehicle counts as disarmed",
     ),
     InputLimit(
         "GPS status",
         "GPS_RAW_INT",
         "fix_s",
-        told_s=5.0,
-        stop=Stop.HOLD,
+        announce_s=5.0,
+        stop=InputResponse.HOLD,
         stop_s=10.0,
         home_s=30.0,
         instruction=TAKE_OVER_BLIND,
-        why="the fix may be lost; home is flown by the positions, which still come",
+        why="the fix may be lost; positions are still received, so the vehicle comes home by them",
     ),
     InputLimit(
         "battery",
         "SYS_STATUS",
         "battery_s",
-        told_s=5.0,
+        announce_s=5.0,
         home_s=30.0,
         instruction=WATCH_BATTERY,
-        why="the reserve cannot be watched",
+        why="the reserve cannot be monitored",
     ),
     InputLimit(
         "plan item",
         "MISSION_CURRENT",
         "item_s",
-        told_s=5.0,
+        announce_s=5.0,
         home_s=60.0,
         instruction=CHECK_STREAMS,
-        why="a jump does not show: after four, legs are flown as points",
+        why="a jump cannot be confirmed: after four, legs are flown by position setpoints",
     ),
     InputLimit(
         "landed state",
         "EXTENDED_SYS_STATE",
         "landed_s",
-        told_s=5.0,
+        announce_s=5.0,
         home_s=60.0,
         instruction=CHECK_STREAMS,
-        why="armed and 5 m above home it counts as in the air, disarmed as on the ground",
+        why="armed and 5 m above home counts as in the air, disarmed as on the ground",
     ),
 )
-"""Every input that a flight rests on; the gravest first."""
+"""Every input that a flight depends on; the most severe first."""
 
-INPUT_ALARMS: Final = frozenset({NO_FIX, *(f"{limit.words} not heard" for limit in LIMITS)})
-"""What is alarmed of while it stops the vehicle."""
+INPUT_ALARMS: Final = frozenset({NO_FIX, *(f"{limit.words} not received" for limit in LIMITS)})
+"""Subjects of the alarms while an input stops the vehicle."""
 
 _ages = attrgetter(*(limit.age for limit in LIMITS))
-_TOLD_S: Final = tuple(limit.told_s for limit in LIMITS)
-"""From which age on an input is missing at all; the other limits are no lower."""
+_ANNOUNCE_S: Final = tuple(limit.announce_s for limit in LIMITS)
+"""The age from which an input is missing; the other limits are no lower."""
 
 
-class InputNews(NamedTuple):
+class InputAnnouncement(NamedTuple):
     """What to announce.
 
     Attributes:
-        what: Is missing, or is back.
-        then: What is done about it; empty: nothing.
-        instruction: What the pilot or the operator does; None: it is back.
-        alarms: The pilot has to act now: the vehicle waits for it.
-        about: What is alarmed of, as in `InputWatch.stopped`.
-        age_s: For how long it has been missing.
+        what: The input that is missing or received again.
+        then: The response; empty: none.
+        instruction: Action of the pilot or the operator; None: it is received again.
+        alarms: The pilot has to act now: the vehicle waits for the input.
+        about: Subject of the alarm, as in `InputWatch.stopped`.
+        age_s: How long it has been missing.
     """
 
     what: str
@@ -185,73 +185,81 @@ class InputStatus(NamedTuple):
     """What the inputs allow now.
 
     Attributes:
-        stop: What is done meanwhile, and `why`.
-        back: Legs may begin again, just now.
-        home_why: Why the mission ends, if it does for that.
-        news: What to announce.
+        stop: The response meanwhile, with `why`.
+        back: Legs may start again from now on.
+        home_why: Why the mission ends for a missing input; None: it does not.
+        announcements: Announcements that are due.
     """
 
-    stop: Stop
+    stop: InputResponse
     why: str
     back: bool
     home_why: str | None
-    news: tuple[InputNews, ...]
+    announcements: tuple[InputAnnouncement, ...]
 
 
-CALM: Final = InputStatus(Stop.NONE, "", back=False, home_why=None, news=())
+INPUTS_NOMINAL: Final = InputStatus(
+    InputResponse.NONE, "", back=False, home_why=None, announcements=()
+)
 
 
 @dataclass(slots=True, eq=False)
 class InputWatch:
-    """Looks at the ages in every telemetry, and at whether GPS has a fix.
+    """Checks the ages and the GPS fix in every telemetry update.
 
     Attributes:
-        stopped: What no leg begins without, and is missing or not back for long enough.
-        silent: Nothing is commanded meanwhile: a pilot may have taken the vehicle.
+        stopped: Inputs that are missing, or not yet back for long enough, and stop legs.
+        silent: Nothing is commanded meanwhile: a pilot may have taken over.
     """
 
-    stopped: dict[str, Stop] = field(default_factory=dict)
+    stopped: dict[str, InputResponse] = field(default_factory=dict)
     silent: bool = False
-    # by what is missing: announced, when
-    _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
-    _good_since_s: float | None = None  # since when the fix is good again
-    _no_fix_since_s: float = 0.0  # since when it has none, as announced
-    _alarmed_of_fix: bool = False  # of this loss
+    # by input: whether it stops the vehicle, time announced
+    _announced: dict[str, tuple[bool, float]] = field(default_factory=dict)
+    _good_since_s: float | None = None  # the fix is good again since
+    _no_fix_since_s: float = 0.0  # without a fix since, as announced
+    _alarmed_of_fix: bool = False  # alarm raised for this loss
 
-    def look(self, telemetry: Telemetry) -> InputStatus:
-        """Take the next telemetry in."""
-        waits = not telemetry.fix or self.stopped or self._told
-        if not waits and all(map(lt, _ages(telemetry.ages), _TOLD_S)):
-            return CALM
-        missing: dict[str, Stop] = {}
-        news: list[InputNews] = []
+    def update(self, telemetry: Telemetry) -> InputStatus:
+        """Check the next telemetry."""
+        waits = not telemetry.fix or self.stopped or self._announced
+        if not waits and all(map(lt, _ages(telemetry.ages), _ANNOUNCE_S)):
+            return INPUTS_NOMINAL
+        missing: dict[str, InputResponse] = {}
+        announcements: list[InputAnnouncement] = []
         home_why = None
         if not telemetry.fix:
-            missing[NO_FIX] = Stop.HOLD
-            news += self._told_of_fix(telemetry.told_s)
+            missing[NO_FIX] = InputResponse.HOLD
+            announcements += self._announce_fix(telemetry.received_s)
         stopped = tuple(self.stopped)
         for limit in LIMITS:
             age_s = getattr(telemetry.ages, limit.age)
-            words = f"{limit.words} not heard"
+            words = f"{limit.words} not received"
             if limit.ends(age_s):
                 home_why = home_why or f"{words} for {age_s:.0f} s"
             stop = limit.stop_at(age_s)
-            if stop is not Stop.NONE:
+            if stop is not InputResponse.NONE:
                 missing[words] = stop
-            elif age_s >= limit.told_s:
-                self.stopped.pop(words, None)  # home is flown without it
-            news += self._told_of(limit, age_s, telemetry.told_s)
-        back = self._back(missing, telemetry.told_s) and bool(stopped)
+            elif age_s >= limit.announce_s:
+                self.stopped.pop(words, None)  # the vehicle comes home without it
+            announcements += self._announce_missing(limit, age_s, telemetry.received_s)
+        back = self._back(missing, telemetry.received_s) and bool(stopped)
         if back and home_why is None:
-            fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is heard again"
-            news.append(InputNews(fix, "going on"))
-        self.silent = Stop.SILENT in self.stopped.values()
-        stop = Stop.SILENT if self.silent else Stop.HOLD if self.stopped else Stop.NONE
+            fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is received again"
+            announcements.append(InputAnnouncement(fix, "going on"))
+        self.silent = InputResponse.SILENT in self.stopped.values()
+        stop = (
+            InputResponse.SILENT
+            if self.silent
+            else InputResponse.HOLD
+            if self.stopped
+            else InputResponse.NONE
+        )
         why = next(iter(missing), next(iter(self.stopped), ""))
-        return InputStatus(stop, why, back, home_why, tuple(news))
+        return InputStatus(stop, why, back, home_why, tuple(announcements))
 
-    def _back(self, missing: dict[str, Stop], now_s: float) -> bool:
-        """Whether nothing stops it any more: what did has come again for some time."""
+    def _back(self, missing: dict[str, InputResponse], now_s: float) -> bool:
+        """Whether all inputs have been received again for some time."""
         if missing or not self.stopped:
             self._good_since_s = None
             self.stopped.update(missing)
@@ -263,35 +271,41 @@ class InputWatch:
         self.stopped.clear()
         return True
 
-    def _told_of(self, limit: InputLimit, age_s: float, now_s: float) -> list[InputNews]:
-        """At once, when it stops the vehicle, and now and then; and when it comes again."""
-        if age_s < limit.told_s:
-            told = self._told.pop(limit.words, None)
-            back = InputNews(f"{limit.words} heard again", "", about=f"{limit.words} not heard")
-            return [back] if told else []
-        stops = limit.stop_at(age_s) is not Stop.NONE
-        before, told_s = self._told.get(limit.words, (False, -math.inf))
-        again = limit.words in self._told
-        # What stops the vehicle is an alarm, which is said again by itself.
-        if stops <= before and (stops or now_s < told_s + INPUT_REPEATED_S):
+    def _announce_missing(
+        self, limit: InputLimit, age_s: float, now_s: float
+    ) -> list[InputAnnouncement]:
+        """Announce a missing input at once, when it stops the vehicle, and at intervals."""
+        if age_s < limit.announce_s:
+            announced = self._announced.pop(limit.words, None)
+            back = InputAnnouncement(
+                f"{limit.words} received again", "", about=f"{limit.words} not received"
+            )
+            return [back] if announced else []
+        stops = limit.stop_at(age_s) is not InputResponse.NONE
+        before, announced_s = self._announced.get(limit.words, (False, -math.inf))
+        again = limit.words in self._announced
+        # An input that stops the vehicle raises an alarm, which repeats on its own.
+        if stops <= before and (stops or now_s < announced_s + INPUT_REPEATED_S):
             return []
-        self._told[limit.words] = (stops or before, now_s)
+        self._announced[limit.words] = (stops or before, now_s)
         return [
-            InputNews(
-                f"{limit.words} not heard for {age_s:.0f} s",
+            InputAnnouncement(
+                f"{limit.words} not received for {age_s:.0f} s",
                 limit.then(age_s) if stops > before or not again else "",
                 limit.instruction,
                 alarms=stops,
-                about=f"{limit.words} not heard",
+                about=f"{limit.words} not received",
                 age_s=age_s,
             )
         ]
 
-    def _told_of_fix(self, now_s: float) -> list[InputNews]:
-        """That it is lost, at once; as an alarm where it does not come back soon."""
+    def _announce_fix(self, now_s: float) -> list[InputAnnouncement]:
+        """Announce a lost fix at once, and raise an alarm if it does not return soon."""
         if NO_FIX not in self.stopped:
             self._no_fix_since_s, self._alarmed_of_fix = now_s, False
-            return [InputNews("GPS has lost its fix", Stop.HOLD.value, TAKE_OVER_BLIND)]
+            return [
+                InputAnnouncement("GPS has lost its fix", InputResponse.HOLD.value, TAKE_OVER_BLIND)
+            ]
         age_s = now_s - self._no_fix_since_s
         if self._alarmed_of_fix or age_s < FIX_ALARM_S:
             return []
@@ -299,5 +313,7 @@ class InputWatch:
         what = f"GPS has no fix for {age_s:.0f} s"
         instruction = TAKE_OVER_BLIND
         return [
-            InputNews(what, Stop.HOLD.value, instruction, alarms=True, about=NO_FIX, age_s=age_s)
+            InputAnnouncement(
+                what, InputResponse.HOLD.value, instruction, alarms=True, about=NO_FIX, age_s=age_s
+            )
         ]

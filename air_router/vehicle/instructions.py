@@ -1,4 +1,4 @@
-"""How much an announcement matters, and what the pilot or the operator does about it.
+"""How severe an announcement is, and what the pilot or the operator does about it.
 
 Every instruction is here. `Instruction` is a type of its own, and is made here only: without one
 `mypy` lets no warning and no alarm pass. Each begins with who acts. They are short, because a
@@ -10,7 +10,7 @@ from typing import Final, NewType
 
 
 class Severity(Enum):
-    """How much an announcement matters to the pilot and the operator."""
+    """How severe an announcement is to the pilot and the operator."""
 
     INFO = "info"  # for the log: nothing to do
     WARNING = "warning"  # something is off; the flight copes, or soon will not
@@ -21,12 +21,12 @@ Instruction = NewType("Instruction", str)
 """What the pilot or the operator does: "Pilot: ..." or "Operator: ..."."""
 
 TAKE_OVER: Final = Instruction("Pilot: take over in Position mode and fly it by hand")
-TAKE_OVER_NOW: Final = Instruction("Pilot: take the vehicle by hand now")
+TAKE_OVER_NOW: Final = Instruction("Pilot: take over by hand now")
 TAKE_OVER_BLIND: Final = Instruction(
     "Pilot: take over in Position mode, or in Altitude mode if PX4 refuses that"
 )
 BE_READY: Final = Instruction("Pilot: watch it, and be ready to take over")
-NEARER_THAN_IT_SAYS: Final = Instruction(
+CLEARANCE_UNCERTAIN: Final = Instruction(
     "Pilot: it may be nearer to zones than it reports; be ready to take over"
 )
 BE_READY_AT_HOME: Final = Instruction("Pilot: keep the landing place clear, be ready to take over")
@@ -43,7 +43,7 @@ IN_YOUR_HANDS: Final = Instruction(
     "Pilot: fly it by hand. Operator: 'resume' continues the mission, 'home' brings it home"
 )
 TAKE_WHERE_IT_HOLDS: Final = Instruction(
-    "Pilot: take over where it hovers. Operator: 'resume' takes it back once that is possible"
+    "Pilot: take over where it hovers. Operator: 'resume' regains control once that is possible"
 )
 LAND_BY_HAND: Final = Instruction("Pilot: fly the vehicle by hand, and land it")
 SEPARATE_TWINS: Final = Instruction(
@@ -61,7 +61,7 @@ LAND_AND_START_AGAIN: Final = Instruction("Pilot: land by hand, and start from h
 DESCEND: Final = Instruction("Pilot: descend to the mission's layer. Operator: then 'resume'")
 CLIMB_BY_HAND: Final = Instruction("Pilot: climb to the mission's altitude by hand, choose Hold")
 KEEP_CLEAR: Final = Instruction(
-    "Pilot: keep people away from below. Operator: note its last position"
+    "Pilot: keep people away from the area below. Operator: note its last position"
 )
 CHECK_LINK: Final = Instruction(
     "Pilot: keep it in sight, take over by remote control. Operator: check the link"
@@ -74,28 +74,28 @@ CHECK_SENDERS: Final = Instruction(
 )
 CHECK_STREAMS: Final = Instruction("Operator: check the link and the stream rates of PX4")
 WATCH_BATTERY: Final = Instruction("Pilot: watch the battery on the ground station or the remote")
-READ_PX4: Final = Instruction("Operator: read in the ground station what PX4 refuses")
+READ_PX4: Final = Instruction("Operator: read in the ground station why PX4 rejects the plan")
 NO_UPLOADS: Final = Instruction("Operator: upload nothing from a ground station in flight")
 UPLOAD_OURS: Final = Instruction("Operator: 'resume upload' restores this mission's plan")
 NO_OTHER_HOME: Final = Instruction(
-    "Operator: set no home in flight. Pilot: PX4's own Return flies to the new one"
+    "Operator: do not set home in flight. Pilot: PX4's own Return flies to the new one"
 )
 RETURN_ELSEWHERE: Final = Instruction(
     "Pilot: PX4's own Return flies to the new home; take over rather than choose it"
 )
 NO_OTHER_SPEED: Final = Instruction(
-    "Operator: set no speed in flight. Pilot: take over if it does not slow down"
+    "Operator: do not set the speed in flight. Pilot: take over if it does not slow down"
 )
 TOO_MUCH_WIND: Final = Instruction("Operator: 'home', if the wind is too strong")
 RELOAD_AGAIN: Final = Instruction("Operator: 'reload' again in a moment")
-ASK_AGAIN: Final = Instruction("Operator: request it again once the vehicle hovers")
+REQUEST_AGAIN: Final = Instruction("Operator: request it again once the vehicle hovers")
 RESUME_AGAIN: Final = Instruction("Operator: 'resume' again once that is done")
 BRING_HOME_BY_HEIGHT: Final = Instruction(
-    "Operator: 'home' once more flies by PX4's altitude alone. Pilot: or fly it out by hand"
+    "Operator: a second 'home' uses PX4's altitude alone. Pilot: or fly it out by hand"
 )
 CHECK_LOCALISATION: Final = Instruction(
-    "Operator: check the localisation of that robot, or 'seek' another"
+    "Operator: check the localization of that robot, or 'seek' another"
 )
 CHECK_PEER: Final = Instruction(
-    "Operator: see to that robot's program, or its entry in the team file (docs/robot.md)"
+    "Operator: check that robot's program, or its entry in the team file (docs/robot.md)"
 )

@@ -1,8 +1,8 @@
-"""Taking part in the pace of a simulated world: its clock waits for who has to keep up with it.
+"""Client of a simulated world's clock, which waits for its participants.
 
-A process that works with simulated time says up to which moment all is done, as lines of JSON over
-TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes `PACE_ALLOWANCE_S`
-beyond the slowest, and no further; a connection that has ended is waited for no more.
+A process in simulated time reports its progress as lines of JSON over TCP: `{"name": "team",
+"reached_s": 12.3}`. The world (`sitl.process.pace`) runs at most `PACE_ALLOWANCE_S` ahead of the
+slowest process. It does not wait for a closed connection.
 """
 
 import contextlib
@@ -25,12 +25,12 @@ _PORTS: Final = range(1, 65536)
 
 @dataclass(frozen=True, slots=True)
 class PaceSource:
-    """Where the pace of a simulation is set.
+    """Address of a simulation's clock.
 
     Attributes:
-        host: Of the world's clock.
-        port: The TCP port there.
-        speed: Times real time that the world runs at most.
+        host: Host of the world's clock.
+        port: Its TCP port.
+        speed: Highest speed of the world, as a multiple of real time.
     """
 
     host: str
@@ -39,7 +39,7 @@ class PaceSource:
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """Read HOST:PORT or HOST:PORT,SPEED. Raises ValueError: it is neither."""
+        """Parse HOST:PORT or HOST:PORT,SPEED. Raises ValueError if it is neither."""
         place, _, speed = text.partition(",")
         host, _, port = place.rpartition(":")
         wrong = ValueError(f"'{text}' is not HOST:PORT or HOST:PORT,SPEED")
@@ -55,7 +55,7 @@ class PaceSource:
         return f"{self.host}:{self.port},{self.speed:g}"
 
     def connect(self) -> socket.socket:
-        """A connection to the world's clock that never blocks. Raises OSError."""
+        """Open a non-blocking connection to the world's clock. Raises OSError."""
         connection = socket.create_connection((self.host, self.port), PACE_CONNECT_S)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setblocking(False)
@@ -63,41 +63,41 @@ class PaceSource:
 
 
 class PaceClient(Closeable):
-    """Says how far this process has worked; for one thread. Without a world to tell it is silent.
+    """Reports this process's progress, from one thread; does nothing without a world.
 
     Args:
-        source: Where to tell it; None: nowhere.
-        name: Under which the world tells how far behind we were.
+        source: Where to report; None: no report.
+        name: This process's name in the world's log.
     """
 
     def __init__(self, source: PaceSource | None, name: str) -> None:
         self._source = source
         self._name = name
-        self._socket: socket.socket | None = None  # None until it has to tell
-        self._told_s = -math.inf  # vehicle's clock
+        self._socket: socket.socket | None = None  # None until the first report
+        self._reported_s = -math.inf  # vehicle's clock
 
     def reached(self, time_s: float) -> None:
-        """All that belongs to this moment of the vehicle's clock, and to those before, is done."""
-        if self._source is None or abs(time_s - self._told_s) < PACE_STEP_S:
+        """Report that everything up to this time of the vehicle's clock is done."""
+        if self._source is None or abs(time_s - self._reported_s) < PACE_STEP_S:
             return
-        self._told_s = time_s
+        self._reported_s = time_s
         try:
             if self._socket is None:
                 self._socket = self._source.connect()
             self._socket.send(line({"name": self._name, "reached_s": round(time_s, 3)}))
         except BlockingIOError:
-            pass  # it has a thousand of ours to read
+            pass  # a thousand reports wait there already
         except OSError as error:
             _log.debug("the world's clock is gone: %s", error)
             self.close()
 
-    def heard(self, event: VehicleEvent) -> None:
-        """A flight begins with this event. It is told from arming on: before, it gets ready."""
-        if isinstance(event, Telemetry) and (event.armed or self._told_s > -math.inf):
+    def received(self, event: VehicleEvent) -> None:
+        """Handle a vehicle event: reports start with arming."""
+        if isinstance(event, Telemetry) and (event.armed or self._reported_s > -math.inf):
             self.reached(event.time_s)
 
     def close(self) -> None:
-        """The world need not wait for us any more."""
+        """End the reports: the world no longer waits for this process."""
         self._source = None
         if self._socket is not None:
             with contextlib.suppress(OSError):
@@ -106,5 +106,5 @@ class PaceClient(Closeable):
 
 
 def line(fields: dict[str, object]) -> bytes:
-    """A message as it goes over the connection."""
+    """A message as sent over the connection."""
     return json.dumps(fields).encode() + b"\n"

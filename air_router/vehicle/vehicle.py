@@ -1,8 +1,8 @@
-"""The port through which the controller sees and commands a vehicle.
+"""The interface through which the controller observes and commands a vehicle.
 
-One implementation flies a real or simulated PX4 (`vehicle.px4`); tests drive the same flight
-shell with another. Positions are east/north metres in the mission's local frame; altitudes are
-metres above home; times are seconds on the vehicle's own clock.
+One implementation flies a real or simulated PX4 (`vehicle.px4`); tests use another with the same
+flight loop. Positions are east/north meters in the mission's local frame, altitudes meters above
+home, and times seconds on the vehicle's clock.
 """
 
 import math
@@ -22,7 +22,7 @@ from geo.frame import Point
 
 
 class FlightMode(Enum):
-    """The flight modes that matter to a mission, under the names pilots know."""
+    """The flight modes that matter to a mission, by the names that pilots know."""
 
     MISSION = "Mission"
     HOLD = "Hold"
@@ -36,17 +36,18 @@ class FlightMode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Ages:
-    """For how long each input was missing while others came, seconds on the vehicle's clock.
+    """How long each input has been missing while others were received, in vehicle seconds.
 
-    In a silence of all of them none ages: that is `LinkSilent`. One that never came has no age.
+    During a silence of all inputs none ages; `LinkSilent` covers that. An input that was never
+    received has no age.
 
     Attributes:
-        position_s: GLOBAL_POSITION_INT; one that repeats itself in motion is none.
+        position_s: GLOBAL_POSITION_INT; one that repeats itself in motion does not count.
         mode_s: HEARTBEAT or CURRENT_MODE, the younger.
         armed_s: HEARTBEAT.
         battery_s: SYS_STATUS.
         fix_s: GPS_RAW_INT.
-        landed_s: EXTENDED_SYS_STATE; one that contradicts the motion is none.
+        landed_s: EXTENDED_SYS_STATE; one that contradicts the motion does not count.
         item_s: MISSION_CURRENT.
         target_s: POSITION_TARGET_GLOBAL_INT.
     """
@@ -63,34 +64,34 @@ class Ages:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What the vehicle said of itself last; one value for everything that changes steadily.
+    """The vehicle's last reported state: everything that changes steadily, in one value.
 
     Attributes:
-        time_s: When it was at this position, seconds on its clock since it booted.
-        position: Horizontal position, metres east/north of the mission's origin.
-        altitude_m: Metres above home, as that was at take-off.
-        velocity_m_s: Velocity (east, north) in metres per second.
+        time_s: Time of the position, seconds on its clock since boot.
+        position: Horizontal position, meters east/north of the mission's origin.
+        altitude_m: Meters above the home of the take-off.
+        velocity_m_s: Velocity (east, north) in meters per second.
         heading_deg: Clockwise from true north, None when unknown.
-        armed: Motors may turn.
-        in_air: As the autopilot reports, not a guess from altitude.
-        mode: The flight mode the autopilot reports, never the one that was asked for.
-        failsafe: The autopilot acts on a failsafe of its own: it flies another mode than intended.
+        armed: The motors may turn.
+        in_air: As PX4 reports, not inferred from the altitude.
+        mode: The flight mode that PX4 reports, never the requested one.
+        failsafe: PX4 is in a failsafe: it flies another mode than intended.
         battery: Remaining charge from 0 to 1, None when unknown.
-        item: Sequence number of the plan item it flies to, None when unknown.
-        fix: The satellite receiver has a position; True also while it says nothing of itself.
-        target: Where it reports to fly to or hover; None when unknown.
-        altitude_amsl_m: Metres above mean sea level; None when unknown.
-        gps_amsl_m: The same by the satellite receiver alone; None when unknown, or old.
-        home_moved: By how much the autopilot's home is off that of the take-off, from which the
-            heights of its plan do not count any more; None while it is where it was.
-        wind_m_s: How the air moves (east, north), as the autopilot estimates it; None if it tells
-            none, as a multicopter does without EKF2_DRAG_CTRL.
+        item: Sequence number of the current plan item, None when unknown.
+        fix: The satellite receiver has a fix; True also while it reports nothing.
+        target: Reported destination or hover position; None when unknown.
+        altitude_amsl_m: Meters above mean sea level; None when unknown.
+        gps_amsl_m: The same by the satellite receiver alone; None when unknown or old.
+        home_moved: Offset of PX4's home from the home of the take-off; the plan's altitudes are
+            relative to PX4's home. None while both are the same.
+        wind_m_s: PX4's estimate of the air's motion (east, north); None without one, as on a
+            multicopter without EKF2_DRAG_CTRL.
         terminated: Motors stopped for good, by a kill switch or flight termination.
-        ages: How old each of these is.
-        voltage_v: Of the battery; None when unknown.
-        satellites: That the receiver uses; None when unknown.
-        target_altitude_m: How high above home, as that was at take-off, `target` is; None: unknown.
-        accuracy_m: Horizontally, as the satellite receiver reports it; None when unknown.
+        ages: The age of each input.
+        voltage_v: Battery voltage; None when unknown.
+        satellites: Number of satellites used; None when unknown.
+        target_altitude_m: Altitude of `target` above the home of the take-off; None: unknown.
+        accuracy_m: The receiver's horizontal accuracy; None when unknown.
     """
 
     time_s: float
@@ -118,12 +119,12 @@ class Telemetry:
     accuracy_m: float | None = None
 
     def bound_for(self, place: Point, altitude_m: float | None, aside_m: float) -> bool:
-        """Whether it flies to a place, or hovers there, as far as it tells.
+        """Whether the vehicle flies to a place or hovers there, by its reports.
 
         Args:
-            place: Metres east/north of the mission's origin.
-            altitude_m: Metres above home; None: at any.
-            aside_m: So far beside it is there.
+            place: Meters east/north of the mission's origin.
+            altitude_m: Meters above home; None: any altitude.
+            aside_m: Horizontal tolerance.
         """
         target, target_m = self.target, self.target_altitude_m
         if target is None:
@@ -132,26 +133,26 @@ class Telemetry:
         return math.dist(target, place) <= aside_m and abs(up_m) <= TARGET_REACHED_UP_M
 
     @property
-    def told_s(self) -> float:
-        """When the newest of it was told, on the vehicle's clock: `time_s` if positions come."""
+    def received_s(self) -> float:
+        """When the newest part was sent, vehicle's clock; `time_s` while positions arrive."""
         return self.time_s + self.ages.position_s
 
 
 @dataclass(frozen=True, slots=True)
 class ItemReached:
-    """The autopilot says that it has reached a plan item."""
+    """PX4 reports a plan item as reached."""
 
     time_s: float
-    item: int  # seq in the plan on board
+    item: int  # sequence number in the plan on board
 
 
 @dataclass(frozen=True, slots=True)
 class PlanReplaced:
-    """A ground station has uploaded a plan or a fence; `PlanCompared` tells whether it is ours.
+    """A ground station has uploaded a plan or a fence; `PlanCompared` reports whether it is ours.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
-        only_fence: The items are still ours: a zone was added, perhaps, where we are flying to.
+        only_fence: The items are still ours; perhaps a zone was added ahead of the vehicle.
     """
 
     time_s: float
@@ -160,13 +161,13 @@ class PlanReplaced:
 
 @dataclass(frozen=True, slots=True)
 class PlanTried:
-    """Another sender tries to put a plan, or a fence, on board, and PX4 does not take it.
+    """Another sender tries to upload a plan or a fence, and PX4 refuses it.
 
-    Only what PX4 answers on our own link can be seen, and that PX4 is busy with such a transfer.
+    This is visible only by PX4's answers on our own link, or because PX4 is busy with a transfer.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
-        who: Which sender, in words.
+        who: The sender, as text.
     """
 
     time_s: float
@@ -175,11 +176,11 @@ class PlanTried:
 
 @dataclass(frozen=True, slots=True)
 class PlanCompared:
-    """A plan that was replaced was read back and compared with the one that we put on board.
+    """A replaced plan was read back and compared with ours.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
-        difference: What is on board instead, or why it is not known; None: it flies the same.
+        difference: What is on board instead, or why it is unknown; None: it is equivalent.
     """
 
     time_s: float
@@ -188,12 +189,12 @@ class PlanCompared:
 
 @dataclass(frozen=True, slots=True)
 class LinkSilent:
-    """Nothing has come from the vehicle for a while.
+    """Nothing has been received from the vehicle for a while.
 
     Attributes:
-        time_s: The vehicle's clock when it was last heard.
+        time_s: The vehicle's clock at its last message.
         silent_s: Wall-clock seconds since then.
-        over: It was heard again just now.
+        over: The vehicle has just been received again.
     """
 
     time_s: float
@@ -203,11 +204,11 @@ class LinkSilent:
 
 @dataclass(frozen=True, slots=True)
 class WrongVehicle:
-    """What is on the link is not what the mission is for, or is so again.
+    """The vehicle on the link is not the mission's kind, or is it again.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
-        why_not: Why no mission is flown with it; None: that is over.
+        why_not: Why no mission is flown with it; None: it may fly again.
         twins: Two autopilots answer under one system id.
     """
 
@@ -218,13 +219,13 @@ class WrongVehicle:
 
 @dataclass(frozen=True, slots=True)
 class MavlinkSpoofed:
-    """On a signed link messages come in the vehicle's name that its key does not vouch for.
+    """A signed link receives messages with the vehicle's system id but without its signature.
 
-    They are ignored. It is reported once.
+    They are ignored. This is reported once.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
-        count: How many so far.
+        count: Number of such messages so far.
     """
 
     time_s: float
@@ -238,16 +239,16 @@ VehicleEvent = (Telemetry | ItemReached | PlanReplaced | PlanTried | PlanCompare
 
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
-    """Who answered: system id, autopilot and its version, and where its home is.
+    """The connected vehicle: system id, autopilot, version, and home.
 
-    `took_off_s` is when it took off, on its clock; None if it does not fly, or does not say so.
-    `airframe` is what kind of vehicle it says that it is.
+    `took_off_s` is the time of its take-off, on its clock; None if it is not flying, or does not
+    report it. `airframe` is its reported type.
     """
 
     system_id: int
     autopilot: str
     version: str  # "1.17.0"
-    home: Point | None  # in the mission's frame; None: not known yet
+    home: Point | None  # in the mission's frame; None: unknown
     home_altitude_amsl_m: float | None
     took_off_s: float | None = None
     airframe: Airframe = field(default_factory=Airframe)
@@ -258,12 +259,12 @@ FIX_3D: Final = 3  # GPS_FIX_TYPE
 
 @dataclass(frozen=True, slots=True)
 class GpsFix:
-    """What the satellite receiver reports.
+    """A report of the satellite receiver.
 
     Attributes:
         kind: GPS_FIX_TYPE: 0 and 1 none, 2 without altitude, 3 full, above that corrected.
-        satellites: In use; None when unknown.
-        accuracy_m: Horizontal, as the receiver estimates it; None when unknown.
+        satellites: Number used; None when unknown.
+        accuracy_m: The receiver's horizontal accuracy; None when unknown.
     """
 
     kind: int
@@ -272,25 +273,25 @@ class GpsFix:
 
     @property
     def good(self) -> bool:
-        """Whether it is a position in three dimensions."""
+        """Whether it is a 3D fix."""
         return self.kind >= FIX_3D
 
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What a vehicle on the ground says of itself when it is asked: for a pre-flight check.
+    """The state of a vehicle on the ground, requested for a pre-flight check.
 
     Attributes:
-        healthy: The autopilot's own health and arming checks pass.
-        problems: What they find, in words; empty also where the autopilot does not say.
-        warnings: What they find that does not keep it from arming.
-        gps: The receiver; None when it says nothing.
+        healthy: PX4's own health and arming checks pass.
+        problems: Their findings, as text; also empty if PX4 reports none.
+        warnings: Findings that do not prevent arming.
+        gps: The satellite receiver; None: it reports nothing.
         battery: Remaining charge from 0 to 1, None when unknown.
-        voltage_v: Of the battery, None when unknown.
-        wind_m_s: How the air moves (east, north); None when unknown.
-        unix_s: The vehicle's own clock, None until it knows the time.
-        parameters: By name; None for one that the vehicle does not have (or does not tell).
-        absent: Those of which it says that it does not have them.
+        voltage_v: Battery voltage, None when unknown.
+        wind_m_s: The air's motion (east, north); None when unknown.
+        unix_s: The vehicle's Unix time; None until it knows the time.
+        parameters: Values by name; None for one that the vehicle does not have or does not report.
+        absent: Parameters that the vehicle reports as absent.
     """
 
     healthy: bool = True
@@ -306,11 +307,11 @@ class Inspection:
 
 
 class TakenOverError(NotConfirmedError):
-    """The vehicle is in a flight mode in which an order may not leave, or was on its way.
+    """The vehicle is in a flight mode that the command may not end.
 
     Attributes:
-        mode: Which; a pilot, a ground station or a failsafe chose it.
-        sent: Whether the order had left before that showed.
+        mode: That mode, chosen by a pilot, a ground station or a failsafe.
+        sent: Whether the command was sent before the mode was received.
     """
 
     def __init__(self, text: str, mode: FlightMode, *, sent: bool) -> None:
@@ -319,77 +320,78 @@ class TakenOverError(NotConfirmedError):
 
 
 Objection = Callable[[], str | None]
-"""Why an order must not leave, after all; None if it may."""
+"""Why a command must not be sent; None: it may."""
 
 
 def no_objection() -> str | None:
-    """It may leave."""
+    """The command may be sent."""
     return None
 
 
 Modes = Collection[FlightMode] | None
-"""The flight modes that an order may end; None: the one that the vehicle was in last."""
+"""The flight modes that a command may end; None: the vehicle's last mode."""
 
 
 class Vehicle(Protocol):
-    """Verbs of a vehicle. Each returns when the vehicle has confirmed it, or raises.
+    """The commands of a vehicle. Each returns once the vehicle has confirmed it, or raises.
 
-    What moves it, or changes its mode, leaves only when the vehicle has just said that it is in one
-    of the modes that the order may end (`out_of`); that of an order of ours which may yet show is
-    one of them.
+    A command that moves the vehicle or changes its mode is sent only if the vehicle has just
+    reported a mode that the command may end (`out_of`). The modes of our own unconfirmed commands
+    are included.
 
     Raises:
         NoVehicleError: from `connect`, with a diagnosis.
-        PlanRefusedError: from `upload`, `renew` and `recognise`, when what is on board is not what
-            was sent; from `start`, when it was replaced meanwhile.
-        ArmingRefusedError: from `arm`, with the autopilot's reasons; from `arm` and `start`, where
-            the pilot has disarmed the vehicle or chosen a mode.
-        NotConfirmedError: when a command was sent and the vehicle did not follow.
-        NotSentError: when it was not sent, because the flight mode of now was not received.
-        TakenOverError: when the vehicle is in another mode, before it left or instead of following.
+        PlanRefusedError: from `upload`, `renew` and `recognise` if the plan on board is not the one
+        sent; from `start` if it was replaced meanwhile.
+        ArmingRefusedError: from `arm`, with PX4's reasons; from `arm` and `start` if the pilot has
+        disarmed the vehicle or chosen a mode.
+        NotConfirmedError: The command was sent, but the vehicle did not follow.
+        NotSentError: The command was not sent, because the current flight mode was not received.
+        TakenOverError: The vehicle is in another mode, before the command was sent or instead of
+        following it.
     """
 
     async def connect(self) -> VehicleInfo:
-        """Find the vehicle, or say within seconds what is wrong."""
+        """Find the vehicle, or raise an error with a diagnosis within seconds."""
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
-        """Hand every event to `callback`, in order, on the event loop."""
+        """Pass every event to `callback`, in order, on the event loop."""
 
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
-        """Ask for what a pre-flight check looks at, with the values of these parameters."""
+        """Request the data of a pre-flight check, with the values of these parameters."""
 
     async def upload(self, plan: FlightPlan) -> None:
-        """Put nodes and fence on board and read both back."""
+        """Upload nodes and fence, and read both back."""
 
     async def renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> None:
-        """Put a changed fence on board, in flight too, and read all back.
+        """Upload a changed fence, also in flight, and read everything back.
 
         Args:
-            plan: With that fence.
-            objection: Asked before each transfer: why nothing may be put on board any more.
+            plan: The plan with that fence.
+            objection: Called before each transfer: returns why nothing may be uploaded anymore.
 
-        Items are sent only where they are others than those on board, and then not in Mission
-        mode in the air: the vehicle would begin the plan anew.
+        Items are sent only if they differ from those on board, and never in Mission mode in the
+        air: the vehicle would restart the plan.
         """
 
     async def recognise(self, plan: FlightPlan) -> None:
-        """Make sure that this plan is on board already, in flight too, without changing it."""
+        """Verify, also in flight, that this plan is on board, without changing anything."""
 
     def count_heights_from(self, home_amsl_m: float) -> None:
-        """Take home to have been so high above mean sea level at the take-off, and tell so at once.
+        """Set home's altitude at the take-off, above mean sea level, and publish telemetry at once.
 
-        For a vehicle that another companion flew before: its home may have been moved since.
+        For a flight taken over from another companion: home may have been moved since.
         """
 
     async def arm(self) -> None:
-        """Arm, once, waiting for the autopilot's health first; never over a disarming."""
+        """Arm once, after PX4's health checks pass; never after a disarming."""
 
     async def start(self) -> None:
         """Enter Mission mode: on the ground this takes off.
 
-        Not over what the pilot chose since `arm`: a vehicle that was disarmed, or is in another
-        mode, is left as it is.
-        Returns as well when nothing shows whether it does: it may, and its telemetry will tell.
+        A choice of the pilot since `arm` is respected: nothing is sent to a vehicle that was
+        disarmed or is in another mode.
+        Also returns if nothing shows whether the vehicle takes off: later telemetry will.
         """
 
     async def jump(
@@ -399,8 +401,8 @@ class Vehicle(Protocol):
 
         Args:
             item: Sequence number in the plan on board.
-            objection: Asked as each message leaves: why the leg must not be begun any more.
-            out_of: The modes that it may end.
+            objection: Called before each message: returns why the leg must not start anymore.
+            out_of: The modes that the command may end.
         """
 
     async def reposition(
@@ -414,20 +416,20 @@ class Vehicle(Protocol):
         """Fly straight to a point and hover there, in Hold mode.
 
         Args:
-            point: Metres east/north in the mission's local frame.
-            altitude_m: Metres above the home of the take-off, whichever home PX4 has now.
-            objection: Asked as it leaves: why the leg must not be begun any more.
-            out_of: The modes that it may end.
+            point: Meters east/north in the mission's local frame.
+            altitude_m: Meters above the home of the take-off, wherever PX4's home is now.
+            objection: Called before the message: returns why the leg must not start anymore.
+            out_of: The modes that the command may end.
         """
 
     async def hold(self, *, out_of: Modes = None) -> None:
-        """Stop and hover here; `out_of`: the modes that it may end."""
+        """Stop and hover here; `out_of`: the modes that the command may end."""
 
     async def land(self, *, out_of: Modes = None) -> None:
-        """Descend here and touch down; `out_of`: the modes that it may end."""
+        """Descend here and touch down; `out_of`: the modes that the command may end."""
 
     async def announce(self, text: str, severity: Severity) -> None:
-        """Tell the pilot: shown by ground stations, kept in the autopilot's log."""
+        """Send a text to the pilot: ground stations show it, PX4 logs it."""
 
     async def close(self) -> None:
-        """Let go of the link; the vehicle keeps doing what it does."""
+        """Close the link; the vehicle continues what it does."""

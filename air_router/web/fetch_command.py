@@ -359,7 +359,7 @@ def _stopped(where: str, why: str) -> FetchError:
     "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
     "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'",
 )
-@click.argument("do", type=click.Choice(("fetch",)), help="what to do with the tiles")
+@click.argument("do", type=click.Choice(("fetch",)), help="fetch: download the tiles")
 @click.argument(
     "file", type=PATH, help="MBTiles file; tiles that it already has are not fetched again"
 )
@@ -373,9 +373,9 @@ def _stopped(where: str, why: str) -> FetchError:
 @option(
     "--around",
     type=float,
-    metavar="METRES",
+    metavar="METERS",
     default=_AROUND_M,
-    help=f"margin around the mission, in metres (default {_AROUND_M:g})",
+    help=f"margin around the mission, in meters (default {_AROUND_M:g})",
 )
 @option(
     "--zooms",

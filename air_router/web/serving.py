@@ -98,7 +98,7 @@ def page_options(prefix: str = "") -> Decorator:
             "web_image",
             type=PATH,
             metavar="F",
-            help="MBTiles file with the pictures under the page's map",
+            help="MBTiles file with the background of the map",
         ),
     )
 

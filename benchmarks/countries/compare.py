@@ -23,9 +23,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from air_router.files import AltitudeLimit, MissionDocument, Reference
+from air_router.files import AltitudeLimit, Reference
 from air_router.files.maps import MapArea, MapCircle, read_zones
-from air_router.mission import read_draft, validate
+from air_router.files.missions import PlacedForm
+from air_router.mission import read_placed, validate
 from benchmarks.countries.independent import Limit, Zone, area_m2, polygon_area_m2, read
 from geo.airspace import Circle
 
@@ -124,22 +125,22 @@ class Comparison:
             mission = folder / "mission.yaml"
             mission.write_text(MISSION.format(lat=lat, lon=lon, near=near, path=self._path))
             began = time.process_time()
-            draft = read_draft(mission)
-            validate(draft)
+            placed, findings = read_placed(mission)
+            validate(placed, findings)
             self.row.mission_s = max(self.row.mission_s, time.process_time() - began)
             self.row.missions += 1
-            wrong = [problem for problem in draft.problems if problem.path == self._path]
+            wrong = [problem for problem in findings.problems if problem.path == self._path]
             self.row.refused += bool(wrong)
             for problem in wrong[:3]:
                 self._say(problem.line, str(problem))
-            self._compare_zones(draft)
+            self._compare_zones(placed)
 
-    def _compare_zones(self, draft: MissionDocument) -> None:
+    def _compare_zones(self, placed: PlacedForm) -> None:
         """The areas of zones that a mission has as a whole."""
         places = {_place(zone): zone for zone in self._reading.zones}
         found: dict[int, float] = defaultdict(float)
         wide: set[int] = set()
-        for area in draft.zones:
+        for area in placed.zones:
             key = _number(places[int(area.keys[0]), int(area.keys[1])])
             west, south, east, north = area.shape.polygon.bounds
             if len(self._ours[key]) > 1 or max(east - west, north - south) > WIDE_M:

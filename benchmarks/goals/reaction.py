@@ -117,10 +117,10 @@ class News:
         """No peer holds anything."""
         return {}
 
-    def tell_sought(self, _robot: str | None, _time_s: float) -> None:
+    def publish_sought(self, _robot: str | None, _time_s: float) -> None:
         """No peer listens."""
 
-    def tell_answer(self, _answer: object) -> None:
+    def publish_ack(self, _answer: object) -> None:
         """No peer listens."""
 
     def newest_stamps(self) -> dict[str, float]:

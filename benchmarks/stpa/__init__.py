@@ -1,1 +1,1 @@
-"""The unsafe commands of docs/safety.md: each test fails once its code is broken."""
+"""The unsafe commands of docs/evidence/safety.md: each test fails once its code is broken."""

@@ -1,4 +1,4 @@
-"""`make stpa`: breaks the code behind each cell of the table of unsafe commands in docs/safety.md.
+"""`make stpa`: breaks the code behind each cell of the table in docs/evidence/safety.md.
 
 Every test that the table names is run with the code as it is, and must pass; then once with each
 break of `breaks.txt` that names it, and must fail. A test that does not end counts as one that does
@@ -21,7 +21,7 @@ from benchmarks.sabotage.table import parse
 LIMIT_S: Final = 600.0
 """Wall clock, of one test: it may run on a busy machine."""
 
-_PAGE: Final = ROOT / "docs" / "safety.md"
+_PAGE: Final = ROOT / "docs" / "evidence" / "safety.md"
 _TEST: Final = re.compile(r"`(test_\w+)`")
 _COLUMNS: Final = ("not given", "wrong", "too early, too late", "too short, too long")
 _PASSED, _FAILED = 0, 1

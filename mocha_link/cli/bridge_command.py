@@ -64,14 +64,14 @@ def _bridge(kind: str, *more: Decorator) -> Command:
             "--state",
             type=PATH,
             metavar="FILE",
-            help="file that remembers which messages were passed on (default: "
+            help="file that stores which messages were forwarded (default: "
             "~/.local/state/mocha-link/<robot>-<bridge>)",
         ),
         *more,
         option(
             "--python",
             metavar="PATH",
-            help=f"Python that has ROS, where this one has none (default {DEFAULT_PYTHON})",
+            help=f"Python with ROS, if this one has none (default {DEFAULT_PYTHON})",
         ),
     )
     found = command(sentence(WHAT[kind]), examples(*EXAMPLES[kind]))(ros(run))

@@ -43,15 +43,15 @@ class Finding(NamedTuple):
 
 
 @command(
-    "Test the links of robot NAME, on its own computer: ask every "
-    "peer as NAME's node does, wait for their requests, and listen to the radio. Nothing is "
+    "Test the links of robot NAME, on its own computer: send "
+    "requests to every peer, wait for theirs, and read the radio's reports. Nothing is "
     "published. A node of NAME may keep running; its pulls are interrupted. Exit code 1: "
     "a problem was found.",
     examples("mocha-link doctor team.yaml --robot io"),
 )
 @click.argument("team", type=PATH, help="team file (YAML)")
 @option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
-@option("--keys", type=PATH, metavar="DIR", help="folder with NAME.key, where the team has keys")
+@option("--keys", type=PATH, metavar="DIR", help="folder with NAME.key, if the team has keys")
 @option(
     "--seconds",
     type=Parsed(seconds),

@@ -22,12 +22,11 @@ from mocha_link.team import upstream
 @click.argument(
     "robot_configs",
     type=PATH,
-    help="robots of the original (YAML), or its package mocha_core for ROS 1 or ROS 2 with all "
-    "files",
+    help="robot_configs.yaml of MOCHA, or the folder of its package mocha_core with all files",
 )
-@click.argument("topic_configs", type=PATH, required=False, help="topics of the original (YAML)")
-@click.argument("radio_configs", type=PATH, required=False, help="radios of the original (YAML)")
-@option("-o", "--output", type=PATH, metavar="TEAM", help="file of the team (default: stdout)")
+@click.argument("topic_configs", type=PATH, required=False, help="topic_configs.yaml of MOCHA")
+@click.argument("radio_configs", type=PATH, required=False, help="radio_configs.yaml of MOCHA")
+@option("-o", "--output", type=PATH, metavar="TEAM", help="team file to write (default: stdout)")
 @option("--ours", many=True, metavar="NAME ...", help="robots that run our node (default: none)")
 @option(
     "--ros",

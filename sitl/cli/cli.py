@@ -1,4 +1,4 @@
-"""The command line: `sitl vehicle | team | px4 | conform | rehearse | experiment | town`."""
+"""The command line: `sitl vehicle | team | px4 | ... | experiment | leaderboard | town`."""
 
 import sys
 from collections.abc import Sequence
@@ -24,6 +24,10 @@ COMMANDS = {
         "fly a mission hundreds of times, each time with a different fault",
     ),
     "experiment": ("sitl.cli.experiment_command", "run many simulated teams and compare them"),
+    "leaderboard": (
+        "sitl.cli.leaderboard_command",
+        "compare seek policies on a test set that does not change",
+    ),
     "town": ("sitl.cli.town_command", "check, draw or make a town for experiments"),
 }
 

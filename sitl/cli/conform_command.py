@@ -34,8 +34,8 @@ from sitl.process import Px4Install, Px4Process, Px4Settings, find_px4
 
 _EPOCH_S = 1.7e9
 _EPILOG = """\
-Without --px4 the vehicle is our own, in this process and as fast as it computes. With it a real PX4
-is started anew for every conversation. To compare the two, run both with --json.
+Without --px4 the vehicle is that of `sitl vehicle`, in this process and as fast as it computes.
+With --px4 a real PX4 is started for every conversation. To compare the two, run both with --json.
 
 examples:
   sitl conform goto fence
@@ -76,9 +76,9 @@ is in use
     metavar="N",
     help="number of PX4's instance, 0 to 250 (default: the first free one)",
 )
-@px4_version_option("our own vehicle behaves as")
+@px4_version_option("the simulated vehicle behaves as")
 @option("--json", is_flag=True, help="print the outcomes as JSON")
-@option("--list", is_flag=True, help="list the conversations and hold none")
+@option("--list", is_flag=True, help="only list the conversations")
 @option(
     "--differences",
     is_flag=True,

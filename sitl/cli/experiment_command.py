@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
+import random
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +27,7 @@ from sitl.experiment.campaign import (
     RunLog,
     StopClock,
     Work,
+    cluster_at,
     make_runs,
     program,
     read_archive,
@@ -39,10 +42,12 @@ and with more --seeds or other --rows it makes only the missing runs; docs/evide
 examples:
   sitl experiment table1 --seeds 30
   sitl experiment table1 --rows radius_m=30 ugvs=3,5 --seeds 5
+  sitl experiment table1 --cluster tcp://10.0.0.5:8786
 """
 
 
-def _count(text: str, least: int = 1) -> int:
+def count(text: str, least: int = 1) -> int:
+    """A whole number of a command line."""
     try:
         number = int(text)
     except ValueError:
@@ -60,8 +65,8 @@ def _archive(text: str) -> Path:
 
 @command(
     "Run an experiment: every row of its file with several seeds, each run half an "
-    "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
-    "writes results.csv, figures and what the runs say about the paper's claims.",
+    "hour of a town with robots, computed in about a second. Prints a table with confidence "
+    "intervals; writes results.csv, figures, and tests of the paper's claims.",
     _EPILOG,
 )
 @click.argument(
@@ -72,11 +77,11 @@ def _archive(text: str) -> Path:
     f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
 )
 @option(
-    "--seeds", type=Parsed(_count), metavar="N", help="number of runs per row (default: the file's)"
+    "--seeds", type=Parsed(count), metavar="N", help="number of runs per row (default: the file's)"
 )
 @option(
     "--first-seed",
-    type=Parsed(partial(_count, least=0)),
+    type=Parsed(partial(count, least=0)),
     metavar="N",
     help="number of the first run of each row (default: the file's); runs from the file's "
     "confirmation_seed on are for confirmation",
@@ -88,7 +93,12 @@ def _archive(text: str) -> Path:
     help="run only these rows: key=value[,value], or a pattern of labels",
 )
 @option(
-    "--jobs", type=Parsed(_count), metavar="N", help="number of processes (default: number of CPUs)"
+    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
+)
+@option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="make the runs on the workers of a dask.distributed scheduler (tcp://HOST:8786)",
 )
 @option(
     "--out",
@@ -107,13 +117,20 @@ def _archive(text: str) -> Path:
     "--archive",
     type=Parsed(_archive),
     metavar="FILE",
-    help=f"write what tables and claims are made of into a file *{ARCHIVE_ENDING}",
+    help=f"write the data behind tables and claims into a file *{ARCHIVE_ENDING}",
 )
 @option(
     "--verify",
     type=PATH,
     metavar="FILE",
-    help="with an archive: list what differs in a Markdown file and its evidence; change nothing",
+    help="with an archive: list differences from a Markdown file and its evidence; change nothing",
+)
+@option(
+    "--remake",
+    type=Parsed(count),
+    metavar="N",
+    help="with an archive: make N of its runs again, chosen at random by --first-seed, and list "
+    "those whose digest differs",
 )
 @option("--no-figures", is_flag=True, help="draw no figures")
 @option("--json", is_flag=True, help="one JSON object on stdout")
@@ -134,8 +151,9 @@ def run_with(
     """The command, with the function that makes one run, and the one that checks for it."""
     if arguments.experiment is None:
         raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
-    if arguments.verify or arguments.experiment.endswith(ARCHIVE_ENDING):
-        return _from_archive(Path(arguments.experiment), arguments)
+    archived = arguments.verify or arguments.remake
+    if archived or arguments.experiment.endswith(ARCHIVE_ENDING):
+        return _from_archive(Path(arguments.experiment), arguments, work)
     experiment, plan = load_experiment(arguments.experiment)
     rows = experiment.chosen(arguments.rows)
     first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
@@ -169,13 +187,15 @@ def run_with(
         _evaluate(experiment, records, folder, arguments, arguments.archive)
     if interrupted:
         return ExitCode.INTERRUPTED
-    return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
+    failed = campaign.failed or any(record.get("faults") for record in records)
+    return ExitCode.ENDED_OTHERWISE if failed else ExitCode.DONE
 
 
-def _from_archive(archive: Path, arguments: Options) -> int:
-    """Table and claims of archived runs; or whether a document still agrees with them."""
+def _from_archive(archive: Path, arguments: Options, work: Work) -> int:
+    """Table and claims of archived runs; whether a document, or the program, agrees with them."""
     if not archive.name.endswith(ARCHIVE_ENDING):
-        raise UsageError(f"--verify is about an archive of runs; give a file *{ARCHIVE_ENDING}")
+        asked = "--verify" if arguments.verify else "--remake"
+        raise UsageError(f"{asked} is about an archive of runs; give a file *{ARCHIVE_ENDING}")
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
@@ -183,6 +203,8 @@ def _from_archive(archive: Path, arguments: Options) -> int:
         claims_differ = experiment.claims and now.rules != experiment.rules
         if claims_differ or now.rows != experiment.rows:
             sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
+    if arguments.remake is not None:
+        return _remake(experiment, records, arguments, work)
     if arguments.verify is None:
         folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])
         folder.mkdir(parents=True, exist_ok=True)
@@ -196,6 +218,28 @@ def _from_archive(archive: Path, arguments: Options) -> int:
     if not found:
         sys.stderr.write(f"{experiment.name}: {counted(len(records), 'runs')} say the same\n")
     return ExitCode.ENDED_OTHERWISE if found else ExitCode.DONE
+
+
+def _remake(
+    experiment: Experiment, records: Sequence[Record], arguments: Options, work: Work
+) -> int:
+    """Make some archived runs again; those that differ are on stdout."""
+    from sitl.experiment.campaign import remade, remakeable  # noqa: PLC0415 - only with SciPy
+
+    runs = [record for record in records if remakeable(experiment, record)]
+    if not runs:
+        raise UsageError("no run of this archive is in simulated time; none can come out the same")
+    rng = random.Random(arguments.first_seed or 0)  # noqa: S311 - repeatable on purpose
+    results = [
+        remade(experiment, record, work)
+        for record in rng.sample(runs, min(arguments.remake, len(runs)))
+    ]
+    if arguments.json:
+        print_json([dataclasses.asdict(result) for result in results])
+    else:
+        sys.stdout.writelines(f"{result.text}\n" for result in results)
+    same = all(result.same and not result.differing for result in results)
+    return ExitCode.DONE if same else ExitCode.ENDED_OTHERWISE
 
 
 def _run_campaign(
@@ -212,31 +256,36 @@ def _run_campaign(
     status, clock = StatusLine(), StopClock(campaign.stop, campaign.begun)
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
-        status.say(f"all {counted(wanted, 'runs')} are there")
+        status.print_line(f"all {counted(wanted, 'runs')} are there")
         return False
     if missing < wanted:
-        status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
+        status.print_line(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
-        with _terminated():
-            jobs = arguments.jobs or os.cpu_count() or 1
-            outcomes = make_runs(work, campaign.missing, jobs, clock.may_begin)
-            campaign.run(outcomes, log.add, status)
+        with terminated():
+            if arguments.cluster is not None:
+                with cluster_at(arguments.cluster) as many:
+                    outcomes = many.make_runs(work, campaign.missing, clock.may_begin)
+                    campaign.run(outcomes, log.add, status)
+            else:
+                jobs = arguments.jobs or os.cpu_count() or 1
+                outcomes = make_runs(work, campaign.missing, jobs, clock.may_begin)
+                campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
-        status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        status.print_line(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
         journal.note("stopped", by="user", runs=kept)
         return True
     for failure in campaign.failed:
         sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
     if clock.stopped:
-        status.say("the declared time is over: no further seed number is begun")
+        status.print_line("the declared time is over: no further seed number is begun")
     by = "clock" if clock.stopped else "end"
     journal.note("stopped", by=by, runs=len(campaign.records), failed=len(campaign.failed))
     return False
 
 
 @contextlib.contextmanager
-def _terminated() -> Iterator[None]:
+def terminated() -> Iterator[None]:
     """SIGTERM is Ctrl-C here: the processes end, and finished runs are kept."""
 
     def stop(_number: int, _frame: object) -> None:
@@ -252,7 +301,7 @@ def _terminated() -> Iterator[None]:
 def _tell_of_other_programs(campaign: Campaign, status: StatusLine) -> None:
     others = sorted({record["program"] for record in campaign.records} - {program()})
     if others:
-        status.say(
+        status.print_line(
             f"note: some of the runs are from other versions of the program ({', '.join(others)}; "
             f"this is {program()}); --fresh makes them again"
         )
@@ -310,5 +359,5 @@ def _print_list(as_json: bool) -> None:
         )
         return
     for experiment, _ in found:
-        count = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
-        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({count})\n")
+        size = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
+        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({size})\n")

@@ -82,9 +82,12 @@ MOST_VIOLATIONS: Final = 3
     help="share of the flights to fly, 0 to 1 (default 1: all)",
 )
 @option(
-    "--fault", multiple=True, metavar="NAME", help="fly only scenes of this fault; may be repeated"
+    "--fault",
+    multiple=True,
+    metavar="NAME",
+    help="fly only flights with this fault; may be repeated",
 )
-@option("--seed", type=int, metavar="N", help="fly only this scene number of each fault")
+@option("--seed", type=int, metavar="N", help="fly only the flight with this number for each fault")
 @option(
     "--jobs",
     type=int,
@@ -95,7 +98,7 @@ MOST_VIOLATIONS: Final = 3
 @option(
     "--mavlink",
     is_flag=True,
-    help="fly `air-router fly` over UDP against `sitl vehicle`; the scenes are others",
+    help="fly `air-router fly` over UDP against `sitl vehicle`, with other scenes",
 )
 @option("--px4", metavar="PATH", help="as --mavlink, against a real PX4 (see `sitl px4 --help`)")
 @option(

@@ -42,12 +42,12 @@ PX4_HOME: Final = StartPosition(47.397742, 8.545594, 489.4)
 
 _MOST_WIND_M_S: Final = 25.0
 _EPILOG = """\
-Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
+Prints one JSON line on stdout when it is ready: {"ready": true, "mavlink": ..., "gcs": ...,
 "truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
 with another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
 Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground station) and
-19410+N (truth), and keeps to the first partner that talks to it (not for the truth, nor where
---api-to or --gcs-to names one).
+19410+N (truth), and answers only the first program that sends to the port, unless
+--api-to or --gcs-to names another.
 
 examples:
   sitl vehicle missions/pennovation/mission.yaml --speed 10
@@ -158,7 +158,7 @@ place_options = together(
         "--home",
         type=Parsed(_place),
         metavar="LAT,LON,ALT",
-        help="start at this place: degrees, and metres AMSL",
+        help="start at this place: degrees, and meters AMSL",
         not_with=["mission"],
     ),
     uav_option,
@@ -196,7 +196,7 @@ def speed_and_parameters(speed_help: str) -> Decorator:
     default=0,
     help="number of the instance, 0 to 250: ports +N, system id N+1 (default 0)",
 )
-@speed_and_parameters("largest speed, times real time, 0.1 to 100 (default 1)")
+@speed_and_parameters("speed limit, times real time, 0.1 to 100 (default 1)")
 @option(
     "--pace",
     type=Parsed(_address),

@@ -3,8 +3,9 @@
 Simulated seconds only, no clock. Two things at the same time happen in the order in which they were
 asked for, so a run is the same every time and everywhere.
 
-The log has everything that was decided on, and everything that was decided: one JSON object per
-line, in the order in which things happened:
+The log has everything that was decided on, and everything that was decided, without the texts for
+people: a reworded announcement is no other run. One JSON object per line, in the order in which
+things happened:
 
     {"t": 12.5, "uav": "uav01", "event": {...}}     a controller was told (see docs/records.md)
     {"t": 12.5, "uav": "uav01", "action": {...}}    what it asked for then
@@ -21,14 +22,25 @@ import hashlib
 import heapq
 import json
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
-from air_router.controller.model import Action, CommandConfirmed, CommandFailed, Event, Motion
+from air_router.controller.model import (
+    Action,
+    Announce,
+    CommandConfirmed,
+    CommandFailed,
+    Event,
+    MissionWaits,
+    Motion,
+)
 from air_router.record import plain_of
 
 _DIGITS = 6
 """Times are whole microseconds: what a logarithm of another machine's library may differ by is far
 less, so that both round to the same time."""
+
+_TEXTS: Final = frozenset({"why", "why_not", "reason"})
+"""Fields of events and actions that are sentences."""
 
 
 class EventQueue:
@@ -81,7 +93,7 @@ class EventLog:
         queue: Tells the time.
 
     Attributes:
-        actions: How many there were.
+        actions: How many there were, without announcements.
     """
 
     def __init__(self, queue: EventQueue) -> None:
@@ -98,18 +110,20 @@ class EventLog:
     def event(self, uav: str, event: Event) -> None:
         """A controller is told."""
         if isinstance(event, CommandConfirmed | CommandFailed):
-            self._write(uav=uav, event=plain_of(event), of=self._number(event.action))
+            self._write(uav=uav, event=_plain(event), of=self._number(event.action))
         else:
-            self._write(uav=uav, event=plain_of(event))
+            self._write(uav=uav, event=_plain(event))
 
     def action(self, uav: str, action: Action) -> None:
-        """A controller asks for something."""
+        """A controller decides on an action; those that only inform people are left out."""
+        if isinstance(action, Announce | MissionWaits):
+            return
         self.actions += 1
         if isinstance(action, Motion):
             self._motions.append(action)
-            self._write(uav=uav, action=plain_of(action), of=self._number(action))
+            self._write(uav=uav, action=_plain(action), of=self._number(action))
         else:
-            self._write(uav=uav, action=plain_of(action))
+            self._write(uav=uav, action=_plain(action))
 
     def sent(self, row: tuple[Any, ...]) -> None:
         """A transmission ended."""
@@ -130,3 +144,15 @@ class EventLog:
         line = json.dumps({"t": self._queue.now_s, **fields}, separators=(",", ":"))
         self._digest.update(line.encode())
         self._digest.update(b"\n")
+
+
+def _plain(value: object) -> dict[str, Any]:
+    """An event or action without its sentences."""
+
+    def kept(inner: Any) -> Any:
+        if isinstance(inner, dict):
+            return {key: kept(own) for key, own in inner.items() if key not in _TEXTS}
+        return inner
+
+    found: dict[str, Any] = kept(plain_of(value))
+    return found

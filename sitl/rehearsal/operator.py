@@ -97,7 +97,7 @@ class Operator:
             request = replace(request, hold_s=hold_s, waits=waits)
         words = text if hold_s is None else f"{text} hold_s={hold_s}"
         self._flight.happened(SceneEventKind.REQUEST, words)
-        self._flight.call(lambda: companion.flight.commands.ask(request))
+        self._flight.call(lambda: companion.flight.commands.submit(request))
 
     def do_request(self, choice: float) -> None:
         """An operator sends a request, but never for the pilot's vehicle."""

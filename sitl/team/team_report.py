@@ -14,6 +14,7 @@ from sitl.world.explorers import GroundRobot
 def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
     """The report of a simulation, ready for JSON. Times are Unix seconds of the simulation."""
     now_s = clock.now_s()
+    faults = world.policy_faults
     messages = {name: node.messages() for name, node in nodes.nodes.items()}
     return {
         "ended_s": now_s,
@@ -44,6 +45,7 @@ def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
                 "map": nodes.keepers[name].newest,
                 "map_history": list(map(list, nodes.keepers[name].history)),
                 "maps_refused": nodes.keepers[name].refused,
+                "policy_fault": faults.get(name),
             }
             for name in world.robots
         },

@@ -184,6 +184,12 @@ class World:
         """The goals that exploring robots have reached first, in order of Unix time."""
         return first_visits(r for r in self.robots.values() if isinstance(r, GroundRobot))
 
+    @property
+    def policy_faults(self) -> dict[str, str]:
+        """What went wrong in policies of exploring robots, by robot."""
+        explorers = [own for own in self.robots.values() if isinstance(own, GroundRobot)]
+        return {own.name: fault for own in explorers if (fault := own.policy_fault) is not None}
+
     def stand(self, name: str, place: Point) -> None:
         """A robot is here from now on: its own program drives it and publishes its messages."""
         ugv = self._ugvs[name]

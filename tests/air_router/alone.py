@@ -17,7 +17,7 @@ class Alone:
     def links(self):
         return {}
 
-    def tell(self, telemetry):
+    def publish_telemetry(self, telemetry):
         assert not self.closed
 
     def publish_map(self, time_s):
@@ -26,10 +26,10 @@ class Alone:
     def exchange(self):
         pass
 
-    def tell_answer(self, answer):
+    def publish_ack(self, answer):
         pass
 
-    def tell_sought(self, robot, time_s):
+    def publish_sought(self, robot, time_s):
         pass
 
     def newest_stamps(self):

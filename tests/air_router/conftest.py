@@ -492,7 +492,7 @@ class PretendVehicle(Vehicle):
             if self.airframe.now_s > LONGEST_S:
                 self.lasts_too_long()
             self.on_step()
-            self.clock.heard(self.airframe.now_s)
+            self.clock.received(self.airframe.now_s)
             self.callback(self.airframe.telemetry())
             for _ in range(4):  # let the commands through between two positions
                 await asyncio.sleep(0)

@@ -66,6 +66,37 @@ def flown(there: Environment, mission: str) -> None:
 # --- what an extra is for
 
 
+def fly(there: Environment, _: Path) -> None:
+    """It gets as far as it can without a vehicle."""
+    there.run("air-router", "fly", MISSION, "--connect", "udpin://127.0.0.1:0", code=ExitCode.NO_VEHICLE)
+
+
+def parquet(there: Environment, _: Path) -> None:
+    """Beside the experiments' own."""
+    there.install("scipy", "matplotlib")
+    there.run("sitl", "experiment", "table1", "--seeds", 1, "--rows", "radius_m=5", "ugvs=3")
+    assert [*there.home.rglob("results.parquet")]
+
+
+def learning(there: Environment, _: Path) -> None:
+    (there.home / "learn.py").write_text(LEARN)
+    assert "True" in there.run("python", "learn.py").stdout
+
+
+def cluster(there: Environment, _: Path) -> None:
+    there.install("scipy")
+    command = ("sitl", "experiment", "table1", "--cluster", "tcp://127.0.0.1:1")
+    refused = there.run(*command, code=ExitCode.REFUSED)
+    assert "no scheduler answers" in refused.stderr
+
+
+LEARN = """
+from sitl.experiment import RunSettings
+from sitl.experiment.learning import SeekEnvironment
+print(SeekEnvironment(RunSettings()).action_space("uav01").n > 0)
+"""
+
+
 def sim(there: Environment, _: Path) -> None:
     flown(there, MISSION)
     with there.start("sitl", "vehicle", MISSION, "--instance", "77") as vehicle:
@@ -104,6 +135,8 @@ def experiments(there: Environment, _: Path) -> None:
     rows = ("--rows", "radius_m=30", "ugvs=3")
     there.run("sitl", "experiment", "table1", "--seeds", 1, *rows, "--out", "out")
     assert (there.home / "out" / "summary.json").is_file()
+    absent = "import importlib.util as u; print([u.find_spec(n) for n in ('mavsdk', 'pymavlink')])"
+    assert there.run("python", "-c", absent).stdout.strip() == "[None, None]"
     there.run("sitl", "town", "8x6", "--seed", 3, "--goals", 40, "--out", "large")
     assert (there.home / "large" / "town.yaml").is_file()
 
@@ -221,10 +254,14 @@ USES = {
     "mocha-link": NODES,
     "air-router": {
         **NODES,
+        "fly": Use(("air-router", "fly", MISSION), fly),
         "sim": Use(("air-router", "sim", MISSION), sim),
         "plot": Use(("air-router", "check", MISSION, "--png", "m.png"), plot),
         "web": Use(("air-router", "edit", MISSION, "--port", 0, "--no-open"), web),
         "experiments": Use(("sitl", "town", "8x6", "--seed", 3, "--out", "t"), experiments),
+        "parquet": Use((), parquet),
+        "learning": Use((), learning),
+        "cluster": Use((), cluster),
         "foxglove": Use(("air-router", "convert", "RECORD", "flight.mcap"), foxglove),
     },
 }
@@ -263,6 +300,8 @@ def test_without_extras_a_mission_is_checked_planned_and_converted(environment):
     assert mocha_link.__version__ in there.run("air-router", "--version").stdout
     lacking = there.run("air-router", "sim", MISSION, code=ExitCode.MISSING_EXTRA)
     assert "[sim]" in lacking.stderr
+    lacking = there.run("air-router", "fly", MISSION, code=ExitCode.MISSING_EXTRA)
+    assert "[fly]" in lacking.stderr
 
 
 def test_without_extras_two_nodes_meet(environment):

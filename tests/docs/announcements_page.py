@@ -1,4 +1,4 @@
-"""The page of warnings and alarms, docs/announcements.md, as the code makes them.
+"""The warnings and alarms of docs/watching.md, as the code makes them.
 
 They are found in the code: whatever is handed an `Instruction` is a warning or an alarm.
 """
@@ -14,39 +14,6 @@ from air_router.vehicle import instructions
 from air_router.vehicle.input_limits import LIMITS
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "announcements.md"
-HEAD = """\
-# Warnings and alarms
-
-The operator sees announcements in the [terminal](watching.md), on the [live page](watching.md), in
-the [record](records.md) and in the report. The pilot gets them on the ground station, as
-STATUSTEXT.
-
-| severity | meaning | terminal | STATUSTEXT |
-|---|---|---|---|
-| info | nothing to do | plain | INFO |
-| warning | a problem that the flight handles | yellow, `WARNING:` | WARNING, read aloud |
-| alarm | the pilot has to act | red, `ALARM:`, and a bell | CRITICAL, read aloud |
-
-## Lasting alarms
-
-While its condition lasts (the vehicle holds because an input is missing, there is no way out of a
-zone, the vehicle hovers after hands off), an alarm is repeated after 10 s and then every 30 s, and
-asks the pilot to fly by hand. It also ends when a pilot takes the vehicle.
-
-Terminal and live page show repeated infos and warnings as one line with a count, and each alarm on
-its own line. STATUSTEXT carries every repetition.
-
-## List
-
-Every warning and alarm ends with an instruction to the pilot or the operator. `…` stands for the
-parts that vary. The table is printed from the code.
-
-<!-- printed: announcements -->
-| announcement | severity | what to do |
-|---|---|---|
-"""
-
 # How each function that is handed an instruction announces it: where the text is among its
 # arguments (and by which name), what is put before it, and how grave it is.
 MAKERS = {
@@ -54,11 +21,11 @@ MAKERS = {
     "alarm": (0, "text", "{}", "alarm"),
     "Announce": (0, "text", "{}", "alarm"),
     "alarm_until_over": (1, "text", "{}", "alarm"),
-    "_last_words": (0, "text", "{}", "alarm"),
+    "_final_announcement": (0, "text", "{}", "alarm"),
     "Deviation": (1, "words", "{}", "warning"),
     "Due": (0, "why", "coming home: {}", "warning"),
-    "Held": (0, "why", "holding: {}", "alarm"),
-    "InputNews": (0, "what", "{}", "warning"),
+    "HandoverHold": (0, "why", "holding: {}", "alarm"),
+    "InputAnnouncement": (0, "what", "{}", "warning"),
     "Watch": (0, "words", "{} …, and has not moved for … s: …", "alarm"),
     "come_home": (0, "why", "coming home: {}", "warning"),
     "give_up": (0, "why", "hands off: {}", "alarm"),
@@ -68,7 +35,7 @@ MAKERS = {
 }
 # What a text says that comes from elsewhere, by function and instruction.
 SAID = {
-    ("look_on", "FLY_OUT"): ["breach of …"],
+    ("observe", "FLY_OUT"): ["breach of …"],
     ("_differs", "UPLOAD_OURS"): ["another plan is on board (…)"],
     ("_differs", "TAKE_WHERE_IT_HOLDS"): ["another plan is on board (…)"],
     ("follow_order", "IN_YOUR_HANDS"): [
@@ -76,24 +43,24 @@ SAID = {
         "a pilot or ground station chose another plan item",
     ],
     ("fallen", "KEEP_CLEAR"): ["disarmed in the air at … m above home"],
-    ("__init__", "CHECK_PEER"): ["… of … cannot be read …", "… has said nothing on …"],
-    ("inputs_missing", "BE_READY_AT_HOME"): ["… not heard for … s"],
+    ("__init__", "CHECK_PEER"): ["… of … cannot be read …", "… published nothing on …"],
+    ("inputs_missing", "BE_READY_AT_HOME"): ["… not received for … s"],
     ("command", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
     ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
-    ("_while_off", "NEARER_THAN_IT_SAYS"): [
-        "the satellites' position is good to … m only, … m are planned for",
-        "wind of … m/s, … m/s are planned for",
+    ("_while_off", "CLEARANCE_UNCERTAIN"): [
+        "the satellites' position is good to … m only, planned for … m",
+        "wind of … m/s, planned for … m/s",
     ],
     ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
     ("another_vehicle", "SEPARATE_TWINS"): ["two autopilots answer with the same system id …"],
     ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
-    ("look", "NEARER_THAN_IT_SAYS"): [
-        "the satellites' position is good to … m only, … m are planned for: holding",
-        "wind of … m/s, … m/s are planned for: holding",
+    ("update", "CLEARANCE_UNCERTAIN"): [
+        "the satellites' position is good to … m only, planned for … m: holding",
+        "wind of … m/s, planned for … m/s: holding",
     ],
-    ("look", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
+    ("update", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }
 KNOWN = {name: value for name, value in vars(instructions).items() if name.isupper()}
 
@@ -181,7 +148,7 @@ def rows() -> list[Row]:
                     found += _rows_of(call, scope)
     for limit in LIMITS:
         severity = "warning" if limit.stop_s is None else "warning; alarm once the vehicle stops"
-        found.append(Row(f"{limit.words} not heard for … s: …", severity, limit.instruction))
+        found.append(Row(f"{limit.words} not received for … s: …", severity, limit.instruction))
     return sorted(set(found))
 
 
@@ -200,9 +167,9 @@ def _rows_of(call: ast.Call, scope: ast.AST) -> Iterator[Row]:
             yield Row(pattern.format(words), grave, KNOWN[instruction])
 
 
-def page() -> str:
-    """The page."""
-    lines = (
+def table() -> list[str]:
+    """The lines of the table."""
+    head = ["| announcement | severity | what to do |", "|---|---|---|"]
+    return head + [
         f"| {row.text.replace('|', '/')} | {row.severity} | {row.instruction} |" for row in rows()
-    )
-    return HEAD + "\n".join(lines) + "\n<!-- /printed -->\n"
+    ]

@@ -1,11 +1,12 @@
-"""The page of all options, docs/options.md, as the programs have them.
+"""The options in docs/commands.md, as the programs have them, and the Python API of the site.
 
-In the repository it names the options of each command, which `--help` explains. `make docs` runs
-this file as a hook of mkdocs, and puts the page with all explanations into the site.
+In the repository the page names the options of each command, which `--help` explains. `make docs`
+runs this file as a hook of mkdocs: the site explains each option, and has a page of docstrings.
 """
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -17,19 +18,37 @@ import mocha_link.cli.cli
 import sitl.cli.cli
 from tests.command_lines import commands_of
 
-PAGE = Path(__file__).parents[2] / "docs" / "options.md"
-HEAD = """\
-# Every command and option
-
-[commands.md](commands.md) describes purposes and exit codes. Every command takes `-h` (`--help`,
-with examples) and, before or after its name, `-v` (log more; `-vv`: even more) and `--log-level`
-(`debug`, `info`, `warning`, `error`). `completion {bash,zsh,fish}` of each program prints a script
-for the shell.
-"""
-HELP = """\
-`COMMAND --help` and the site built by `make docs` explain each option.
-"""
+PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+PRINTED = re.compile(r"(?<=<!-- printed: options -->\n).*?(?=\n<!-- /printed -->)", re.DOTALL)
 EVERYWHERE = {"--help", "--verbose", "--log-level"}
+API = (
+    "mocha_link.node.node",
+    "mocha_link.team.team",
+    "mocha_link.store.message",
+    "mocha_link.links.metrics",
+    "mocha_link.node.broadcast",
+    "mocha_link.links.reading",
+    "mocha_link.radios.radio",
+    "mocha_link.service.service_client",
+    "mocha_link.ros.typed",
+    "mocha_link.ros.ros",
+    "mocha_link.bridges.dds",
+    "mocha_link.errors",
+    "air_router.control.control",
+    "air_router.controller.targets.seeking",
+    "air_router.controller.targets.target_list",
+    "air_router.seek_policies.testing",
+    "air_router.mission.loading",
+    "air_router.routing.router",
+    "geo.airspace.airspace",
+    "geo.airspace.zone",
+    "geo.paths.shortest",
+    "geo.frame",
+    "sitl.world.explorers.policies",
+    "sitl.robot_policies.testing",
+    "sitl.experiment.learning.environment",
+)
+"""Modules whose docstrings the site shows: the public ones."""
 SHARED = """\
 ## Shared options
 
@@ -37,9 +56,9 @@ What several commands take; each command names those that it has.
 """
 
 
-def page() -> str:
-    """The page in the repository: each command with the names of its options."""
-    parts = [HEAD, HELP]
+def names() -> str:
+    """For the repository: each command with the names of its options."""
+    parts = [""]
     for program in _programs():
         parts += [f"## {program.name}\n", f"{program.help}\n"]
         for command, path, rows in _commands(program):
@@ -49,13 +68,13 @@ def page() -> str:
     return "\n".join(parts)
 
 
-def whole_page() -> str:
-    """The page with explanations; what several commands take is explained once."""
+def explanations() -> str:
+    """For the site: each option explained; what several commands take is explained once."""
     programs = _programs()
     count = Counter(row for program in programs for *_, rows in _commands(program) for row in rows)
     means = {name: said for (name, said), times in reversed(count.most_common()) if times > 1}
     shared = sorted(means.items())
-    parts = [HEAD, SHARED, "\n".join(f"* {name}: {said}" for name, said in shared) + "\n"]
+    parts = [SHARED, "\n".join(f"* {name}: {said}" for name, said in shared) + "\n"]
     for program in programs:
         parts += [f"## {program.name}\n", f"{program.help}\n"]
         for command, path, rows in _commands(program):
@@ -70,7 +89,17 @@ def whole_page() -> str:
 
 def on_page_markdown(markdown: str, /, *, page: Any, **_: object) -> str:
     """Put the explanations into the site: mkdocs calls this for every page."""
-    return whole_page() if page.file.src_uri == PAGE.name else markdown
+    if page.file.src_uri != PAGE.name:
+        return markdown
+    return PRINTED.sub(lambda _: explanations(), markdown)
+
+
+def on_files(files: Any, /, *, config: Any) -> None:
+    """Add the page of docstrings, which only the site has: mkdocs calls this once."""
+    from mkdocs.structure.files import File  # noqa: PLC0415 - only `make docs` has mkdocs
+
+    text = "# Python API\n\n" + "".join(f"::: {name}\n" for name in API)
+    files.append(File.generated(config, "api.md", content=text))
 
 
 def _programs():

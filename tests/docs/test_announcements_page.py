@@ -1,10 +1,10 @@
-"""Every warning and alarm says what to do, and stands in docs/announcements.md."""
+"""Every warning and alarm says what to do, and stands in docs/watching.md."""
 
 import ast
-import os
 
 from air_router.vehicle.px4.mavlink_values import STATUSTEXT_BYTES
-from tests.docs.announcements_page import KNOWN, PAGE, ROOT, name_of, page, rows
+from tests.docs.announcements_page import KNOWN, ROOT, name_of, rows, table
+from tests.printed import assert_printed
 
 FILES = sorted((ROOT / "air_router").rglob("*.py"))
 
@@ -14,13 +14,8 @@ def calls(path):
     return [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
 
 
-def test_the_page_is_current():
-    text = page()
-    if os.environ.get("DOCS_WRITE"):
-        PAGE.write_text(text, encoding="utf-8")
-    assert PAGE.read_text(encoding="utf-8") == text, (
-        "warnings have changed: write the page anew with DOCS_WRITE=1 pytest tests/docs"
-    )
+def test_the_table_is_current():
+    assert_printed("watching.md", "announcements", table())
 
 
 def test_instructions_are_made_in_one_place():

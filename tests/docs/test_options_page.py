@@ -1,28 +1,24 @@
-"""docs/options.md names what the programs take; DOCS_WRITE=1 in the environment writes it anew."""
+"""docs/commands.md names what the programs take, and the site explains it."""
 
-import os
 import re
 from types import SimpleNamespace
 
-from tests.docs.options_page import PAGE, on_page_markdown, page
+from tests.docs.options_page import PAGE, names, on_page_markdown
+from tests.printed import assert_printed
 
 
 def test_the_page_is_current():
-    text = page()
-    if os.environ.get("DOCS_WRITE"):
-        PAGE.write_text(text, encoding="utf-8")
-    assert PAGE.read_text(encoding="utf-8") == text, (
-        "options have changed: write the page anew with DOCS_WRITE=1 pytest tests/docs"
-    )
+    assert_printed("commands.md", "options", [*names().splitlines(), ""])
 
 
 def test_the_site_explains_every_option_that_the_page_names():
-    def in_the_site(name):
-        return on_page_markdown(
-            "as it is", page=SimpleNamespace(file=SimpleNamespace(src_uri=name))
-        )
+    def in_the_site(name, text):
+        page = SimpleNamespace(file=SimpleNamespace(src_uri=name))
+        return on_page_markdown(text, page=page)
 
-    commands, whole = page().partition("\n## ")[2], in_the_site("options.md")
+    text = PAGE.read_text(encoding="utf-8")
+    commands = text.partition("<!-- printed: options -->")[2]
+    whole = in_the_site("commands.md", text).partition("<!-- printed: options -->")[2]
     heads = re.compile(r"^###.*$", re.MULTILINE)
     assert heads.findall(commands) == heads.findall(whole)
     explained = set(re.findall(r"^\* (`.*?`)(?: \(needed\))?: \S", whole, re.MULTILINE))
@@ -34,4 +30,4 @@ def test_the_site_explains_every_option_that_the_page_names():
     }
     assert len(named) > 100
     assert named == explained
-    assert in_the_site("index.md") == "as it is"
+    assert in_the_site("index.md", "as it is") == "as it is"

@@ -8,7 +8,7 @@ from benchmarks.sabotage.table import SABOTAGES
 from sitl.rehearsal.faults import Fault
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "safety.md").read_text("utf-8")
+TEXT = (ROOT / "docs" / "evidence" / "safety.md").read_text("utf-8")
 SHOWN = (ROOT / "docs" / "evidence" / "faults-of-c597b59.csv").read_text("utf-8")
 SECOND = (ROOT / "docs" / "evidence" / "faults-of-7f645deb.csv").read_text("utf-8")
 SURVIVORS = (ROOT / "docs" / "evidence" / "sabotages-that-survive.csv").read_text("utf-8")

@@ -57,6 +57,8 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "robot.md python": "system/test_rovers.py::test_rovers_of_three_kinds_are_found",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
     "ros.md python 2": "mocha_link/bridges/test_docs.py::test_values",
+    "seeking.md python 1": "air_router/test_seek_policy_kit.py::test_the_docs_show_the_template",
+    "seeking.md python 2": "air_router/test_seek_policy_kit.py::test_the_docs_show_the_kit",
     "state-machine.md mermaid": (
         "air_router/controller/test_state_table.py::test_the_diagrams_in_the_docs_are_those_drawn_from_the_table"
     ),
@@ -78,6 +80,7 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "control.md cpp 1": "needs a compiler and cppzmq; its request: below",
 }
 FOREIGN = {  # first words of commands that are not ours
+    "dask": "dask.distributed, the extra `cluster`",
     "roscore": "ROS 1",
     "roslaunch": "ROS 1",
     "rostopic": "ROS 1",

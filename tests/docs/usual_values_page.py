@@ -13,7 +13,7 @@ HEAD = """\
 
 `air-router check` notes a number that is legal but unusual, and names the unit it was probably
 given in: `altitude_m: 400` may be 122 m in feet. The edit page, the pre-flight card and commands
-with the same kind of option do the same. A note ([`unusual-value`](../errors.md#keys-and-values))
+with the same kind of option do the same. A note ([`unusual-value`](../errors.md#problems-in-files))
 stops nothing:
 
     'duration_s' is 25 s; usual is 60 to 14400 s (a multicopter flies for minutes to a \

@@ -34,7 +34,7 @@ from geo.validity import Period, Validity
 from mocha_link.links import metrics
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
-from sitl.experiment.campaign.running import run_settings
+from sitl.experiment.campaign.running import settings_of
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.robots.controllers import controllers_of, scenery_of
@@ -243,7 +243,7 @@ def _settings_of(run_: Mapping[str, Any], folder: Path) -> RunSettings:
     document = {"name": "golden", "title": "golden", "settings": run_, "rows": [{"label": "only"}]}
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     experiment, _ = load_experiment(str(path))
-    return run_settings(experiment.task(experiment.rows[0], 0))
+    return settings_of(experiment.task(experiment.rows[0], 0))
 
 
 def _controller_of_run(run_: Mapping[str, Any], name: str, folder: Path) -> Controller:

@@ -32,6 +32,8 @@ class ScriptedPx4:
         orders: What moves it or changes its mode, in order.
         heartbeats: How many it has sent.
         told: What a heartbeat says and in how many orders from before it was told.
+        rate: Of its clock against ours.
+        later: What happens once its clock shows so many milliseconds: (ms, callable).
     """
 
     def __init__(self, port, place, script, version=(1, 17)):
@@ -45,7 +47,8 @@ class ScriptedPx4:
         self.others = []  # (system id, component id, name, fields) that are sent beside it
         self.orders = []
         self.heartbeats = 0
-        self._booted_s = time.monotonic()
+        self.rate, self.later = 1.0, []
+        self._clock = (time.monotonic(), 1000.0)  # our time and its own, in seconds and ms
         self._link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._packer = Sender(1)  # of what pymavlink knows without its extensions
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -82,7 +85,7 @@ class ScriptedPx4:
         parser = mavlink.MAVLink(None)
         parser.robust_parsing = True
         while not self._stop.is_set():
-            self._tell()
+            self.report()
             with contextlib.suppress(TimeoutError):
                 for message in parser.parse_buffer(self._socket.recv(65536)) or ():
                     self._take(message)
@@ -96,19 +99,28 @@ class ScriptedPx4:
                     version = (self._version[0] << 24) | (self._version[1] << 16)
                     self.say("autopilot_version", 0, version, 0, 0, 0, zeros, zeros, zeros, 0, 0, 1)
                 if message.param1 == mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION:
-                    self.say("flight_information", self._boot_ms(), 0, 0, 1)
+                    self.say("flight_information", self.boot_ms(), 0, 0, 1)
+            case "TIMESYNC" if message.tc1 == 0:
+                self.say("timesync", self.boot_ms() * 1_000_000, message.ts1)
             case "COMMAND_LONG" if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
                 self.acknowledge(message, 0)
             case "COMMAND_LONG" | "COMMAND_INT" | "MISSION_SET_CURRENT":
                 self.orders.append(message)
                 self._script(self, message)
 
-    def _boot_ms(self):
-        return round((time.monotonic() - self._booted_s) * 1e3) + 1000
+    def boot_ms(self):
+        now_s = time.monotonic()
+        since_s, boot_ms = self._clock
+        self._clock = now_s, boot_ms + (now_s - since_s) * self.rate * 1e3
+        return round(self._clock[1])
 
-    def _tell(self):
+    def report(self):
         latitude, longitude = self._place
-        boot_ms = self._boot_ms()
+        boot_ms = self.boot_ms()
+        for due_ms, act in list(self.later):
+            if boot_ms >= due_ms:
+                self.later.remove((due_ms, act))
+                act()
         self.say("global_position_int", boot_ms, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
         if not self.talks:
             return

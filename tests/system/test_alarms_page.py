@@ -17,7 +17,7 @@ from tests.system.page_checks import CROWDED, PALE
 from tests.system.test_map_pages import HOME, SIZES, Refusing, viewport
 
 BREACH = Announce("hands off: breach of zone 3", Severity.ALARM, FLY_OUT)
-NEAR = Announce("too near to zone 3: 3.1 m, 5 m are to be kept", Severity.WARNING, BE_READY)
+NEAR = Announce("too near to zone 3: 3.1 m, 5 m are required", Severity.WARNING, BE_READY)
 SOUNDED = "() => Number(document.getElementById('alarms').dataset.sounded ?? 0) > 0"
 
 
@@ -85,7 +85,7 @@ def test_an_alarm_sounds_once_a_person_has_touched_the_page_and_until_it_is_ackn
 def test_what_is_over_is_shown_no_longer(shown):
     looker, announce = shown
     page = looker.page
-    announce(Announce("position not heard", Severity.ALARM, FLY_OUT, "position"))
+    announce(Announce("position not received", Severity.ALARM, FLY_OUT, "position"))
     expect(page.locator("#log .alarm")).to_have_count(1)
     expect(page.locator("#alarms")).to_be_hidden()  # the controller does not know of it
 

@@ -189,7 +189,7 @@ def test_a_reload_before_the_vehicle_is_heard_waits_for_it(command, tmp_path):
         flight.type("reload")
         code, _ = flight.program.finish()
     assert "zones changed: 'drawn' is new" in flight.program.said
-    assert "nothing heard within 5 s" in flight.program.said
+    assert "nothing received within 5 s" in flight.program.said
     assert code == 4
     assert "Traceback" not in flight.program.said
 
@@ -358,10 +358,12 @@ def test_home_without_positions_says_what_it_waits_for(flown):
     def noticed():
         """It comes home by itself after 30 s; what did not notice at all may be asked after 12."""
         texts = [m.fields["text"] for m in seen.messages[before:] if m.name == "STATUSTEXT"]
-        return any("position not heard" in text for text in texts) or seen.time_s > since_s + 12.0
+        return (
+            any("position not received" in text for text in texts) or seen.time_s > since_s + 12.0
+        )
 
     assert wait_until(noticed, LIMIT_S)
-    assert "as soon as it is known where it is" in uav.home().why
+    assert "as soon as its position is known" in uav.home().why
 
 
 def test_a_damaged_record_does_not_replay_as_the_same(flown, answered):

@@ -195,7 +195,7 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
     assert {"INIT", "GOTO", "EXPL", "HOME"} <= set(report["states_visited"])
     assert flight.said.count("the operator: accepted: ") == 2, flight.said[-3000:]
     assert flight.said.count(": accepted: ") == 2, flight.said[-3000:]
-    assert "the operator: refused: the point lies outside of the fence" in flight.said
+    assert "the operator: refused: the point lies outside the fence" in flight.said
     assert "which is not the vehicle's address" in flight.said
     assert report["closest_approach_m"] >= 5.0
     assert "Traceback" not in flight.said

@@ -149,7 +149,7 @@ def test_a_button_that_would_be_refused_says_why_and_asks_for_nothing(browser):
 
         reasons = {
             "resume": "nothing is held: it is in INIT",
-            "land": "it lands where it hovers: have it hold first",
+            "land": "it lands where it hovers: request 'hold' first",
             "altitude": "only 40 m above home is flown; 'altitudes_m' in the mission allows others",
         }
         for verb, why in reasons.items():

@@ -200,7 +200,7 @@ def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port,
 
 def test_no_answer(mission, udp_port, monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 0.3)
-    with pytest.raises(NoVehicleError, match="nothing heard within"):
+    with pytest.raises(NoVehicleError, match="nothing received within"):
         run(mission, udp_port, lambda vehicle: vehicle.connect())
 
 

@@ -226,8 +226,8 @@ def test_the_page_shows_the_flight_and_takes_the_operator_s_word(browser, flight
     page.wait_for_function(IS_CHARTED)
     looker.lose_and_find_the_flight()
     answer = looker.ask(lambda: looker.go_to({"x": 20, "y": 600}))
-    assert "outside of the fence" in answer
-    looker.shows("#hint", "outside of the fence")
+    assert "outside the fence" in answer
+    looker.shows("#hint", "outside the fence")
     flight.sought = looker.seek_another()
     if PICTURED:
         take_pictures(page)

@@ -1,4 +1,4 @@
-"""The controller's vocabulary: events, actions, states, requests, and the shared context."""
+"""The controller's data types: events, actions, states, requests, and the shared context."""
 
 from mocha_link.lazy import door
 
@@ -40,11 +40,11 @@ __getattr__, __dir__, __all__ = door(
         ),
         "flight_setup": ("FlightSetup",),
         "airspace_in_force": ("AirspaceInForce", "ZoneChange"),
-        "authority": ("Authority", "Held", "OnBoard"),
-        "interlocks_raised": ("Doubt", "OFF_PLAN", "RaisedInterlocks"),
+        "authority": ("Authority", "HandoverHold", "PlanOwner"),
+        "interlocks_raised": ("Anomaly", "OFF_PLAN", "RaisedInterlocks"),
         "mission_context": ("MissionContext",),
         "task": (
-            "Ending",
+            "EndReason",
             "Goal",
             "Hover",
             "NoWay",
@@ -54,11 +54,11 @@ __getattr__, __dir__, __all__ = door(
             "StateHandler",
             "Task",
             "Wanted",
-            "Way",
+            "ActiveRoute",
         ),
         "requests": (
             "AnyRequest",
-            "Asked",
+            "ControlRequest",
             "ChangeAltitude",
             "ComeHome",
             "ExploreNow",
@@ -72,6 +72,6 @@ __getattr__, __dir__, __all__ = door(
             "SeekNow",
         ),
         "standing_alarms": ("StandingAlarm",),
-        "states": ("From", "Requests", "Signal", "Spec", "State"),
+        "states": ("TimerStart", "CommandPolicy", "Signal", "StateSpec", "State"),
     },
 )

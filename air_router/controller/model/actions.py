@@ -1,4 +1,4 @@
-"""Everything that the controller can ask for. Data only: the flight shell carries it out."""
+"""The controller's actions: data only, carried out by the flight loop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from geo.frame import Point
 
 @dataclass(frozen=True, slots=True)
 class FlyToNode:
-    """Jump to a node of the plan: a straight leg in Mission mode, checked before it was asked."""
+    """Jump to a plan item: a straight, checked leg in Mission mode."""
 
     node: int  # 0: home
     position: Point  # of that node
@@ -30,7 +30,7 @@ class FlyToPoint:
 class HoldHere:
     """Stop and hover."""
 
-    why: str  # in words, for records
+    why: str  # as text, for records
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,29 +43,29 @@ Motion = FlyToNode | FlyToPoint | HoldHere | LandHere
 
 @dataclass(frozen=True, slots=True)
 class PublishMap:
-    """Put the newest map into the gossip database now: a peer is about to fetch it."""
+    """Publish the newest map now: a peer is about to fetch it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seeking:
-    """Tell the team whom this UAV seeks, or hovers over, from now on; None: no robot."""
+    """Publish to the team which robot this UAV seeks or hovers over from now on."""
 
     robot: str | None  # None: no robot
 
 
 @dataclass(frozen=True, slots=True)
 class ReadAgain:
-    """Read the mission file again, and tell what has changed in it."""
+    """Read the mission file again, and report its changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenewPlan:
-    """Put the mission on board with the fence as it is now, and tell when it is there."""
+    """Upload the mission with the current fence, and report when it is on board."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplanAirspace:
-    """Plan ways among the same zones as they count now, and tell by an `AirspaceChanged`."""
+    """Make a router for the zones that apply now, and report an `AirspaceChanged`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +73,10 @@ class Announce:
     """An announcement to the pilot and the operator.
 
     Attributes:
-        text: What happened, in words.
-        severity: How much it matters.
-        instruction: What the pilot or the operator does about it; every warning and alarm has one.
-        about: What goes on, for those that are said again and end; empty: it is said once.
+        text: What happened, as text.
+        severity: The severity.
+        instruction: Action of the pilot or the operator; every warning and alarm has one.
+        about: The subject of an announcement that repeats until it is over; empty: announced once.
     """
 
     text: str
@@ -86,7 +86,7 @@ class Announce:
 
     @property
     def words(self) -> str:
-        """The text and, as a sentence of its own, the instruction."""
+        """The text, followed by the instruction as its own sentence."""
         return f"{self.text}. {self.instruction}" if self.instruction else self.text
 
 
@@ -102,14 +102,14 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class MissionWaits:
-    """What keeps the mission from what it wants: an action once that has changed.
+    """The interlock that blocks the mission; recorded when it changes.
 
-    `FlightStatus` shows the same as of now.
+    `FlightStatus` has the current one.
 
     Attributes:
-        interlock: The row of `INTERLOCKS` that decides; None: the mission goes on.
-        why: In words, as precisely as is known then.
-        since_s: When it began to wait for that, vehicle's clock.
+        interlock: The deciding row of `INTERLOCKS`; None: the mission is not blocked.
+        why: The reason, as precisely as it is known.
+        since_s: Since when it blocks, vehicle's clock.
     """
 
     interlock: str | None
@@ -118,7 +118,7 @@ class MissionWaits:
 
 
 class Refusal(StrEnum):
-    """Why a request is not done, as a word for programs."""
+    """Why a request is refused, as a code for programs."""
 
     NOT_FLYING = "not-flying"
     FLIGHT_OVER = "flight-over"
@@ -143,14 +143,14 @@ class Refusal(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
-    """A request was made: whether it is done, and what, or why not.
+    """The answer to a request: accepted, or refused with the reason.
 
     Attributes:
-        request_id: The request's; `by`: who asked.
-        accepted: Whether it is done.
-        why: A sentence for people.
+        request_id: Id of the request; `by`: the requester.
+        accepted: Whether it is carried out.
+        why: What the vehicle does, or why the request is refused, for people.
         code: The reason, for programs; None if accepted.
-        points: Where the vehicle will hover, metres east/north, if it was sent to points.
+        points: Where the vehicle will hover after a go-to, meters east/north.
     """
 
     request_id: str
@@ -162,7 +162,7 @@ class CommandAck:
 
 
 class ControlHolder(Enum):
-    """Who else may have the vehicle."""
+    """Who else may command the vehicle."""
 
     PILOT = "the pilot"
     FAILSAFE = "an autopilot failsafe"
@@ -170,12 +170,12 @@ class ControlHolder(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The flight is over: landed by us, or by the one that took over (None: neither)."""
+    """The flight is over: landed by this program or by whoever took over."""
 
-    landed_by_us: bool  # after LAND, commanded by us
-    why: str  # in words
+    landed_by_us: bool  # after LAND
+    why: str  # as text
     taken_by: ControlHolder | None = None  # None: the vehicle stayed ours
-    refused: bool = False  # it was stopped as it took off, and has not flown
+    refused: bool = False  # stopped at take-off, without having flown
 
 
 Action = (

@@ -1,4 +1,4 @@
-"""The zones and fences that count now, and how far a change of them is: a part of the context."""
+"""The zones and fences in force, and the stage of a change: one part of the context."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from air_router.routing import Router
 
 
 class ZoneChange(Enum):
-    """How far a change of zones is."""
+    """The stage of a change of zones."""
 
-    CLEARING = "the vehicle stops where it may not go on any more"
-    LEAVING = "the vehicle flies out of what was drawn over it"
-    UPLOADING = "the new fence is being put on board"
+    CLEARING = "the vehicle stops if its leg is no longer clear"
+    LEAVING = "the vehicle leaves a zone that was drawn over it"
+    UPLOADING = "the new fence is being uploaded"
 
 
 @dataclass(slots=True, eq=False)
 class AirspaceInForce:
-    """State only; `AirspaceUpdate` decides what follows from it. Only its methods change it.
+    """State only; `AirspaceUpdate` decides. Only its own methods change it.
 
     Attributes:
-        mission: With the zones and fences of now.
-        router: Plans among these.
-        way_out_router: Plans the way out of a zone among what applies from the vehicle's height to
-            the cruise altitudes; None: `router` does.
-        change: How far a change of zones is; None: none is under way.
-        must_stop: Zones change, and the hold for that is not confirmed yet.
-        exempt_zones: The zones that it is no breach to be in: they were drawn over the vehicle.
+        mission: The mission with the zones and fences in force.
+        router: Plans routes among them.
+        way_out_router: Plans the way out of a zone, for the zones between the vehicle's altitude
+            and the cruise altitudes; None: `router` does.
+        change: Stage of a change of zones; None: there is none.
+        must_stop: The hold for a change of zones is not confirmed yet.
+        exempt_zones: Zones drawn over the vehicle: being in them is no breach.
         revision: Counts the changes of zones and fences, from 1 on.
     """
 
@@ -43,36 +43,36 @@ class AirspaceInForce:
 
     @property
     def flown_router(self) -> Router:
-        """By what the leg under way, and the next one, are planned and checked."""
+        """The router that plans and checks the current and the next leg."""
         way_out = self.way_out_router if self.change is ZoneChange.LEAVING else None
         return self.router if way_out is None else way_out
 
     def replace(self, mission: Mission, router: Router) -> None:
-        """Other zones count from now on; what is not clear any more is cleared first."""
+        """Put other zones in force; the vehicle first stops or leaves as needed."""
         self.mission, self.router = mission, router
         self.revision += 1
         self.clear()
 
     def clear(self) -> None:
-        """The vehicle stops where it may not go on, and leaves what it is in, before an upload."""
+        """The vehicle stops if its leg is not clear, and leaves its zone, before the upload."""
         self.change, self.way_out_router = ZoneChange.CLEARING, None
 
     def stop_first(self) -> None:
-        """Nothing goes on before the vehicle has confirmed a hold."""
+        """The change waits until the vehicle has confirmed a hold."""
         self.must_stop = True
 
     def exempt(self, names: Collection[str]) -> None:
-        """To be in these zones is no breach until the change is over."""
+        """Being in these zones is no breach until the change is over."""
         self.exempt_zones |= frozenset(names)
 
     def leave(self, router: Router | None) -> None:
-        """The vehicle flies out of what was drawn over it, by this router's way."""
+        """The vehicle leaves the zone drawn over it, by a route of this router."""
         self.change, self.way_out_router, self.must_stop = ZoneChange.LEAVING, router, False
 
     def upload(self) -> None:
-        """The new fence is put on board."""
+        """The new fence is being uploaded."""
         self.change = ZoneChange.UPLOADING
 
-    def settle(self) -> None:
+    def finish_change(self) -> None:
         """The change is over."""
         self.change, self.must_stop, self.exempt_zones = None, False, frozenset()

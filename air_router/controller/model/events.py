@@ -1,4 +1,4 @@
-"""Everything that reaches the controller beside the vehicle's and the links' own events."""
+"""The controller's events, in addition to those of the vehicle and the links."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mocha_link.links import LinkEvent
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """A robot's pose arrived by gossip.
+    """A robot's pose was received by gossip.
 
     Attributes:
-        robot: Whose pose.
-        position: Metres east/north.
-        stamp_s: When the robot was there, in its own Unix seconds.
-        peer: Who handed it to us: the robot itself, or one that carried it.
+        robot: Name of the robot.
+        position: Meters east/north.
+        stamp_s: Time of the pose, in the robot's Unix seconds.
+        peer: The sender: the robot itself, or a peer that carried the message.
     """
 
     robot: str
@@ -31,12 +31,12 @@ class RobotPose:
 
 @dataclass(frozen=True, slots=True)
 class RobotPath:
-    """A robot's intended path arrived by gossip.
+    """A robot's planned path was received by gossip.
 
     Attributes:
-        robot: Whose path.
-        points: Metres east/north, at least one; the last is its destination.
-        stamp_s: When the robot said so, in its own Unix seconds.
+        robot: Name of the robot.
+        points: Meters east/north, at least one; the last is the destination.
+        stamp_s: Time of publication, in the robot's Unix seconds.
     """
 
     robot: str
@@ -46,12 +46,12 @@ class RobotPath:
 
 @dataclass(frozen=True, slots=True)
 class RobotSought:
-    """Another UAV said by gossip whom it seeks now.
+    """Another UAV published which robot it seeks.
 
     Attributes:
         by: The other UAV.
-        robot: Whom it seeks; None: no robot.
-        stamp_s: When it said so, in its own Unix seconds.
+        robot: The robot it seeks; None: none.
+        stamp_s: Time of publication, in that UAV's Unix seconds.
     """
 
     by: str
@@ -61,40 +61,40 @@ class RobotSought:
 
 @dataclass(frozen=True, slots=True)
 class PeerFault:
-    """A robot's messages are of no use to the mission, and the operator can change that."""
+    """A robot's messages cannot be used, and the operator can fix that."""
 
-    words: str  # whose, and what is wrong
+    words: str  # the robot, and the fault
 
 
 @dataclass(frozen=True, slots=True)
 class CompanionLagged:
-    """This program stood still, or did not get the processor: for so long, on its own clock."""
+    """This program stalled, or did not get the processor, for this time on its own clock."""
 
     lag_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class CommandConfirmed:
-    """The vehicle does what this action asked of it."""
+    """The vehicle follows this command."""
 
     action: Motion
 
 
 @dataclass(frozen=True, slots=True)
 class CommandFailed:
-    """The vehicle did not follow an action."""
+    """The vehicle did not follow a command."""
 
     action: Motion
-    reason: str  # in words
-    sent: bool = True  # False: it was objected to in its turn
-    taken: FlightMode | None = None  # the vehicle is in this mode, which the action may not end
+    reason: str  # as text
+    sent: bool = True  # False: refused right before it was due
+    taken: FlightMode | None = None  # a mode that the command may not end
 
 
 @dataclass(frozen=True, slots=True)
 class AirspaceChanged:
-    """Fences and zones are others from now on: the operator has drawn the mission's anew.
+    """The fences and zones have changed: the operator has edited the mission.
 
-    With the altitude in doubt it is the same zones, which count whatever their height.
+    With the altitude in doubt the zones are the same, but apply at every altitude.
 
     Attributes:
         fences: All fences.
@@ -107,19 +107,19 @@ class AirspaceChanged:
 
 @dataclass(frozen=True, slots=True)
 class PlanRenewed:
-    """The plan with the changed fence is on board and read back; or not, and why."""
+    """The plan with the changed fence is on board and read back, or the upload failed."""
 
     why_not: str | None = None  # None: it is on board
 
 
 @dataclass(frozen=True, slots=True)
 class FlownBefore:
-    """The flight was begun by another companion; this is what is known of it.
+    """Progress of a flight that another companion began.
 
     Attributes:
         airborne_s: When the mission began in the air, on the vehicle's clock.
-        visited: So many waypoints, in the operator's order, were visited or left out.
-        left_out: Numbers of those that were left out.
+        visited: Number of waypoints, in the operator's order, that were visited or left out.
+        left_out: Numbers of the waypoints left out.
     """
 
     airborne_s: float

@@ -1,4 +1,4 @@
-"""What a flight is decided with, as it is recorded; `Controller` is put together from it."""
+"""The setup of a flight, as it is recorded; `Controller` is made from it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ class FlightSetup:
     """One flight's mission and how it is flown.
 
     Attributes:
-        mission: What to fly, as it was judged: with the zones that applied at that time.
+        mission: The validated mission, with the zones that applied at that time.
         seek: The robots to seek, in order.
-        pilot_arms: The pilot arms: if it is disarmed again on the ground, wait on.
-        explore: Explore between two searches; otherwise only search.
-        name: The UAV's name in the team: of two that seek the same robot, the lower name keeps it.
+        pilot_arms: The pilot arms. If the vehicle is disarmed again on the ground, the mission
+            waits.
+        explore: Explore between two searches; else only search.
+        name: The UAV's name in the team. Of two UAVs that seek the same robot, the lower name keeps
+            it.
     """
 
     mission: Mission

@@ -1,4 +1,4 @@
-"""What monitors have found that stands against a motion: one part of the mission's context."""
+"""Anomalies found by monitors that block motions: one part of the mission's context."""
 
 from __future__ import annotations
 
@@ -7,63 +7,62 @@ from enum import Enum
 from typing import Final
 
 
-class Doubt(Enum):
-    """What a monitor finds; each is a row of `INTERLOCKS`."""
+class Anomaly(Enum):
+    """An anomaly that a monitor finds; each is a row of `INTERLOCKS`."""
 
     ALTITUDE_JUMP = "the altitude has jumped"
-    CONDITIONS = "satellites or wind are worse than planned for"
-    FOREIGN_ORDER = "an order shows that is not ours"
+    CONDITIONS = "GPS accuracy or wind is worse than planned"
+    FOREIGN_ORDER = "the vehicle seems to follow a foreign command"
 
 
-OFF_PLAN: Final = tuple(doubt for doubt in Doubt if doubt is not Doubt.FOREIGN_ORDER)
-"""What watches find while the mission cruises: raised and cleared by `Deviations`, void when it
-does not cruise.
+OFF_PLAN: Final = tuple(anomaly for anomaly in Anomaly if anomaly is not Anomaly.FOREIGN_ORDER)
+"""Anomalies checked only while the mission cruises. `Deviations` raises and clears them.
 """
 
 
 @dataclass(slots=True, eq=False)
 class RaisedInterlocks:
-    """What stands against a motion. Only its methods change it.
+    """The interlocks that block motions now. Only its methods change it.
 
     Attributes:
-        motion_deferred: A motion was kept back by a row with `defers`, or a stop because another
-            order showed: it is planned again at the next telemetry without one.
-        climbs_first: Climb to the mission's altitude before the next leg: the vehicle was taken
-            back, or may have sunk, or left a zone below. Stays until it is there.
+        motion_deferred: A row with `defers` blocked a motion, or a foreign command blocked a stop.
+            The motion is replanned with the next telemetry in which no row blocks it.
+        climb_required: Climb to the mission's altitude before the next leg, because the vehicle was
+            taken back, may have descended, or left a zone below. Stays until it is there.
     """
 
     motion_deferred: bool = False
-    climbs_first: bool = False
-    _up: set[Doubt] = field(default_factory=set)
+    climb_required: bool = False
+    _raised: set[Anomaly] = field(default_factory=set)
 
-    def up(self, *doubts: Doubt) -> bool:
+    def is_raised(self, *anomalies: Anomaly) -> bool:
         """Whether one of them is raised."""
-        return not self._up.isdisjoint(doubts)
+        return not self._raised.isdisjoint(anomalies)
 
-    def words(self, *doubts: Doubt) -> str | None:
-        """The first of them that is raised, in words; None: none is."""
-        return next((doubt.value for doubt in doubts if doubt in self._up), None)
+    def first_raised(self, *anomalies: Anomaly) -> str | None:
+        """The first of these that is raised, as text; None: none is."""
+        return next((anomaly.value for anomaly in anomalies if anomaly in self._raised), None)
 
-    def put(self, doubt: Doubt, *, raised: bool) -> None:
+    def put(self, anomaly: Anomaly, *, raised: bool) -> None:
         """Raise it, or clear it."""
         if raised:
-            self._up.add(doubt)
+            self._raised.add(anomaly)
         else:
-            self._up.discard(doubt)
+            self._raised.discard(anomaly)
 
     def defer_motion(self) -> None:
-        """A motion was kept back."""
+        """A motion was blocked."""
         self.motion_deferred = True
 
     def take_deferred(self) -> bool:
-        """Whether a motion was kept back; says so once."""
+        """Whether a motion was blocked; reports it once."""
         deferred, self.motion_deferred = self.motion_deferred, False
         return deferred
 
     def climb_first(self) -> None:
-        """The next leg is begun at the mission's altitude."""
-        self.climbs_first = True
+        """Start the next leg only at the mission's altitude."""
+        self.climb_required = True
 
     def climbed(self) -> None:
         """The vehicle is at the mission's altitude."""
-        self.climbs_first = False
+        self.climb_required = False

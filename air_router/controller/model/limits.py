@@ -5,7 +5,7 @@ from typing import Final
 # For standing_alarms.py
 
 ESCALATES_S: Final = 10.0
-"""An alarm that is not answered for so long is said again, and asks for the sticks."""
+"""An alarm that lasts this long is repeated, and instructs the pilot to take over."""
 
 REPEATED_S: Final = 30.0
-"""And again so often, as long as it lasts: a pilot who flies by hand hears other things as well."""
+"""Interval of further repetitions: a pilot who flies by hand hears other announcements, too."""

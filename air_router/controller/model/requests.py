@@ -1,6 +1,6 @@
-"""What the operator, other programs and a base station can ask of a mission in flight.
+"""Requests of the operator, other programs and a base station to a mission in flight.
 
-Each is answered with `actions.CommandAck`: accepted, or refused and why.
+Each is answered with `actions.CommandAck`: accepted, or refused with the reason.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ OPERATOR: Final = "the operator"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ControlRequest:
     """A request of the pilot, the operator or a program.
 
     Attributes:
-        request_id: By which the asking program knows the answer.
-        by: Who asks, in words.
+        request_id: Id that the answer repeats.
+        by: The requester, as text.
     """
 
     request_id: str = ""
@@ -30,53 +30,53 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class HoldNow(Asked):
-    """Stop and hover here until something else is asked for, or it has to come home."""
+class HoldNow(ControlRequest):
+    """Stop and hover here until the next request, or until the vehicle has to come home."""
 
 
 @dataclass(frozen=True, slots=True)
-class GoOn(Asked):
-    """Go on with what was held, or with a flight that was given away.
+class GoOn(ControlRequest):
+    """Resume what was held, or a flight that was released.
 
     Attributes:
-        upload: Another plan may be on board: put ours there first.
+        upload: Upload this mission's plan first; another one may be on board.
     """
 
     upload: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class SeekNow(Asked):
+class SeekNow(ControlRequest):
     """Seek this robot next, at once."""
 
     robot: str
 
 
 @dataclass(frozen=True, slots=True)
-class ExploreNow(Asked):
-    """Explore on where exploration stopped."""
+class ExploreNow(ControlRequest):
+    """Resume exploration."""
 
 
 @dataclass(frozen=True, slots=True)
-class ComeHome(Asked):
-    """End the mission: home along the graph, and land."""
+class ComeHome(ControlRequest):
+    """End the mission: fly home along the graph, and land."""
 
 
 @dataclass(frozen=True, slots=True)
-class LandNow(Asked):
-    """End the mission: land where it hovers, on whatever is below."""
+class LandNow(ControlRequest):
+    """End the mission: land in place, on whatever is below."""
 
 
 @dataclass(frozen=True, slots=True)
-class GoTo(Asked):
-    """Fly to points, one after the other, and hover at the last.
+class GoTo(ControlRequest):
+    """Fly to points in order, and hover at the last.
 
     Attributes:
-        points: Metres east/north, in order; at least one.
-        hold_s: How long to hover at the last; None: as the mission says.
-        waits: Before take-off, and while the vehicle holds, it waits for its time instead of being
-            refused: no operator is there to ask again.
-        waits_s: So long at most, on the vehicle's clock.
+        points: Meters east/north, in order; at least one.
+        hold_s: How long to hover at the last; None: the mission's time.
+        waits: Before take-off and while the vehicle holds, the request is deferred instead of
+            refused: no operator is there to repeat it.
+        waits_s: Longest deferral, on the vehicle's clock.
     """
 
     points: tuple[Point, ...]
@@ -86,19 +86,19 @@ class GoTo(Asked):
 
 
 @dataclass(frozen=True, slots=True)
-class ChangeAltitude(Asked):
-    """Climb or descend where it holds, and hold there.
+class ChangeAltitude(ControlRequest):
+    """Climb or descend in place, and hold there.
 
     Attributes:
-        altitude_m: Above home.
+        altitude_m: Altitude above home.
     """
 
     altitude_m: float
 
 
 @dataclass(frozen=True, slots=True)
-class Reload(Asked):
-    """Read the mission file again: its zones and fences have changed."""
+class Reload(ControlRequest):
+    """Read the mission file again, because its zones or fences have changed."""
 
 
 AnyRequest = (
@@ -107,7 +107,7 @@ AnyRequest = (
 
 
 class RequestRefusedError(AirRouterError):
-    """A request is not done; the message is a sentence for people.
+    """A request is refused; the message is for people.
 
     Args:
         code: The reason, for programs; see docs/errors.md.

@@ -1,7 +1,7 @@
-"""Alarms that go on until their condition is over, or the pilot has the vehicle.
+"""Alarms that last until their condition is over, or until the pilot takes over.
 
-An alarm is said once. Where the condition lasts and is not answered it is said again, graver: the
-pilot is to take the vehicle by hand. The pace is bounded, so that it is heard and not talked over.
+An alarm is announced once. While its condition lasts, it is repeated with the instruction to take
+over by hand, at intervals that keep announcements readable.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from air_router.vehicle import TAKE_OVER_NOW, Instruction, Severity
 
 @dataclass(frozen=True, slots=True)
 class StandingAlarm:
-    """One of them.
+    """One alarm that lasts.
 
     Attributes:
-        lasting: What goes on, in words that a duration follows.
-        instruction: What the pilot or the operator does; said again it is graver.
-        since_s: Since when, vehicle's clock.
-        again_s: When it is said again.
+        lasting: Text of the repetition; a duration follows it.
+        instruction: Action of the pilot or the operator; a repetition has a stronger one.
+        since_s: Start of the condition, vehicle's clock.
+        again_s: Time of the next repetition.
     """
 
     lasting: str
@@ -32,14 +32,14 @@ class StandingAlarm:
 
 @dataclass(slots=True, eq=False)
 class StandingAlarms:
-    """All that stand, by what they are about."""
+    """All alarms that last, by subject."""
 
     _standing: dict[str, StandingAlarm] = field(default_factory=dict)
 
     def stand(
         self, about: str, lasting: str, instruction: Instruction, now_s: float, since_s: float
     ) -> bool:
-        """It goes on from now on; whether that is new."""
+        """Add an alarm; return whether it is new."""
         new = about not in self._standing
         if new:
             again_s = now_s + ESCALATES_S
@@ -47,26 +47,26 @@ class StandingAlarms:
         return new
 
     def end(self, about: str) -> bool:
-        """It is over, or answered; whether it stood."""
+        """End an alarm; return whether it was up."""
         return self._standing.pop(about, None) is not None
 
     def end_all(self) -> None:
-        """The pilot has the vehicle, or it is taken back: all that was asked for is answered."""
+        """End all alarms: the pilot took over, or the vehicle is taken back."""
         self._standing.clear()
 
     def due(self, now_s: float) -> list[Announce]:
-        """Those that are to be said again now."""
-        said = []
+        """The alarms to repeat now."""
+        announcements = []
         for about, alarm in self._standing.items():
             if now_s >= alarm.again_s:
                 self._standing[about] = StandingAlarm(
                     alarm.lasting, alarm.instruction, alarm.since_s, now_s + REPEATED_S
                 )
                 text = f"{alarm.lasting} for {now_s - alarm.since_s:.0f} s"
-                said.append(Announce(text, Severity.ALARM, TAKE_OVER_NOW, about))
-        return said
+                announcements.append(Announce(text, Severity.ALARM, TAKE_OVER_NOW, about))
+        return announcements
 
     @property
     def shown(self) -> dict[str, StandingAlarm]:
-        """Those that stand now, by what they are about; the oldest first."""
+        """The alarms that last, by subject, oldest first."""
         return dict(self._standing)

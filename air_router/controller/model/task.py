@@ -1,4 +1,4 @@
-"""What the mission is doing, for whom, until when, and on which way: a part of the context."""
+"""The mission's state, robot, timer and route: one part of the context."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from air_router.controller.model.actions import Motion
-from air_router.controller.model.states import From, Requests, Signal, Spec, State
+from air_router.controller.model.states import CommandPolicy, Signal, State, StateSpec, TimerStart
 from air_router.routing import Leg, NoRoute
 from air_router.vehicle import Instruction
 from geo.frame import Point
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class EndReason:
     """Why the mission ends.
 
     Attributes:
-        why: In words.
-        by_request: Such a return may be called off.
-        place: Where it lands, in words.
-        in_haste: The battery demands it: it does not wait for an upload.
-        instruction: What the pilot or the operator does about it; None: it ends as it was to.
+        why: The reason, as text.
+        by_request: The return may be canceled.
+        place: Where it lands, as text.
+        urgent: The battery demands it, so it does not wait for an upload.
+        instruction: Action of the pilot or the operator; None: a normal end.
     """
 
     why: str
     by_request: bool = False
     place: str = "at home"
-    in_haste: bool = False
+    urgent: bool = False
     instruction: Instruction | None = None
 
 
 class Progress(Enum):
-    """How far the flight to a goal is."""
+    """Progress of the flight to a goal."""
 
     IDLE = "nowhere to go"
     FLYING = "on the way"
@@ -44,7 +44,7 @@ class Progress(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where to: a node of the plan, or any point."""
+    """A destination: a node of the plan, or any point."""
 
     position: Point
     node: int | None = None  # None: a point that is no node
@@ -52,20 +52,20 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A way was planned already: its first motion; None: `Way.progress` says how it stands."""
+    """The first motion of a planned way; None: see `ActiveRoute.progress`."""
 
     motion: Motion | None
 
 
 @dataclass(frozen=True, slots=True)
 class Hover:
-    """Go nowhere any more, and hover.
+    """Drop the goal and hover.
 
     Attributes:
-        why: In words.
-        instruction: What the pilot does about it: that is announced, and a way looked for again in
-            a moment; None: it hovers because that is wanted.
-        at_leg_end: The leg under way ends where it would stop: it is not braked for.
+        why: The reason, as text.
+        instruction: The pilot's action. It is announced, and a way is planned again soon. None:
+            hovering is intended.
+        at_leg_end: The current leg ends where the vehicle would stop, so no hold is sent.
     """
 
     why: str
@@ -75,7 +75,7 @@ class Hover:
 
 @dataclass(frozen=True, slots=True)
 class NoWay:
-    """Hover where no clear way leads on, say so, and look again in a moment."""
+    """Hover without a clear way, announce it, and retry soon."""
 
     refusal: str
 
@@ -85,9 +85,9 @@ class Rest:
     """Nothing is commanded.
 
     Attributes:
-        why: In words.
-        again_s: `retry` is asked after so long; None: it waits for what happens. At a goal
-            `arrived` is asked with every telemetry, whatever it returned.
+        why: The reason, as text.
+        again_s: Call `retry` after this time; None: the state waits for events. At a goal `arrived`
+            is called with every telemetry update in any case.
     """
 
     why: str
@@ -95,57 +95,57 @@ class Rest:
 
 
 Wanted = Goal | Motion | Signal | Planned | Hover | NoWay | Rest
-"""What a state wants next.
+"""What a state requests next.
 
-A `Goal` is flown to, by legs that are planned and checked; another motion is commanded as it is; a
-`Signal` leads to another state. The navigator hands a motion to the gate, which commands legs and
-landings only past `INTERLOCKS`.
+The navigator plans and checks legs to a `Goal`, commands any other motion unchanged, and passes a
+`Signal` to the state machine. It gives motions to the gate, which commands legs and landings only
+if no row of `INTERLOCKS` blocks them.
 """
 
 
 class StateHandler:
-    """What is flown in a state: asked while it lasts, never in another. This one flies nothing.
+    """The handler of a state; called only in that state. This base class flies nothing.
 
-    Each method returns what is wanted next. It may announce (`MissionContext.say`, `warn`, `alarm`)
-    and plan (`Navigator.plan_to`), and command nothing; `HoldState` and `ReadyState` have methods
-    beside these that do.
+    Each method returns what the state requests next. It may announce (`MissionContext.inform`,
+    `warn`, `alarm`) and plan (`Navigator.plan_to`), but never commands a motion. `HoldState` and
+    `ReadyState` have other methods that do.
     """
 
     def begin(self) -> Wanted:
-        """The state was entered."""
+        """Called when the state is entered."""
         return Rest("nothing is flown in this state")
 
     def arrived(self) -> Wanted:
-        """The vehicle is where it was sent; asked again as long as it stays there."""
+        """Called at the goal, repeatedly while the vehicle stays there."""
         return Rest("it is there")
 
     def no_route(self, refusal: str) -> Wanted:
-        """No clear way leads there from here, and why."""
+        """Called when there is no clear way to the goal, with the reason."""
         return NoWay(refusal)
 
     def retry(self) -> Wanted:
-        """The pause is over after something that could not be done."""
+        """Called after the pause that follows a failure."""
         return Rest("nothing waits in this state")
 
     def replan(self) -> Wanted:
-        """Other zones count from now on, and nothing was commanded meanwhile: plan anew."""
+        """Called to plan again: zones have changed, or a motion was blocked."""
         return Rest("nothing is flown in this state")
 
 
 @dataclass(slots=True, eq=False)
-class Way:
-    """What is left of the way to a goal. Only its methods change it.
+class ActiveRoute:
+    """The remaining route to a goal. Only its own methods change it.
 
     Attributes:
-        goal: Where to; None: nowhere.
-        leg: The leg under way.
-        legs: Those behind it.
-        progress: How far the flight to the goal is.
-        refusal: Why there is no way, once `progress` says so.
-        braking: The vehicle stops, and a way is looked for again once it stands.
-        settled: How often it looked again in vain.
-        stands_since_s: Since when it stands short of its leg's end, vehicle's clock.
-        swept: What the leg under way was checked for.
+        goal: The destination; None: none.
+        leg: The current leg.
+        legs: The legs after it.
+        progress: Progress of the flight to the goal.
+        refusal: Why there is no way; set with `Progress.NO_ROUTE`.
+        braking: The vehicle stops; the way is planned again once it hovers.
+        rechecks: Number of unsuccessful checks for a next leg.
+        stands_since_s: Since when the vehicle hovers short of its leg's end, vehicle's clock.
+        swept: Corners of the area checked for the current leg.
     """
 
     goal: Goal | None = None
@@ -154,161 +154,166 @@ class Way:
     progress: Progress = Progress.IDLE
     refusal: NoRoute | None = None
     braking: bool = False
-    settled: int = 0
+    rechecks: int = 0
     stands_since_s: float | None = None
     swept: tuple[Point, ...] = ()
 
     @property
     def ahead(self) -> tuple[Leg, ...]:
-        """The legs that are still to be flown, the one under way first."""
+        """The remaining legs, the current one first."""
         return () if self.leg is None else (self.leg, *self.legs)
 
     def fly(self, leg: Leg, swept: tuple[Point, ...]) -> None:
-        """This leg is under way, and was checked for all that."""
+        """Start a leg, with the corners of its checked area."""
         self.leg, self.swept = leg, swept
         self.braking, self.progress = False, Progress.FLYING
 
     def follow(self, legs: Iterable[Leg]) -> None:
-        """These are the legs to the goal, from where the vehicle is."""
+        """Set the legs to the goal."""
         self.legs = deque(legs)
 
-    def sweep(self, swept: tuple[Point, ...]) -> None:
-        """The leg under way was checked anew, for all that."""
+    def rechecked(self, swept: tuple[Point, ...]) -> None:
+        """Replace the checked area of the current leg."""
         self.swept = swept
 
     def arrive(self) -> None:
-        """The vehicle is where it was sent."""
+        """The vehicle has reached the goal."""
         self.leg = None
         self.legs.clear()
         self.progress = Progress.ARRIVED
 
     def refuse(self, refusal: NoRoute) -> None:
-        """There is no way from here, and why."""
+        """There is no way from here, with the reason."""
         self.refusal, self.progress = refusal, Progress.NO_ROUTE
 
     def stop(self) -> None:
-        """The vehicle is stopped, and a way is looked for once it stands."""
+        """The vehicle stops; a way is planned once it hovers."""
         self.braking, self.progress = True, Progress.FLYING
 
     def brake(self) -> None:
-        """The same, and what was planned is void."""
+        """The same, and the planned legs are void."""
         self.leg = None
         self.legs.clear()
         self.stop()
 
     def go_on(self) -> None:
-        """It is not stopped after all."""
+        """The stop is not needed anymore."""
         self.braking = False
 
     def stand(self, since_s: float | None) -> None:
-        """It stands short of its leg's end since then, vehicle's clock; None: it moves."""
+        """The vehicle hovers short of its leg's end since then, vehicle's clock; None: it moves."""
         self.stands_since_s = since_s
 
-    def settle(self) -> int:
-        """It is looked again whether a leg on is clear; how often that is, with this time."""
-        self.settled += 1
-        return self.settled
+    def recheck(self) -> int:
+        """Count a check for a clear next leg; return the number of checks."""
+        self.rechecks += 1
+        return self.rechecks
 
 
 @dataclass(slots=True, eq=False)
 class Task:
-    """The row of the table of states that is flown. Only its methods change it.
+    """The current state and its task. Only its own methods change it.
 
     Attributes:
-        state: What the mission is doing.
-        spec: The row of the table of states for it.
-        handler: What is flown in this state.
-        way: What is left of the way to where the vehicle is sent.
-        robot: Who is sought or hovered over; None while no robot is.
-        ending: Why the vehicle comes home or lands; None while it does not.
-        stayed_why: Why the mission ended before take-off, if it does.
-        airborne_s: When the mission began in the air; None: it has not.
-        home_by_s: When it comes home, vehicle's clock, where zones have active hours: other zones
-            may apply later.
-        limit_s: How long the state lasts once its timer runs; None: it has none.
-        carried_s: How long the state that begins next lasts, instead of what the mission says.
-        ends_s: When the state's timer ends; None while it does not run.
-        retry_at_s: When something that could not be done is tried again; None: nothing waits.
+        state: The state.
+        spec: Its row in the table of states.
+        handler: Its handler.
+        way: The remaining route to the goal.
+        robot: The robot that is sought or hovered over; None: none.
+        ending: Why the vehicle comes home or lands; None: it does neither.
+        stayed_why: Why the mission ended before take-off.
+        airborne_s: When the mission began in the air; None: not yet.
+        home_by_s: Time to come home, vehicle's clock, because zones have active hours and other
+            zones may apply later.
+        limit_s: Duration of the state's timer; None: it has none.
+        remaining_s: Duration of the next state's timer, instead of the mission's.
+        ends_s: When the state's timer expires; None while it does not run.
+        retry_at_s: Time of the next retry; None: none is scheduled.
     """
 
     state: State = State.READY
-    spec: Spec = field(default_factory=Spec)
+    spec: StateSpec = field(default_factory=StateSpec)
     handler: StateHandler = field(default_factory=StateHandler)
-    way: Way = field(default_factory=Way)
+    way: ActiveRoute = field(default_factory=ActiveRoute)
     robot: str | None = None
-    ending: Ending | None = None
+    ending: EndReason | None = None
     stayed_why: str = "disarmed"
     airborne_s: float | None = None
     home_by_s: float | None = None
     limit_s: float | None = None
-    carried_s: float | None = None
+    remaining_s: float | None = None
     ends_s: float | None = None
     retry_at_s: float | None = None
 
     def enter(
-        self, state: State, spec: Spec, handler: StateHandler, own_s: float | None, now_s: float
+        self,
+        state: State,
+        spec: StateSpec,
+        handler: StateHandler,
+        own_s: float | None,
+        now_s: float,
     ) -> None:
-        """Another state begins, or the same anew.
+        """Enter a state, perhaps the same one again.
 
         Args:
-            state: That one.
-            spec: Its row.
-            handler: What is flown in it.
-            own_s: How long it lasts, as the mission says; None: it has no timer.
+            state: The state.
+            spec: Its row in the table of states.
+            handler: Its handler.
+            own_s: Duration of its timer in the mission; None: it has no timer.
             now_s: Vehicle's clock.
         """
         self.state, self.spec, self.handler = state, spec, handler
-        self.limit_s = own_s if self.carried_s is None else self.carried_s
-        self.ends_s = self.carried_s = self.retry_at_s = None
-        if spec.timer_from is From.ENTRY:
+        self.limit_s = own_s if self.remaining_s is None else self.remaining_s
+        self.ends_s = self.remaining_s = self.retry_at_s = None
+        if spec.timer_from is TimerStart.ENTRY:
             self.start_timer(now_s)
-        if spec.requests is Requests.ANY:  # a way home that was flown before is called off
+        if spec.requests is CommandPolicy.ANY:  # a return is canceled
             self.ending = None
 
     def carry(self, limit_s: float | None) -> None:
-        """The state that begins next lasts so long, instead of what the mission says."""
-        self.carried_s = limit_s
+        """Set the duration of the next state's timer, instead of the mission's."""
+        self.remaining_s = limit_s
 
     def start_timer(self, now_s: float) -> None:
-        """The state's timer begins now, if it has one."""
+        """Start the state's timer, if it has one."""
         if self.limit_s is not None:
             self.ends_s = now_s + self.limit_s
 
     def stop_timer(self) -> None:
-        """The state's timer begins later."""
+        """Stop the state's timer; it starts later."""
         self.ends_s = None
 
     def retry_at(self, at_s: float) -> None:
-        """Something is to be tried again then, vehicle's clock."""
+        """Schedule a retry at this time, vehicle's clock."""
         self.retry_at_s = at_s
 
     def take_retry(self, now_s: float) -> bool:
-        """Whether it is time to try again; says so once."""
+        """Whether a retry is due; reports it once."""
         if self.retry_at_s is None or now_s < self.retry_at_s:
             return False
         self.retry_at_s = None
         return True
 
     def head_for(self, goal: Goal | None) -> None:
-        """The vehicle is sent there from now on; None: nowhere."""
-        self.way = Way(goal)
+        """Set the goal; None: no goal."""
+        self.way = ActiveRoute(goal)
 
     def seek(self, robot: str | None) -> None:
-        """This robot is sought or hovered over from now on; None: no robot is."""
+        """Set the robot to seek or hover over; None: none."""
         self.robot = robot
 
-    def end(self, ending: Ending) -> None:
-        """The vehicle comes home or lands, and why."""
+    def end(self, ending: EndReason) -> None:
+        """The vehicle comes home or lands, for this reason."""
         self.ending = ending
 
     def stay(self, why: str) -> None:
-        """The mission ends before take-off, and why."""
+        """The mission ends before take-off, for this reason."""
         self.stayed_why = why
 
     def fly_since(self, airborne_s: float) -> None:
-        """The mission began in the air then, vehicle's clock."""
+        """The mission began in the air at this time, vehicle's clock."""
         self.airborne_s = airborne_s
 
     def come_home_by(self, at_s: float) -> None:
-        """The zones may be others later than that, vehicle's clock."""
+        """Come home at this time, vehicle's clock: other zones may apply later."""
         self.home_by_s = at_s

@@ -1,4 +1,4 @@
-"""The one way to move the vehicle: legs checked, commanded, and monitored until flown."""
+"""The only way to move the vehicle: legs are checked, commanded, and monitored until flown."""
 
 from mocha_link.lazy import door
 

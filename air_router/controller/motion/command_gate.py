@@ -1,18 +1,17 @@
-"""The one way to command the vehicle: past all that may stand against a motion, or to hold.
+"""The only way to command the vehicle. The gate checks every motion; a hold always passes.
 
-A hold always leaves (while the flight mode is not heard: only one that the operator asks for). None
-is asked for while an order shows that is not ours, unless inputs or zones demand it. What keeps a
-leg, or a landing, from leaving stands in `interlocks`. Past those two things leave instead of it: a
-hold, where a jump would not show which order is followed; the climb, where the vehicle was taken
-over, or stopped, below its altitude. Both are followed by a plan made anew.
+If the flight mode is not received, only the operator's hold is sent. While the vehicle seems to
+follow a foreign command, a hold is sent only for missing inputs or zones. `interlocks` lists what
+blocks a leg or a landing. If nothing blocks it, the gate may still send another motion first: a
+hold, if telemetry could not show which of several jumps the vehicle follows; a climb, if the
+vehicle was taken over or stopped below its altitude. The mission is replanned after both.
 
-The mode that the autopilot reports is the only truth about who has the vehicle. While a command is
-under way (or has failed) the vehicle may be in the mode before it or in the one that it asks for;
-once it is confirmed only in that one. Any other mode was chosen by a pilot or a failsafe.
+Only the flight mode that PX4 reports shows who commands the vehicle. While a command is pending (or
+has failed), the vehicle may be in the mode before it or in the mode it requests. After the
+confirmation only the requested mode is ours. A pilot or a failsafe chose any other mode.
 
-Commands arrive when they arrive: between the decision on a leg and the vehicle's turn lies a link,
-and machines that may be busy. Until then it goes on with what it was told before, to the end of its
-present leg.
+Commands arrive late: the link and busy computers lie between a decision and the vehicle. Until then
+the vehicle follows the previous command, to the end of its current leg.
 """
 
 from __future__ import annotations
@@ -35,11 +34,11 @@ from air_router.controller.model import (
 from air_router.controller.motion.initial_climb import InitialClimb, NoClimb
 from air_router.controller.motion.interlocks import Blocked, Interlock, MotionOutcome, raised
 from air_router.controller.motion.limits import (
+    ANNOUNCE_AGAIN_S,
     JUMPS,
     POSITION_EVERY_S,
     REACTION_S,
     RETRY_S,
-    TELL_AGAIN_S,
 )
 from air_router.controller.motion.setpoints import MODES, PendingSetpoints, stopping_point
 from air_router.mission import FlightPlan
@@ -57,25 +56,26 @@ from air_router.vehicle import (
 
 @dataclass(slots=True, eq=False)
 class CommandGate:
-    """Commands motions, and keeps what became of them. Where to, its callers know.
+    """Sends motions and tracks their outcome. Callers choose the destination.
 
     Args:
-        context: What the vehicle says, and all that may stand against a motion.
+        context: Telemetry, and everything that may block a motion.
         plan: The plan on board, for the autopilot's item numbers.
 
     Attributes:
-        setpoints: What the vehicle was told, and may follow any moment.
-        reaction_s: For how long the vehicle flies on as it does before it follows a command.
+        setpoints: The motions commanded to the vehicle that it may follow at any moment.
+        reaction_s: Delay before the vehicle follows a command.
         pending: The command that the vehicle has neither confirmed nor failed to follow.
-        last: The command that the vehicle follows or is asked to; None when it did not.
-        modes: The flight modes that our commands explain.
-        ends: Those in which the vehicle may be when the newest motion leaves: another was chosen by
-            a pilot since that was decided, the motion's own mode among them.
-        refused_jumps: How many jumps within the plan it did not follow, one after the other.
-        by_points: Nodes are flown to as any other point, because it does not fly its plan.
-        blocked: What kept the mission back last, until a motion leaves or the state changes.
-        waits_why: The reason to hover where no way is clear, as announced last.
-        climb: What a vehicle that is low flies instead of a leg.
+        last: The last command sent; None after it failed.
+        modes: The flight modes that follow from our commands.
+        ends: The flight modes that the newest motion may end. If the vehicle is in another mode by
+            then, even in the motion's own, a pilot has chosen it.
+        refused_jumps: Number of consecutive plan jumps that the vehicle did not follow.
+        by_points: Nodes are flown to by position setpoints, because the vehicle does not fly its
+            plan.
+        blocked: The last blocking interlock, until a motion is sent or the state changes.
+        waits_why: The last announced reason to hover without a clear way.
+        climb: The climb that a vehicle below its altitude flies before a leg.
     """
 
     _context: MissionContext
@@ -91,9 +91,9 @@ class CommandGate:
     by_points: bool = False
     blocked: Blocked | None = None
     waits_why: str | None = None
-    _wait_told_s: float = -math.inf  # when, vehicle's clock
+    _wait_announced_s: float = -math.inf  # vehicle's clock
     _explained: frozenset[FlightMode] = frozenset()  # `modes` without the newest motion's
-    _assumed: frozenset[FlightMode] = frozenset()  # by what was confirmed, or begun, last
+    _assumed: frozenset[FlightMode] = frozenset()  # by the last confirmed or assumed motion
 
     def __post_init__(self) -> None:
         mission = self._context.airspace.mission
@@ -101,81 +101,81 @@ class CommandGate:
         self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
 
     def momentum(self, telemetry: Telemetry, age_s: float = 0.0) -> Momentum:
-        """What the vehicle flies on by itself, in the time since it said so included."""
+        """How far the vehicle coasts, including the age of its telemetry."""
         reaction_s, speed_m_s = self.reaction_s + age_s, self.setpoints.speed_m_s
         rest = stopping_point(telemetry, reaction_s)
         return Momentum(rest, telemetry.velocity_m_s, speed_m_s, reaction_s)
 
     @property
     def leaves_s(self) -> float:
-        """A motion that is decided on now has left so long after the telemetry of the decision.
+        """Longest time between the telemetry of a decision and its motion being sent.
 
-        Else it is checked in its turn from a newer one. What a command takes on its way it takes in
-        about equal parts before and after it leaves.
+        A later motion is checked again with newer telemetry. About half of a command's delay lies
+        before it is sent, half after.
         """
         return POSITION_EVERY_S + max(0.0, self.reaction_s - REACTION_S) / 2
 
     # Commands.
 
     def command(self, motion: Motion) -> MotionOutcome | Blocked:
-        """Have the vehicle do this, if nothing stands against it; a hold it is told in any case.
+        """Command a motion unless an interlock blocks it; a hold is always sent.
 
-        Returns what became of it.
+        Returns the outcome.
         """
         context = self._context
         if isinstance(motion, HoldHere):
             return self.send(motion)
-        if up := raised(context):
-            return self._block(motion, up)
+        if rows := raised(context):
+            return self._block(motion, rows)
         self.blocked = None
-        if isinstance(motion, FlyToNode) and self._doubtful(motion):
+        if isinstance(motion, FlyToNode) and self._jump_uncertain(motion):
             context.task.way.brake()
-            self.send(HoldHere("an order from before may be under way; stopping to look again"))
+            self.send(HoldHere("an earlier command may still be under way; stopping to plan again"))
             return MotionOutcome.INSTEAD
-        if not context.interlocks.climbs_first:
+        if not context.interlocks.climb_required:
             return self.send(motion)
         allowed = self.climb.first(motion, self.last, self.reaction_s)
         if isinstance(allowed, NoClimb):
             return self.wait_here(allowed.why, CLIMB_BY_HAND)
         return self.send(allowed)
 
-    def _block(self, motion: Motion, up: Sequence[Interlock]) -> Blocked:
-        """The motion stays. The first row decides what follows; any may have it come back."""
-        context, first = self._context, up[0]
+    def _block(self, motion: Motion, rows: Sequence[Interlock]) -> Blocked:
+        """Block the motion. The first row decides what follows; any row may defer the motion."""
+        context, first = self._context, rows[0]
         blocked = self._waits_for(first)
-        if any(row.defers for row in up):
+        if any(row.defers for row in rows):
             context.interlocks.defer_motion()
         if first.repeats_landing and isinstance(motion, LandHere):
             context.retry_in(RETRY_S)
         if first.calls_off(context):
-            self.stop()  # else it would be at the end of its leg unwatched
+            self.stop()  # else the vehicle would reach the end of its leg unmonitored
             if context.airspace.change is ZoneChange.UPLOADING or self.last is not None:
                 context.airspace.stop_first()
                 self.hold("zones are being changed")
         return blocked
 
     def mission_goes_on(self) -> None:
-        """Nothing keeps it waiting: what does next counts from its own begin."""
+        """Nothing blocks the mission: the next blocking row starts its own time."""
         self.blocked = None
 
     def way_found(self) -> None:
-        """There is a way: the next reason to wait for one is announced."""
+        """There is a way: announce the next reason to wait."""
         self.waits_why = None
 
     def fly_points(self, *, instead: bool) -> None:
-        """Nodes are flown to as any other point from now on, or as items of the plan again."""
+        """Fly to nodes by position setpoints from now on, or as items of the plan again."""
         self.by_points = instead
 
     def reacts_within(self, reaction_s: float) -> None:
-        """The vehicle follows a command after so long at most, on its clock."""
+        """Set the longest delay before the vehicle follows a command, on its clock."""
         self.reaction_s = reaction_s
 
     def mission_waits(self) -> None:
-        """No motion is wanted while a row is raised that holds the vehicle; a landing goes on."""
+        """Note the first raised row while the mission requests no motion; a landing continues."""
         if isinstance(self.last, LandHere):
             return
-        if up := raised(self._context):
-            self._waits_for(up[0])
+        if rows := raised(self._context):
+            self._waits_for(rows[0])
 
     def _waits_for(self, row: Interlock) -> Blocked:
         blocked = self.blocked
@@ -184,19 +184,19 @@ class CommandGate:
         return blocked
 
     def waits_for(self) -> Blocked | None:
-        """What keeps the mission from what it wants; None if nothing does now."""
+        """The interlock that blocks the mission; None if none does now."""
         found = self.blocked
         return found if found is not None and found.by.raised(self._context) else None
 
     def send(self, motion: Motion) -> MotionOutcome:
-        """The same, whatever stands against it.
+        """Send a motion without checking the interlocks.
 
-        A hold only the operator asks for while it is not known whose the vehicle is.
+        While it is unknown who commands the vehicle, only a hold requested by the operator is sent.
         """
         pending, context = self.pending, self._context
-        asked = context.task.state is State.HOLD
+        requested = context.task.state is State.HOLD
         unheard = context.inputs.silent or context.silent_s > 0.0
-        if isinstance(motion, HoldHere) and unheard and not asked:
+        if isinstance(motion, HoldHere) and unheard and not requested:
             return MotionOutcome.MAY_BE_TAKEN
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return MotionOutcome.UNDER_WAY
@@ -210,17 +210,17 @@ class CommandGate:
         return MotionOutcome.SENT
 
     def hold(self, why: str) -> MotionOutcome:
-        """Stop, unless that is what the vehicle was commanded last."""
+        """Hold, unless that was the last command."""
         if isinstance(self.last, HoldHere):
             return MotionOutcome.UNDER_WAY
         return self.send(HoldHere(why))
 
     def stop(self) -> None:
-        """Go nowhere from now on."""
+        """Drop the current goal."""
         self._context.task.head_for(None)
 
-    def _doubtful(self, jump: FlyToNode) -> bool:
-        """Whether a jump would not show which of several orders is followed."""
+    def _jump_uncertain(self, jump: FlyToNode) -> bool:
+        """Whether telemetry after a jump could not show which of several commands is followed."""
         if not self.setpoints.under_way(jump):
             return False
         telemetry = self._context.telemetry
@@ -231,73 +231,73 @@ class CommandGate:
         )
         return shows or self.setpoints.given_up(jump)
 
-    # Waiting.
+    # Waiting for a clear way.
 
     def wait_for_way(self, refusal: str) -> MotionOutcome:
-        """Hover where no way is clear, unless it waits for another already."""
+        """Hover without a clear way, unless a retry is already scheduled."""
         if self._context.task.retry_at_s is not None:
-            if self.last is not None:  # else it was not followed, and is commanded after the pause
+            if self.last is not None:  # else the last one failed and is sent after the pause
                 self.hold(refusal)
             return MotionOutcome.WAITS
         return self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 
     def wait_here(self, why: str, instruction: Instruction) -> MotionOutcome:
-        """Hover where no way is clear, say so once, and look again in a moment."""
+        """Hover without a clear way, announce the reason once, and retry soon."""
         now_s = self._context.now_s
-        if why != self.waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
-            self.waits_why, self._wait_told_s = why, now_s
+        if why != self.waits_why and now_s >= self._wait_announced_s + ANNOUNCE_AGAIN_S:
+            self.waits_why, self._wait_announced_s = why, now_s
             self._context.warn(f"holding: {why}", instruction)
         self.hold(why)
         self._context.retry_in(RETRY_S)
         return MotionOutcome.WAITS
 
-    # What became of them.
+    # Outcomes.
 
     def assume(self, mode: FlightMode) -> None:
-        """Take the vehicle in the mode that the pilot (or the start) put it in."""
+        """Accept the mode that the pilot (or the start) has chosen as ours."""
         self.pending = None
         self.modes = self._assumed = frozenset({mode})
 
     def ours_in_the_air(self) -> None:
-        """The vehicle in the air flies by our commands from now on."""
+        """From now on this program commands the vehicle in the air."""
         context = self._context
         context.authority.fly()
         if context.task.airborne_s is None:
             context.task.fly_since(context.now_s)
 
     def confirmed(self, event: CommandConfirmed) -> None:
-        """The vehicle follows; an older command's late confirmation changes no mode."""
+        """The vehicle follows a motion. A late confirmation of an older one changes no mode."""
         motion = event.action
         if motion is self.pending:
             self.assume(MODES[type(motion)])
             if isinstance(motion, FlyToNode):
                 self.refused_jumps = 0
-        elif self.pending is not None:  # what was decided on meanwhile leaves out of its mode
+        elif self.pending is not None:  # the newer motion is sent from this mode
             self._assumed = frozenset({MODES[type(motion)]})
         self.setpoints.confirmed(motion)
 
     def failed(self, event: CommandFailed) -> None:
-        """The vehicle did not follow: once more in a moment, unless it was told another since.
+        """The vehicle did not follow: retry soon, unless another motion was commanded since.
 
-        What was not sent, because it flew on meanwhile, is looked at anew as soon as it may stand.
+        A motion that was not sent, because the vehicle had moved on, is planned again sooner.
         """
         if event.action is not self.pending:
             return
         self.pending = self.last = None
-        if not event.sent:  # so its mode would be a pilot's
+        if not event.sent:  # its mode could only be a pilot's choice
             self.modes = self._explained
         self.refused_jumps += event.sent and isinstance(event.action, FlyToNode)
         if event.sent:
             self._context.warn(f"the vehicle did not follow: {event.reason}", CHECK_LINK)
         else:
-            self._context.say(f"not sent: {event.reason}")
+            self._context.inform(f"not sent: {event.reason}")
         if self.refused_jumps >= JUMPS and not self.by_points:
             self.fly_points(instead=True)
             self._context.warn("the plan on board is not flown: flying to points instead", READ_PX4)
         self._context.retry_in(RETRY_S if event.sent else RETRY_S / 2)
 
     def let_go(self) -> None:
-        """The pilot flies."""
+        """Hands off: forget everything commanded."""
         self.stop()
         self.blocked = None
         self.setpoints.forget()

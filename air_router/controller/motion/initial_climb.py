@@ -1,4 +1,4 @@
-"""Off the ground, and up to the mission's altitude: legs are checked for that and no other."""
+"""The climb to the mission's altitude before the first leg, because legs are checked only there."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ from air_router.vehicle import Telemetry
 
 @dataclass(frozen=True, slots=True)
 class NoClimb:
-    """Why the vehicle cannot climb by itself from where it is, and hovers."""
+    """Why the vehicle hovers instead of climbing from its position."""
 
     why: str
 
 
 @dataclass(slots=True)
 class ClimbWatch:
-    """Sees whether a climb goes on."""
+    """Monitors the progress of a climb."""
 
-    _highest: tuple[float, float] | None = None  # the last progress: altitude, time
+    _highest: tuple[float, float] | None = None  # altitude and time of the last progress
 
     def stuck(self, telemetry: Telemetry) -> bool:
-        """Whether it has not gained height for some time."""
+        """Whether the vehicle has not gained altitude for some time."""
         if self._highest is None or telemetry.altitude_m > self._highest[0] + PROGRESS_M:
             self._highest = (telemetry.altitude_m, telemetry.time_s)
         return telemetry.time_s - self._highest[1] >= CLIMB_S
 
 
 def below(altitude_m: float, telemetry: Telemetry) -> bool:
-    """Whether the vehicle is below an altitude above home."""
+    """Whether the vehicle is clearly below an altitude above home."""
     return telemetry.altitude_m < altitude_m - min(ALTITUDE_M, altitude_m / 2)
 
 
 def low(mission: Mission, telemetry: Telemetry) -> bool:
-    """Whether the vehicle is below the mission's altitudes, where no leg was checked."""
+    """Whether the vehicle is below the mission's altitudes, where legs are not checked."""
     return below(mission.altitudes_m[0], telemetry)
 
 
 @dataclass(slots=True, eq=False)
 class InitialClimb:
-    """Has a vehicle climb straight up where it is, and only then fly its legs.
+    """Climbs straight up to the mission's altitude before the vehicle flies legs.
 
     Args:
-        context: How high it is, and what is flown once it is level.
+        context: Telemetry and task.
 
     Attributes:
-        climb: Its way up; None: it does not climb.
+        climb: The climb in progress; None: there is none.
     """
 
     _context: MissionContext
@@ -57,12 +57,12 @@ class InitialClimb:
     _watch: ClimbWatch = field(default_factory=ClimbWatch)
 
     def why_not(self, telemetry: Telemetry) -> str | None:
-        """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""
+        """Why the vehicle cannot climb here, with the pilot's action; None: it can, or need not."""
         mission, here = self._context.airspace.mission, telemetry.position
         if not low(mission, telemetry):
             return None
-        # What a first leg keeps: where it has left a zone it hovers on the edge of the margin of
-        # routes.
+        # The margin of a first leg: after leaving a zone, the vehicle hovers at the edge of the
+        # routes' margin.
         drift_m = mission.tracking.flown_m
         airspace = mission.airspace_off_cruise(telemetry.altitude_m).with_margin(drift_m)
         names = airspace.blockers(here, here) or _layers_between(mission, telemetry)
@@ -75,27 +75,27 @@ class InitialClimb:
         )
 
     def first(self, motion: Motion, last: Motion | None, reaction_s: float) -> Motion | NoClimb:
-        """The leg of a vehicle that is low waits, and it climbs instead.
+        """Replace a leg by a climb if the vehicle is low.
 
         Args:
-            motion: Wanted.
-            last: What the vehicle was commanded last; None: it did not follow.
-            reaction_s: After which it follows a command.
+            motion: The requested motion.
+            last: The last command; None: the vehicle did not follow.
+            reaction_s: Delay before the vehicle follows a command.
         """
         if not isinstance(motion, FlyToNode | FlyToPoint):
             return motion
-        mission, telemetry = self._context.airspace.mission, self._context.heard
+        mission, telemetry = self._context.airspace.mission, self._context.last_telemetry
         if not low(mission, telemetry):
             self._context.interlocks.climbed()
             return motion
         goes_on = self.climb is not None and last == self.climb
-        # Nothing of the way counts any more but where to: if the climb ends early, that is tried.
+        # Only the goal of the way is kept: if the climb ends early, a new way is planned.
         self._context.task.head_for(self._context.task.way.goal)
         why_not = self.why_not(telemetry)
         if why_not is not None:
             return NoClimb(why_not)
-        if not goes_on:  # another climb than the one that a pilot may have ended
-            self._context.say(
+        if not goes_on:  # not the same climb continued
+            self._context.inform(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"
             )
@@ -105,11 +105,11 @@ class InitialClimb:
         return self.climb
 
     def go_on(self, telemetry: Telemetry, last: Motion | None) -> bool:
-        """Whether it climbs, and everything else waits; `last` was commanded last."""
+        """Whether the vehicle climbs, so that everything else waits; `last` is the last command."""
         if self.climb is None:
             return False
         if last != self.climb:
-            # It did not follow, or was told to hold: the climb begins anew before the next leg.
+            # The vehicle did not follow, or was commanded to hold: the climb starts again.
             self.climb = None
             return False
         if below(self.climb.altitude_m, telemetry):
@@ -119,12 +119,12 @@ class InitialClimb:
         return True
 
     def stuck(self, telemetry: Telemetry) -> bool:
-        """Whether a climb has not gone on for some time."""
+        """Whether a climb has made no progress for some time."""
         return self.climb is not None and self._watch.stuck(telemetry)
 
 
 def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:
-    """The other UAVs that fly between where the vehicle is and its own layer."""
+    """The other UAVs with layers between the vehicle and its own layer."""
     own = mission.layer
     if own is None:
         return ()

@@ -1,11 +1,10 @@
-"""What may keep a leg, or a landing, from being sent: one table; the first raised row decides.
+"""The conditions that block a leg or a landing, as one table. The first raised row decides.
 
-The mission's states say what it wants; these rows say what keeps it from getting that now. They
-keep no hold back: see `CommandGate.send`. Any raised row keeps a motion back. The first one is
-reported, and decides whether a landing is commanded again and whether the leg under way is called
-off; each row says why it stands where it stands. `CommandGate.command` reads the table; the status
-line, the page, ROS 2, the record and answers to `status` show the row that decides, and
-docs/state-machine.md prints it.
+A state requests a motion, and any raised row blocks it for now. Interlocks do not block a hold; see
+`CommandGate.send`. The first raised row is reported. It decides whether a landing is commanded
+again and whether the current leg is canceled. `why` gives the reason for the row's place.
+`CommandGate.command` reads the table. The status line, the page, ROS 2, the record and the answer
+to `status` show the deciding row. docs/state-machine.md prints the table.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from air_router.controller.model import Doubt, MissionContext, ZoneChange
+from air_router.controller.model import Anomaly, MissionContext, ZoneChange
 from air_router.vehicle import NO_FIX
 
 
@@ -24,20 +23,21 @@ class Interlock:
     """One row.
 
     Attributes:
-        name: By which `status` and docs/state-machine.md know it.
-        words: What stands against the motion.
-        raised: Whether it does now.
-        while_up: What the vehicle does meanwhile.
-        clears: What lifts it.
-        then: What follows then.
-        otherwise: What follows where it is not lifted.
-        why: Why it comes after the rows above it and before those below.
-        scene: A kind of scene of `sitl rehearse` in which it decides.
-        defers: The motion that it keeps back is planned anew as soon as the row clears.
-        repeats_landing: A landing that it keeps back is commanded again in a moment: in LAND
-            nothing else would have the vehicle land.
-        calls_off: The leg under way is called off, too: it leads elsewhere than what is wanted now.
-        detail: What stands against the motion, more precisely than `words`.
+        name: Its name in `status` and docs/state-machine.md.
+        words: What blocks the motion, as text.
+        raised: Whether it blocks now.
+        while_up: What the program does meanwhile.
+        clears: Condition that clears the row.
+        then: What happens after that.
+        otherwise: What happens if it does not clear.
+        why: Why it comes after the rows above and before those below.
+        scene: A fault of `sitl rehearse` in which the row decides.
+        defers: A blocked motion is replanned as soon as the row clears.
+        repeats_landing: A blocked landing is commanded again soon, because nothing else in LAND
+            would command it.
+        calls_off: Whether the current leg is canceled too, because it leads elsewhere than the
+            requested motion.
+        detail: What blocks the motion, more precisely than `words`.
     """
 
     name: str
@@ -69,11 +69,11 @@ INTERLOCKS: Final = (
         "LINK_SILENT",
         "nothing is received from the vehicle",
         lambda context: context.silent_s > 0.0,
-        while_up="sends nothing, unless the operator asks for a hold",
+        while_up="sends nothing, except a hold that the operator requests",
         clears="telemetry and the flight mode are received",
         then="it plans again",
-        otherwise="an alarm after 10 s; after 20 s it asks the pilot to fly by hand",
-        why="all that is known is old, so are the rows below; a pilot may have taken it unseen",
+        otherwise="an alarm after 10 s; after 20 s the pilot is instructed to fly by hand",
+        why="the data of all rows below are old; a pilot may have taken over unnoticed",
         scene="SILENCE",
         defers=True,
     ),
@@ -82,45 +82,44 @@ INTERLOCKS: Final = (
         "an input is missing",
         _input_missing,
         while_up="holds; sends nothing while the flight mode is not received",
-        clears="all inputs have come for 3 s",
+        clears="all inputs have been received for 3 s",
         then="it plans again",
-        otherwise="no fix or flight mode: it waits for that; other inputs: home after 30 s",
-        why="without its inputs the program cannot judge any row below",
+        otherwise="no fix or flight mode: it keeps waiting; other inputs: home after 30 s",
+        why="the rows below cannot be evaluated without the inputs",
         scene="LOST_FIX",
         detail=_missing,
     ),
     Interlock(
         "ALTITUDE_JUMP",
         "the altitude has jumped",
-        lambda context: context.interlocks.up(Doubt.ALTITUDE_JUMP),
+        lambda context: context.interlocks.is_raised(Anomaly.ALTITUDE_JUMP),
         while_up="holds",
-        clears="the altitude is back for 2 s",
+        clears="the altitude has been plausible for 2 s",
         then="it plans again",
         otherwise="comes home after 30 s",
-        why="which zones apply follows from the altitude, and so does every check of a leg",
+        why="the altitude decides which zones apply, and so every check of a leg",
         scene="ALTITUDE_JUMPS",
     ),
     Interlock(
         "CONDITIONS",
-        "satellites or wind are worse than planned for",
-        lambda context: context.interlocks.up(Doubt.CONDITIONS),
+        "GPS accuracy or wind is worse than planned",
+        lambda context: context.interlocks.is_raised(Anomaly.CONDITIONS),
         while_up="holds",
-        clears="they are as planned for during 5 s",
+        clears="they have been as planned for 5 s",
         then="it plans again",
         otherwise="comes home after 30 s",
-        why="a leg would be flown with less clearance than promised, whatever it is for",
+        why="any leg would be flown with less than the promised clearance",
         scene="POOR_FIX",
     ),
     Interlock(
         "FOREIGN_ORDER",
-        "an order shows that is not ours",
-        lambda context: context.interlocks.up(Doubt.FOREIGN_ORDER),
+        "the vehicle seems to follow a foreign command",
+        lambda context: context.interlocks.is_raised(Anomaly.FOREIGN_ORDER),
         while_up="sends nothing",
-        clears="our own order shows",
+        clears="telemetry shows our own command again",
         then="it plans again",
-        otherwise="once it has shown for 1.5 s without a break: SENT_ELSEWHERE, hands off at once, "
-        "without a hold",
-        why="it is a guess from telemetry, which the rows above say is there",
+        otherwise="after 1.5 s without a break: SENT_ELSEWHERE, hands off at once, without a hold",
+        why="it is inferred from telemetry, which the rows above ensure",
         scene="DIVERTED",
         defers=True,
     ),
@@ -131,8 +130,8 @@ INTERLOCKS: Final = (
         while_up="holds",
         clears="the vehicle holds",
         then="released to the pilot",
-        otherwise="released after six commands to hold",
-        why="it ends the mission, but never before the rows above know whose the vehicle is",
+        otherwise="released after six hold commands",
+        why="it ends the mission, so it comes after the rows that show who commands the vehicle",
         scene="PLAN_REPLACED",
         repeats_landing=False,
     ),
@@ -141,10 +140,10 @@ INTERLOCKS: Final = (
         "the plan on board is being compared",
         lambda context: context.authority.plan_check is not None,
         while_up="holds",
-        clears="it flies the same",
+        clears="the plan is the mission's",
         then="it plans again",
-        otherwise="releases the vehicle, at once if it differs, else after 60 s",
-        why="nothing may be built upon a plan that is perhaps another station's",
+        otherwise="releases the vehicle: at once if the plan differs, else after 60 s",
+        why="no leg may use a plan that may be another station's",
         scene="SAME_PLAN",
         repeats_landing=False,
     ),
@@ -152,52 +151,53 @@ INTERLOCKS: Final = (
         "ZONE_UPDATE",
         "zones are being changed",
         lambda context: context.airspace.change is not None,
-        while_up="flies on where its leg stays clear, else holds; leaves a new zone",
+        while_up="flies on if its leg stays clear, else holds; leaves a new zone",
         clears="the changed zones are on board",
         then="it plans again",
-        otherwise="if the upload fails: a warning, and it comes home, by points; if a pilot takes "
-        "the vehicle: the list under way is finished, and all is uploaded again on resume",
-        why="it is ours to end, so all that others or the sensors decide comes first",
+        otherwise="if the upload fails: a warning, and it comes home by position setpoints; "
+        "if a pilot takes over: the transfer is completed, and all is uploaded again on resume",
+        why="this program can end it, so everything that others or sensors decide comes first",
         scene="RELOAD",
         repeats_landing=False,
         calls_off=lambda context: context.airspace.change is not ZoneChange.LEAVING,
     ),
 )
-"""In order of precedence. What leaves instead of a motion that no row keeps back (a hold where it
-would not show which order is followed, the climb of a vehicle that is low) `CommandGate` decides.
+"""In order of precedence. If no row blocks a motion, `CommandGate` may still send another one
+first: a hold, while it is unclear which command the vehicle follows, or the climb of a vehicle that
+is too low.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """What keeps the mission from what it wants, as the gate holds it.
+    """The interlock that blocks the mission, as the gate stores it.
 
-    `MissionWaits` is the same as data, for records and `FlightStatus`: a record, a page
-    or a program has the reason worked out from the row.
+    `MissionWaits` is the same as plain data, for records and `FlightStatus`: there the reason is
+    text.
 
     Attributes:
-        by: The row that decides.
-        since_s: Since when, without a break, on the vehicle's clock.
+        by: The deciding row.
+        since_s: Time since which it has blocked without a break, on the vehicle's clock.
     """
 
     by: Interlock
     since_s: float
 
     def why(self, context: MissionContext) -> str:
-        """As precisely as is known."""
+        """The reason, as precisely as it is known."""
         return self.by.words if self.by.detail is None else self.by.detail(context)
 
 
 class MotionOutcome(Enum):
-    """What became of a motion that was wanted and that no row keeps back."""
+    """What became of a requested motion that no row blocked."""
 
     SENT = "it is commanded"
     INSTEAD = "something else is commanded first: a hold, or a climb"
-    UNDER_WAY = "it is commanded already"
+    UNDER_WAY = "it was commanded already"
     MAY_BE_TAKEN = "its flight mode is not received, and a hold might end a pilot's"
-    WAITS = "it hovers, and looks for another way in a moment"
+    WAITS = "the vehicle hovers and plans another route soon"
 
 
 def raised(context: MissionContext) -> tuple[Interlock, ...]:
-    """The rows that stand against a motion now; the first decides."""
+    """The rows that block a motion now; the first decides."""
     return tuple([row for row in INTERLOCKS if row.raised(context)])

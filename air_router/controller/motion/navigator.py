@@ -1,7 +1,7 @@
-"""Flies a route leg by leg: every leg is checked from where the vehicle is, then commanded.
+"""Flies a route leg by leg. Each leg is checked from the vehicle's position, then commanded.
 
-Pure: telemetry in, one motion (or none) out. The vehicle hovers at the end of each leg until
-the next one is commanded, so a late companion costs time and never a metre off the route.
+Pure: telemetry in, at most one motion out. The vehicle hovers at the end of each leg until the next
+is commanded, so a slow companion costs time but never takes the vehicle off the route.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.controller.model import (
-    Doubt,
+    Anomaly,
     FlyToNode,
     FlyToPoint,
     Goal,
@@ -38,8 +38,8 @@ from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import low
 from air_router.controller.motion.limits import (
     ASTRAY_M,
-    SETTLE_S,
-    SETTLES,
+    RECHECK_S,
+    RECHECKS,
     STALL_S,
     STOP_S,
     WANDERS_M,
@@ -63,24 +63,25 @@ _AROUND: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 @dataclass(slots=True, eq=False)
 class Navigator:
-    """Takes the vehicle to one goal at a time; how far it is, stands in `MissionContext.way`.
+    """Flies the vehicle to one goal at a time; its progress is in `Task.way`.
 
-    Nodes are flown to as points where the vehicle does not fly its plan (`CommandGate.by_points`),
-    and while home is higher or lower than at take-off, and with it the items of the plan.
+    Nodes are flown to by position setpoints if the vehicle does not fly its plan
+    (`CommandGate.by_points`), or while home's altitude has changed since take-off: the plan's items
+    are relative to home.
 
     Args:
-        context: Altitudes, the airspace that every leg must keep to, and routes in it.
-        gate: Commands the legs; knows what the vehicle was told before.
+        context: Altitudes, the airspace that every leg must keep to, and its router.
+        gate: Commands the legs, and knows the earlier commands.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _settle_until_s: float = -math.inf  # when it looks again, vehicle's clock
+    _recheck_at_s: float = -math.inf  # time of the next check, vehicle's clock
 
-    # What a state wants.
+    # What a state requests.
 
     def follow(self, wanted: Wanted) -> None:
-        """Have the vehicle do what a state wants, as far as nothing stands against it."""
+        """Carry out what a state requests, as far as no interlock blocks it."""
         gate, context = self._gate, self._context
         match wanted:
             case Goal():
@@ -104,29 +105,29 @@ class Navigator:
                 gate.command(wanted)
 
     def plan_to(self, goal: Goal) -> Motion | None:
-        """The first motion of a way to a goal from where the vehicle is, however fast it moves.
+        """Plan a way to a goal from the vehicle's position and speed; return its first motion.
 
-        None with progress ARRIVED when there is nothing to fly. When no way is clear at the present
-        speed the vehicle is stopped first and asked again when it stands; NO_ROUTE, with `refusal`
-        saying why, when it stands and still has no way.
+        Returns None with progress ARRIVED if there is nothing to fly. If no way is clear at the
+        current speed, the vehicle stops and the way is planned again. Progress is NO_ROUTE, with
+        the reason in `refusal`, if it hovers and still has no way.
         """
         self._context.task.head_for(goal)
         return self._plan()
 
     def again(self) -> Motion | None:
-        """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
+        """Plan again to the same goal: the vehicle did not follow, or something has changed."""
         return self._plan() if self._context.task.way.goal is not None else None
 
     def fly_to(self, goal: Goal) -> None:
-        """Set out for a goal."""
+        """Plan a way to a goal and start it."""
         self._context.task.head_for(goal)
         self.advance(self._plan())
 
     def advance(self, motion: Motion | None) -> None:
-        """Command the next motion, if any, and follow what the state wants then."""
+        """Command the next motion, if any, and carry out what the state requests then."""
         context = self._context
-        if isinstance(motion, HoldHere) and context.interlocks.up(Doubt.FOREIGN_ORDER):
-            # It may follow a pilot, whose order a hold would end; planned anew if it does not.
+        if isinstance(motion, HoldHere) and context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
+            # A hold would override a pilot's command; replanned if there is none.
             context.interlocks.defer_motion()
             context.task.way.go_on()
         elif motion is not None:
@@ -140,41 +141,41 @@ class Navigator:
             self.follow(self._context.task.handler.no_route(self.refusal))
 
     def hover(self, position: Point) -> tuple[Point, str]:
-        """Where to hover for a place, and why not there; nothing if it is the place itself."""
+        """Where to hover for a place, and why not at the place itself (empty if it is)."""
         place = self.hover_point(position)
         if place == position:
             return place, ""
         airspace = self._context.airspace.mission.planning_airspace
-        holders = airspace.zones_at(position)
-        if FENCE in holders:
-            return place, "it is outside of the fence"
-        if holders:
-            return place, f"it is inside {names_of(holders)}"
+        zones = airspace.zones_at(position)
+        if FENCE in zones:
+            return place, "it is outside the fence"
+        if zones:
+            return place, f"it is inside {names_of(zones)}"
         if airspace.point_clear(position):
             return place, "no clear way leads there"
         return place, f"it is too close to {names_of((airspace.clearance_left_m(position)[1],))}"
 
     def hover_point(self, position: Point) -> Point:
-        """The place itself, or the nearest clear one that a clear way leads to from home."""
+        """The place itself, or the nearest clear one with a clear way from home."""
         context = self._context
         place = context.airspace.router.graph.paths.nearest(
             position, reachable_from=context.airspace.mission.home
         )
-        return place or position  # the router says why not
+        return place or position  # the router then gives the reason
 
     @property
     def refusal(self) -> str:
-        """Why there was no way."""
+        """Why there is no way."""
         refusal = self._context.task.way.refusal
         return refusal.reason if refusal is not None else "no clear way"
 
     # Leg by leg.
 
     def update(self, telemetry: Telemetry, reached_node: int | None = None) -> Motion | None:
-        """Follow the vehicle; returns the next leg's motion when it is time for it.
+        """Track the vehicle; return the next leg's motion when it is due.
 
-        A leg's end is reached when the vehicle is within the acceptance radius, or when the
-        autopilot says so (`reached_node`): either alone is enough, so none is missed.
+        The end of a leg is reached when the vehicle is within the acceptance radius, or when PX4
+        reports the item as reached (`reached_node`). Either is enough, so no end is missed.
         """
         way = self._context.task.way
         leg, standing = way.leg, math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
@@ -185,7 +186,7 @@ class Navigator:
         reported = reached_node is not None and reached_node == leg.node
         if not reported and math.dist(telemetry.position, leg.to) > self._gate.setpoints.near_m:
             here, begin, end = telemetry.position, way.swept[0], way.swept[-1]
-            # In this ellipse around the straight leg no place is astray.
+            # A place in this ellipse around the straight leg is not astray.
             around_m = math.hypot(math.dist(begin, end), 2 * ASTRAY_M)
             on_leg = math.dist(begin, here) + math.dist(here, end) <= around_m
             if standing or not on_leg:
@@ -199,7 +200,7 @@ class Navigator:
         return self._leg_on(telemetry, standing=standing)
 
     def _leg_on(self, telemetry: Telemetry, *, standing: bool) -> Motion | None:
-        """The next leg, once it is clear until it has left; it is clear as soon as it is slow."""
+        """Command the next leg once it is clear and stays clear until it is sent."""
         way = self._context.task.way
         onward = way.legs[0].to
         clear = self.clear(telemetry, onward)
@@ -209,15 +210,15 @@ class Navigator:
         if not standing:
             return None
         refusal = "no leg on from here is clear, wherever it settles"
-        return self._settle(telemetry, refusal, comes_to_rest=clear)
+        return self._recheck(telemetry, refusal, comes_to_rest=clear)
 
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
-        """Have a vehicle that is off its leg, or stands far from its end for long, go on."""
+        """Check or replan for a vehicle that is off its leg, or that hovers far from its end."""
         way = self._context.task.way
         if self._astray(telemetry.position):
             if not self.clear(telemetry, leg.to):
                 return self._plan()
-            way.sweep(self._swept(leg, telemetry))
+            way.rechecked(self._swept(leg, telemetry))
             return None
         if not standing:
             way.stand(None)
@@ -226,15 +227,15 @@ class Navigator:
         way.stand(since_s)
         if telemetry.time_s - since_s < STALL_S:
             return None
-        return self._settle(telemetry, "the vehicle stands and does not go")
+        return self._recheck(telemetry, "the vehicle stands and does not go")
 
     def _astray(self, here: Point) -> bool:
-        """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
+        """Whether a gust or a position jump took the vehicle out of the checked area."""
         swept = MultiPoint(self._context.task.way.swept).convex_hull
         return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
 
     def off_its_leg(self, telemetry: Telemetry) -> bool:
-        """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
+        """Whether the vehicle is out of the checked area and the rest of its leg is not clear."""
         way = self._context.task.way
         leg = way.leg if way.progress is Progress.FLYING else None
         return (
@@ -250,37 +251,37 @@ class Navigator:
         momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] | None = None,
     ) -> tuple[Point, ...]:
-        """What is checked for a leg: all that it may sweep, however late it is commanded."""
+        """The corners of the area that a leg may sweep, however late the command arrives."""
         here, gate = telemetry.position, self._gate
         if momentum is None or pending is None:
             momentum, pending = gate.momentum(telemetry), gate.setpoints.pending(telemetry)
         turn, reaches = momentum.turn(here, leg.to), map(attrgetter("reach"), pending)
         return (here, momentum.rest, turn, *reaches, leg.to)
 
-    def _settle(
+    def _recheck(
         self, telemetry: Telemetry, refusal: str, *, comes_to_rest: bool = False
     ) -> Motion | None:
-        """Look again now and then where no leg on is clear, or none is followed; then give up.
+        """Retry at intervals while no next leg is clear or followed; then give up.
 
-        A vehicle whose leg on is clear just now is let come to rest: then it is until it leaves.
+        If the next leg is clear now, the vehicle first comes to rest: then the leg stays clear.
         """
-        if telemetry.time_s < self._settle_until_s:
+        if telemetry.time_s < self._recheck_at_s:
             return None
-        self._settle_until_s = telemetry.time_s + SETTLE_S
+        self._recheck_at_s = telemetry.time_s + RECHECK_S
         way = self._context.task.way
-        times = way.settle()
-        if times <= SETTLES:
+        times = way.recheck()
+        if times <= RECHECKS:
             way.stand(None)
-            return None if comes_to_rest and times < SETTLES else self._plan()
+            return None if comes_to_rest and times < RECHECKS else self._plan()
         way.refuse(NoRoute(refusal))
         return None
 
     def _plan(self) -> Motion | None:
-        """The first motion of a way to the goal; the router has checked its first leg from here."""
+        """Plan a way to the goal; return its first motion. The router checks the first leg."""
         way, gate, telemetry = self._context.task.way, self._gate, self._context.telemetry
         goal = way.goal
         assert goal is not None  # noqa: S101 - every caller has set one
-        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
+        assert telemetry is not None  # noqa: S101 - a vehicle in the air has sent telemetry
         target = goal.position if goal.node is None else goal.node
         here, momentum = telemetry.position, gate.momentum(telemetry)
         pending = gate.setpoints.pending(telemetry)
@@ -302,7 +303,7 @@ class Navigator:
                 legs.popleft()
             if not legs or (len(legs) == 1 and math.dist(here, legs[0].to) <= near_m):
                 way.arrive()
-                # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
+                # Near, but perhaps fast or heading elsewhere: it settles on the point itself.
                 if legs or pending:
                     return self._motion(Leg(goal.position, goal.node), telemetry)
                 return None
@@ -314,15 +315,15 @@ class Navigator:
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         if (moves and not way.braking) or gate.setpoints.open(telemetry):
             way.stop()
-            return HoldHere("no clear way at this speed; stopping to look again")
+            return HoldHere("no clear way at this speed; stopping to plan again")
         way.refuse(route)
         return None
 
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
-        """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
+        """Whether stopping first is quicker than this detour, which its speed causes."""
         after = self._context.airspace.flown_router.route(stopping, target)
-        spare_m = STOP_S * self._context.airspace.mission.speed_m_s
-        return isinstance(after, Route) and route.length_m > after.length_m + spare_m
+        stop_m = STOP_S * self._context.airspace.mission.speed_m_s
+        return isinstance(after, Route) and route.length_m > after.length_m + stop_m
 
     def _command(
         self,
@@ -344,32 +345,32 @@ class Navigator:
             return FlyToPoint(leg.to, mission.altitude_above_home_m)
         return FlyToPoint(leg.to, mission.altitude_of(leg.node))
 
-    # Once more, in the vehicle's turn.
+    # Checked again right before it is sent.
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
-        """Why a motion decided a moment ago must not be commanded any more; None if it may."""
+        """Why a motion decided earlier must not be sent anymore; None if it may."""
         telemetry = self._context.telemetry
         if motion is not self._gate.pending or telemetry is None:
-            return "it was called off"
+            return "it was canceled"
         if isinstance(motion, HoldHere):
             return None
-        if self._context.interlocks.up(Doubt.FOREIGN_ORDER):
-            return "an order shows that is not ours"
+        if self._context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
+            return Anomaly.FOREIGN_ORDER.value
         return None if isinstance(motion, LandHere) else self._leg_refusal(motion, telemetry, now_s)
 
     def _leg_refusal(
         self, motion: FlyToNode | FlyToPoint, telemetry: Telemetry, now_s: float
     ) -> str | None:
-        """Why a leg that was decided on a moment ago must not begin any more."""
+        """Why a leg decided earlier must not be sent anymore."""
         age_s = max(0.0, now_s - telemetry.time_s)
         if age_s > self._gate.reaction_s:
             return "the vehicle's position is too old to check the leg from"
         moved = telemetry.home_moved
         if isinstance(motion, FlyToNode) and moved is not None and moved.changes_heights:
             return "home was moved, and the plan's items with it"
-        flies_it = [*self._gate.setpoints.all_known] == [motion]  # already, whatever is said
+        flies_it = [*self._gate.setpoints.all_known] == [motion]  # already, whatever is sent
         if not flies_it and not self.clear(telemetry, motion.position, age_s, unsent=motion):
-            return "the leg was no longer clear in its turn"
+            return "the leg was no longer clear when it was due"
         return None
 
     def clear(
@@ -380,11 +381,11 @@ class Navigator:
         *,
         unsent: Motion | None = None,
     ) -> bool:
-        """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance.
+        """Whether a straight leg from the vehicle's position, at its speed, keeps the clearance.
 
-        However late the command arrives: until then it may fly all the rest of its present leg.
-        In `age_s` it has flown on from where it was when it said so. The motion that is to leave
-        only now, `unsent`, it does not fly yet: a leg out of a hover begins as it was planned.
+        This holds however late the command arrives: until then the vehicle may fly the whole rest
+        of its current leg. In `age_s` it has flown on from the reported position. It does not fly
+        `unsent` yet, the motion to be sent now: a leg out of a hover starts as planned.
         """
         momentum = self._gate.momentum(telemetry, age_s)
         pending = self._gate.setpoints.pending(telemetry, unsent)
@@ -398,15 +399,16 @@ class Navigator:
     def _first_leg_refusal(
         self, telemetry: Telemetry, target: Point, pending: Sequence[PendingSetpoint]
     ) -> NoRoute | None:
-        """Why a leg that is clear at the cruise altitudes, from here and now, does not begin.
+        """Why a leg that is clear at the cruise altitudes may not start now.
 
-        One that would not be clear in its turn waits for a stop; after that it begins as it is.
+        A leg that would not be clear by the time it is sent waits for a stop.
         """
         refusal = self._height_refusal(telemetry, target)
         if refusal is not None:
             if not low(self._context.airspace.mission, telemetry):
                 return refusal
-            # Where it is low the gate has it climb instead, or says why it cannot.
+            # If the vehicle is low, the gate commands a climb instead, or gives the reason it
+            # cannot.
             self._context.interlocks.climb_first()
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         brakes = self._context.task.way.braking
@@ -417,10 +419,10 @@ class Navigator:
     def _stays_clear(
         self, telemetry: Telemetry, target: Point, pending: Sequence[PendingSetpoint]
     ) -> bool:
-        """Whether a leg that is clear from here is still so when its turn comes.
+        """Whether a leg that is clear now will be clear when it is sent.
 
-        It is checked then by this telemetry, or by one from where the vehicle has flown until then,
-        or, where it hovers, seems to have: what is clear at one place alone is not at the next.
+        It is then checked with this telemetry, or with newer telemetry from where the vehicle has
+        flown or, if it hovers, seems to have drifted.
         """
         gate, router = self._gate, self._context.airspace.flown_router
         here, (east_m_s, north_m_s) = telemetry.position, telemetry.velocity_m_s
@@ -447,9 +449,9 @@ class Navigator:
         age_s: float = 0.0,
         unsent: Motion | None = None,
     ) -> NoRoute | None:
-        """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
+        """Why a leg that starts off the cruise altitudes is not clear: other zones count there.
 
-        On the way out of a zone these are all that it is planned among.
+        On the way out of a zone the route is planned among these zones only.
         """
         context, altitude_m = self._context, telemetry.altitude_m
         cruise = context.airspace.mission.cruise

@@ -1,7 +1,7 @@
-"""What the vehicle may be flying to: the motions that were commanded, and where it would stop.
+"""Where the vehicle may be flying to: the motions commanded so far, and its stopping point.
 
-Commands arrive when they arrive, so that a vehicle may follow the one before, the newest, or turn
-from one to the other.
+Commands arrive late: the vehicle may follow the previous one, the newest one, or turn from one to
+the other.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ MODES: Final[Mapping[type[Motion], FlightMode]] = MappingProxyType(
         LandHere: FlightMode.LAND,
     }
 )
-"""The flight mode in which a motion is flown."""
+"""The flight mode in which PX4 flies each motion."""
 
 
 @dataclass(slots=True, eq=False)
 class PendingSetpoints:
-    """The commands that the vehicle may be following, or may yet begin to follow, in order.
+    """The commands that the vehicle may be following or may still begin to follow, in order.
 
     Args:
-        near_m: A place nearer than this has been reached.
-        speed_m_s: How fast it flies there; faster, if it was seen to.
+        near_m: A place nearer than this counts as reached.
+        speed_m_s: Planned speed; the actual speed counts if it is higher.
     """
 
     near_m: float
     speed_m_s: float
     _sent: list[Motion] = field(default_factory=list)  # in order; the first may be confirmed
-    _settled: bool = False  # the first of them is
+    _settled: bool = False  # the first is confirmed
 
     def sent(self, motion: Motion) -> None:
-        """This was commanded; what was before holds until it is confirmed."""
+        """Add a commanded motion; earlier ones count until it is confirmed."""
         if not self._sent or motion != self._sent[-1]:
             self._sent.append(motion)
 
     def confirmed(self, motion: Motion) -> None:
-        """The vehicle follows this: what was commanded before it is void, on a link in order.
+        """The vehicle follows this motion: earlier ones are void, because the link keeps the order.
 
-        Of several alike it is the newest: what was commanded meanwhile has not left yet.
+        Of several equal ones the newest is meant: motions commanded meanwhile were not sent yet.
         """
         for index in reversed(range(len(self._sent))):
             if self._sent[index] == motion:
@@ -62,31 +62,31 @@ class PendingSetpoints:
 
     @property
     def all_known(self) -> Sequence[Motion]:
-        """All that it may be following; none while that may be something from before these."""
+        """All motions that the vehicle may follow; empty while it may follow an earlier one."""
         return self._sent if self._settled else ()
 
     def forget(self) -> None:
-        """The pilot or a ground station has told it something since."""
+        """Forget all: a pilot or a ground station has commanded the vehicle since."""
         self._sent.clear()
         self._settled = False
 
     def under_way(self, jump: FlyToNode) -> bool:
-        """Whether something that was commanded before a jump is still to come."""
+        """Whether a motion commanded before a jump may still arrive."""
         return bool(self._before(jump)[self._settled :])
 
     def given_up(self, jump: FlyToNode) -> bool:
-        """Whether a jump to the same item was given up before, and may come late."""
+        """Whether an earlier jump to the same item was given up and may arrive late."""
         return jump in self._before(jump)
 
     def _before(self, jump: FlyToNode) -> list[Motion]:
         return self._sent[:-1] if self._sent and self._sent[-1] == jump else self._sent
 
     def open(self, telemetry: Telemetry, unsent: Motion | None = None) -> list[Point]:
-        """Where it was sent by us and has not arrived: there it is flying, or begins to.
+        """Commanded places that the vehicle has not reached: it is flying there, or may begin to.
 
         Args:
-            telemetry: Where it is.
-            unsent: Was decided on, and has not left for the vehicle. An equal one may have.
+            telemetry: The vehicle's position.
+            unsent: A motion that was decided but not sent yet. An equal one may have been sent.
         """
         return [
             motion.position
@@ -99,11 +99,11 @@ class PendingSetpoints:
     def pending(
         self, telemetry: Telemetry, unsent: Motion | None = None
     ) -> tuple[PendingSetpoint, ...]:
-        """Everywhere that it may be flying to now: by our commands, and by its own telemetry.
+        """All places that the vehicle may be flying to, by our commands and by its telemetry.
 
         Args:
-            telemetry: Where it is, and its target.
-            unsent: Was decided on, and has not left for the vehicle. An equal one may have.
+            telemetry: The vehicle's position and target.
+            unsent: A motion that was decided but not sent yet. An equal one may have been sent.
         """
         here, target, places = telemetry.position, telemetry.target, self.open(telemetry, unsent)
         if target is not None and math.dist(target, here) > FAR_M:
@@ -114,7 +114,7 @@ class PendingSetpoints:
         beyond_m = TURNING_S * speed_m_s + TURNING_S2_M * speed_m_s**2
         places = [*dict.fromkeys(places)]
         found = [_setpoint(here, place, beyond_m) for place in places]
-        # It may turn from the end of one to another, and away there.
+        # The vehicle may turn at one end toward another, and turn away there.
         for one, other in permutations(places, 2):
             if math.dist(one, other) > self.near_m:
                 found.append(_setpoint(one, other, beyond_m))
@@ -131,7 +131,7 @@ def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
 
 
 def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
-    """Where the vehicle comes to rest if it is told now to brake."""
+    """Where the vehicle stops if it is commanded to brake now."""
     east_m_s, north_m_s = telemetry.velocity_m_s
     travel_s = reaction_s + math.hypot(east_m_s, north_m_s) / (2 * BRAKING_M_S2)
     east_m, north_m = telemetry.position

@@ -1,8 +1,8 @@
-"""Where a vehicle leaves the zones that it is in, by what applies at the height where it is.
+"""Where a vehicle leaves the zones that it is in, by the zones at its altitude.
 
-At the cruise altitudes that is the nearest clear place from which a way leads home. Below or above
-them other zones count: what applies from the vehicle's height to the cruise altitudes, so that it
-can climb, or descend, where it has left.
+At the cruise altitudes this is the nearest clear place with a way home. Below or above them other
+zones count: those between the vehicle's altitude and the cruise altitudes, so that the vehicle can
+climb or descend where it has left the zone.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from geo.paths import ShortestPaths
 
 
 class WayOut(NamedTuple):
-    """Where a zone is left, and by which router; None: that of the cruise altitudes."""
+    """Where a zone is left, and the router for it; None: the cruise altitudes' router."""
 
     place: Point
     router: Router | None = None
 
 
 def off_cruise(mission: Mission, telemetry: Telemetry) -> bool:
-    """Whether the vehicle is below, or above, where the mission flies."""
+    """Whether the vehicle is below or above the cruise altitudes."""
     return not mission.cruise.lower_m <= telemetry.altitude_m <= mission.cruise.upper_m
 
 
 def nearest_way_out(router: Router, mission: Mission, telemetry: Telemetry) -> WayOut | None:
-    """The nearest place where the vehicle is out of all that it is in; None if there is none.
+    """The nearest place outside every zone that the vehicle is in; None if there is none.
 
-    One from which a way leads home at the cruise altitudes, if there is any.
+    A place with a way home at the cruise altitudes is preferred.
 
     Args:
-        router: That of the cruise altitudes.
-        mission: With the zones of now.
-        telemetry: Where the vehicle is, and how high.
+        router: The cruise altitudes' router.
+        mission: The mission with the current zones.
+        telemetry: The vehicle's position and altitude.
     """
     paths, here, home = router.graph.paths, telemetry.position, mission.home
     if not off_cruise(mission, telemetry):
@@ -53,7 +53,7 @@ def nearest_way_out(router: Router, mission: Mission, telemetry: Telemetry) -> W
 
 
 def _places(paths: ShortestPaths, here: Point) -> Iterator[Point]:
-    """Clear places around, the nearest first."""
+    """Clear places around the vehicle, the nearest first."""
     nearest = paths.nearest(here)
     if nearest is not None:
         yield nearest
@@ -61,7 +61,7 @@ def _places(paths: ShortestPaths, here: Point) -> Iterator[Point]:
 
 
 def _router_around(mission: Mission, telemetry: Telemetry) -> Router:
-    """Plans among what applies from the vehicle's height to the cruise altitudes, near to it."""
+    """A router near the vehicle, for the zones between its altitude and the cruise altitudes."""
     planner = replace(mission.planner, kind="shortest")
     airspace = mission.airspace_off_cruise(telemetry.altitude_m)
     around = airspace.around(telemetry.position, REACH_M).with_margin(mission.tracking.planned_m)

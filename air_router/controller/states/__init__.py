@@ -1,4 +1,4 @@
-"""The table of states, and what is flown in each: exploring, seeking, hovering, coming home."""
+"""The table of states and their handlers: exploring, seeking, hovering, coming home."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""Flying the waypoints in the operator's order, and which is next: the states INIT and EXPL."""
+"""The states INIT and EXPL: flies the waypoints in the operator's order."""
 
 from __future__ import annotations
 
@@ -29,46 +29,46 @@ _NOWHERE: Final = Point(math.inf, math.inf)
 
 @dataclass(slots=True)
 class Exploration:
-    """The waypoints in the operator's order, explored once; resumes where it stopped.
+    """The waypoints in the operator's order. Each is visited once; exploration can be interrupted.
 
     Attributes:
-        waypoints: All of them.
-        left_out: Numbers of those that could not be visited.
-        here: Where the vehicle was last told to be; None before it flies.
-        began_s: When that was told first.
-        looked_from: Where it was looked last which waypoints are near.
-        alike_m: Nearer than this to that place the same ones are.
-        explored_s: When no waypoint was left first, on the vehicle's clock; infinite: not yet.
+        waypoints: All waypoints.
+        left_out: Numbers of the waypoints that could not be visited.
+        here: The vehicle's last known position; None before the flight.
+        began_s: Time of the first known position.
+        checked_from: Where the program last checked which waypoints are near.
+        recheck_m: Within this distance of `checked_from` the same waypoints are near.
+        explored_s: When the last waypoint was visited, on the vehicle's clock; infinite: not yet.
     """
 
     waypoints: Sequence[Waypoint]
-    _skipped: frozenset[int] = frozenset()  # numbers of waypoints that are left out
+    _skipped: frozenset[int] = frozenset()  # numbers of waypoints to skip
     left_out: list[int] = field(default_factory=list)
     here: Point | None = None
     began_s: float | None = None
-    looked_from: Point = _NOWHERE
-    alike_m: float = 0.0
+    checked_from: Point = _NOWHERE
+    recheck_m: float = 0.0
     explored_s: float = math.inf
     _next: int = 0  # index of the next waypoint
-    # when each waypoint was passed last; infinite: it is near now
+    # when each waypoint was last passed; infinite: it is near now
     _passed_s: dict[int, float] = field(default_factory=dict)
 
     def is_at(self, here: Point) -> None:
-        """The vehicle is there."""
+        """Update the vehicle's position."""
         self.here = here
 
     def explored(self, now_s: float) -> None:
-        """No waypoint is left, at this time on the vehicle's clock; the first time counts."""
+        """Note when no waypoint is left, on the vehicle's clock; only the first time counts."""
         self.explored_s = min(self.explored_s, now_s)
 
     @property
     def remaining(self) -> int:
-        """How many waypoints are still to be visited."""
+        """The number of waypoints still to be visited."""
         return sum(w.number not in self._skipped for w in self.waypoints[self._next :])
 
     @property
     def goal(self) -> Goal | None:
-        """The waypoint whose turn it is; None when none is left."""
+        """The next waypoint; None when none is left."""
         turn = self._turn
         if turn == len(self.waypoints):
             return None
@@ -77,26 +77,26 @@ class Exploration:
 
     @property
     def _turn(self) -> int:
-        """Whose turn it is in the operator's order; as many as there are when none is left."""
+        """The index of the next waypoint; the number of waypoints when none is left."""
         turn = self._next
         while turn < len(self.waypoints) and self.waypoints[turn].number in self._skipped:
             turn += 1
         return turn
 
     def skip(self, numbers: Collection[int]) -> tuple[list[int], list[int]]:
-        """Skip these waypoints from now on, and no others; which are new, and which are back.
+        """Skip exactly these waypoints from now on; return the newly skipped and the restored ones.
 
-        One that is back is visited if its turn is still to come.
+        A restored waypoint is visited if its turn has not passed.
         """
         before, self._skipped = self._skipped, frozenset(numbers)
         return sorted(self._skipped - before), sorted(before - self._skipped)
 
     def visited(self) -> None:
-        """The waypoint whose turn it was is done."""
+        """Mark the next waypoint as visited."""
         self._next = self._turn + 1
 
     def leave_out(self) -> int:
-        """Give the waypoint whose turn it was up; returns its number."""
+        """Give up the next waypoint; return its number."""
         index = self._turn
         number = self.waypoints[index].number
         self.left_out.append(number)
@@ -104,36 +104,36 @@ class Exploration:
         return number
 
     def go_on(self, visited: int, left_out: Collection[int]) -> None:
-        """Another companion has visited so many, and left these of them out."""
+        """Resume after another companion that visited this many and left these out."""
         self._next = visited
         self.left_out = list(left_out)
 
     def mark(self) -> tuple[int, int]:
-        """Where exploration stands, to come `back_to`."""
+        """The progress of exploration, for `back_to`."""
         return self._next, len(self.left_out)
 
     def back_to(self, mark: tuple[int, int]) -> None:
-        """Take back what was left out since a mark, which lies after the last visit."""
+        """Restore the waypoints left out since a mark that was made after the last visit."""
         self._next, left_out = mark
         del self.left_out[left_out:]
 
-    def look_around(self, here: Point, now_s: float) -> None:
-        """Note which waypoints are near; others are, or are not, only `alike_m` from here."""
-        self.looked_from, self.alike_m = here, math.inf
+    def note_nearby(self, here: Point, now_s: float) -> None:
+        """Note which waypoints are near; this cannot change within `recheck_m` of here."""
+        self.checked_from, self.recheck_m = here, math.inf
         if self.began_s is None:
             self.began_s = now_s
         for waypoint in self.waypoints:
             away_m = math.dist(here, waypoint.position)
-            self.alike_m = min(self.alike_m, abs(away_m - PASSING_M))
+            self.recheck_m = min(self.recheck_m, abs(away_m - PASSING_M))
             if away_m <= PASSING_M:
                 self._passed_s[waypoint.number] = math.inf
             elif self._passed_s.get(waypoint.number) == math.inf:
                 self._passed_s[waypoint.number] = now_s
 
     def longest_unseen(self) -> Goal:
-        """Where a robot may be that was never heard: the waypoint passed longest ago.
+        """Where to seek a robot that was never received: the waypoint passed longest ago.
 
-        Of those never passed the one farthest from all that were, in the middle of the unknown.
+        Of the waypoints never passed, the one farthest from all passed ones: amid the unknown.
         """
         passed = [w.position for w in self.waypoints if w.number in self._passed_s]
 
@@ -148,13 +148,13 @@ class Exploration:
 
 @dataclass(slots=True, eq=False)
 class ExploreState(StateHandler):
-    """Visits waypoint after waypoint; one that cannot be reached from here is skipped.
+    """Visits one waypoint after another, and skips those that cannot be reached from here.
 
     Args:
-        context: Where it says what is skipped, and signals that no waypoint is left.
-        navigator: Flies there.
-        exploration: Whose turn it is.
-        reachability: Whether zones leave a way home: without one no waypoint is skipped.
+        context: Receives announcements of skipped waypoints, and the signal that none is left.
+        navigator: Plans and flies routes.
+        exploration: Knows the next waypoint.
+        reachability: Whether a way home exists. Without one no waypoint is skipped.
     """
 
     _context: MissionContext
@@ -163,10 +163,10 @@ class ExploreState(StateHandler):
     _reachability: HomeReachability
 
     def begin(self) -> Wanted:
-        """Fly to the waypoint whose turn it is, or say that none is left."""
+        """Fly to the next waypoint, or report that none is left."""
         navigator, exploration = self._navigator, self._exploration
         if self._reachability.walls is not None:
-            # What cannot be reached from home is skipped already.
+            # Waypoints that cannot be reached from home are skipped already.
             return Hover(
                 "no waypoint can be reached from here: no clear way home", FLY_OUT_OR_RELOAD
             )
@@ -182,29 +182,30 @@ class ExploreState(StateHandler):
                 exploration.visited()
                 mark = exploration.mark()
         if refusals and goal is None:
-            # All can be reached from home, or the mission would not fly: it is this place.
+            # A mission flies only if every waypoint can be reached from home: the cause is this
+            # position.
             exploration.back_to(mark)
             why = navigator.refusal
             return Hover(f"no waypoint can be reached from here: {why}", FLY_OUT_OR_RELOAD)
         for refusal in refusals:
-            self._context.say(refusal)
+            self._context.inform(refusal)
         if goal is not None:
             return Planned(motion)
         exploration.explored(self._context.now_s)
         return Signal.EXPLORED
 
     def arrived(self) -> Wanted:
-        """On to the next."""
+        """Fly to the next waypoint."""
         self._exploration.visited()
         return self.begin()
 
     def no_route(self, refusal: str) -> Wanted:
-        """On to the next, without this one."""
-        self._context.say(self._left_out(refusal))
+        """Leave this waypoint out and fly to the next."""
+        self._context.inform(self._left_out(refusal))
         return self.begin()
 
     def retry(self) -> Wanted:
-        """To the same waypoint, or to the first that can be reached."""
+        """Fly to the same waypoint, or to the first that can be reached."""
         if self._context.task.way.goal is None:
             return self.begin()
         return Planned(self._navigator.again())

@@ -1,4 +1,4 @@
-"""What is flown on request: to points, and whether that can be done (GOTO)."""
+"""The state GOTO: flies to requested points, after checking that they can be reached."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class GotoTask:
     """Points to fly to, in order.
 
     Attributes:
-        stops: Where to hover for each, in metres east/north.
-        hold_s: How long to hover at the last.
-        by: Who asked.
-        notes: What is else than asked for, and why.
-        done: How many were reached, or left out.
+        stops: Where to hover for each point, in meters east/north.
+        hold_s: How long to hover at the last point.
+        by: The requester.
+        notes: Differences from the request, and why.
+        done: Number of points reached or left out.
     """
 
     stops: tuple[Point, ...]
@@ -48,11 +48,11 @@ class GotoTask:
 
     @property
     def goal(self) -> Goal:
-        """The stop whose turn it is."""
+        """The next stop."""
         return Goal(self.stops[self.done])
 
     def next(self) -> bool:
-        """The stop whose turn it was is done; whether there is another."""
+        """Mark the stop as done; return whether there is another."""
         if self.done + 1 >= len(self.stops):
             return False
         self.done += 1
@@ -60,20 +60,20 @@ class GotoTask:
 
 
 class Accepted(NamedTuple):
-    """What is done."""
+    """The answer to an accepted request."""
 
-    what: str  # in words, for the answer
-    points: tuple[Point, ...] = ()  # where it flies, of a go-to
+    what: str  # what the vehicle does, as text
+    points: tuple[Point, ...] = ()  # where a go-to flies
 
 
 @dataclass(slots=True, eq=False)
 class GotoValidator:
-    """Says whether the vehicle may be sent somewhere from where it is, and come home from there.
+    """Checks that the vehicle can fly to requested points, and home from there.
 
     Args:
-        context: The airspace, and the routes in it.
-        navigator: Where to hover for a place that is not clear.
-        gate: What the vehicle flies on by itself.
+        context: Airspace, router, battery and pace.
+        navigator: Finds where to hover for a point that is not clear.
+        gate: Knows how far the vehicle coasts.
     """
 
     _context: MissionContext
@@ -81,10 +81,10 @@ class GotoValidator:
     _gate: CommandGate
 
     def goto_task(self, points: Sequence[Point], hold_s: float, by: str) -> GotoTask:
-        """Look at every point, the ways between them, and what the way home then takes.
+        """Check every point, the routes between them, and the charge for the way home.
 
         Raises:
-            RequestRefusedError: a point cannot be flown to, or the way home not after it.
+            RequestRefusedError: A point, or home after it, cannot be reached.
         """
         stops: list[Point] = []
         notes: list[str] = []
@@ -94,24 +94,24 @@ class GotoValidator:
                 away = f"{name} is more than {FARTHEST_M / 1000:.0f} km away"
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, away)
             if FENCE in self._context.airspace.mission.airspace.zones_at(point):
-                outside = f"{name} lies outside of the fence"
+                outside = f"{name} lies outside the fence"
                 raise RequestRefusedError(Refusal.OUTSIDE_FENCE, outside)
             hover, why = self._navigator.hover(point)
             if why:
-                beside_m = math.dist(point, hover)
-                notes.append(f"{name}: {why}, so {max(beside_m, 0.1):.1f} m beside it")
+                offset_m = math.dist(point, hover)
+                notes.append(f"{name}: {why}, so {max(offset_m, 0.1):.1f} m beside it")
             stops.append(hover)
         self.check_way([*map(Goal, stops)], hold_s)
         return GotoTask(tuple(stops), hold_s, by, tuple(notes))
 
     def check_way(self, goals: Sequence[Goal], hold_s: float = 0.0) -> None:
-        """Whether these goals can be flown to, one after the other, and home from there.
+        """Check that the vehicle can fly to these goals in order, and home from there.
 
         Raises:
-            RequestRefusedError: they cannot.
+            RequestRefusedError: It cannot.
         """
         telemetry = self._context.telemetry
-        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
+        assert telemetry is not None  # noqa: S101 - a vehicle in the air has sent telemetry
         here = telemetry.position
         length_m, legs = 0.0, 0
         for number, goal in enumerate(goals, start=1):
@@ -128,7 +128,7 @@ class GotoValidator:
                 raise RequestRefusedError(Refusal.RESERVE, f"{short} {name}")
 
     def _first(self, telemetry: Telemetry, goal: Goal) -> Route | NoRoute:
-        """From where the vehicle is; or, where its speed allows no way, from where it stops."""
+        """The route from the vehicle's position; if its speed allows none, from where it stops."""
         momentum = self._gate.momentum(telemetry)
         route = self._route(telemetry.position, goal, momentum)
         if isinstance(route, NoRoute) and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S:
@@ -140,13 +140,13 @@ class GotoValidator:
         return self._context.airspace.router.route(start, target, momentum=momentum)
 
     def _short(self, charge: float | None, way: Way, place: Point, stay_s: float) -> str | None:
-        """Why the battery does not last for a way, a stay there, and the way home.
+        """Why the charge does not suffice for a route, a stay at its end, and the way home.
 
-        Nothing is known of that without the vehicle's endurance: then the way home is watched for
-        in flight by `battery_reserve` alone.
+        This cannot be computed without the vehicle's endurance. Then only `battery_reserve` brings
+        it home in flight.
 
         Raises:
-            RequestRefusedError: no clear way leads home from the place.
+            RequestRefusedError: There is no clear way home from the place.
         """
         pace = self._context.pace
         if pace.endurance_s is None or charge is None:
@@ -166,34 +166,34 @@ class GotoValidator:
 
 @dataclass(slots=True, eq=False)
 class GotoState(StateHandler):
-    """Flies to one point after the other, and hovers at the last.
+    """Flies to one point after another, and hovers at the last.
 
     Args:
-        context: Where it signals that it sets out, and that no point is left to fly to.
-        navigator: Flies there.
+        context: Receives the signals that the vehicle sets out, and that no point can be reached.
+        navigator: Plans and flies routes.
 
     Attributes:
-        goto_task: The points that it was sent to on request, last.
+        goto_task: The last requested points.
     """
 
     _context: MissionContext
     _navigator: Navigator
     goto_task: GotoTask | None = None
-    _there_since_s: float | None = None  # at the point whose turn it is
+    _there_since_s: float | None = None  # since when the vehicle is at the next stop
 
     def set_out(self, goto_task: GotoTask, left_s: float | None = None) -> None:
-        """Fly a task, and hover for `left_s` at its end; None: as long as it says."""
+        """Start a task, and hover for `left_s` at its end; None: for the task's own time."""
         self.goto_task = goto_task
         self._context.task.carry(goto_task.hold_s if left_s is None else left_s)
         self._context.signal(Signal.GOTO)
 
     def begin(self) -> Wanted:
-        """Fly to the point whose turn it is."""
+        """Fly to the next point."""
         self._there_since_s = None
-        return Rest("no point was asked for") if self.goto_task is None else self.goto_task.goal
+        return Rest("no point was requested") if self.goto_task is None else self.goto_task.goal
 
     def arrived(self) -> Wanted:
-        """On to the next point once it stands here; the state's timer runs at the last."""
+        """Fly to the next point once the vehicle hovers here; start the timer at the last."""
         if self._context.task.ends_s is not None:
             return Rest("it hovers at the last point")
         if not self._settled:
@@ -201,28 +201,28 @@ class GotoState(StateHandler):
         if self._next():
             return self.begin()
         self._context.start_timer()
-        self._context.say("at the last point")
+        self._context.inform("at the last point")
         return Rest("it hovers at the last point")
 
     def no_route(self, refusal: str) -> Wanted:
-        """On to the next point, without this one."""
+        """Leave this point out and fly to the next."""
         if self.goto_task is not None:
-            self._context.say(f"point {self.goto_task.done + 1} left out: {refusal}")
+            self._context.inform(f"point {self.goto_task.done + 1} left out: {refusal}")
         return self.begin() if self._next() else Signal.NO_WAY
 
     def retry(self) -> Wanted:
-        """To the same point."""
+        """Fly to the same point."""
         return Planned(self._navigator.again())
 
     replan = begin
 
     def _next(self) -> bool:
-        """Whether there is a next point."""
+        """Advance to the next point; return whether there is one."""
         return self.goto_task is not None and self.goto_task.next()
 
     @property
     def _settled(self) -> bool:
-        """Whether the vehicle stands at its point, or gusts have not let it for long enough."""
+        """Whether the vehicle hovers at its point, or has been there for `SETTLING_S` in gusts."""
         telemetry, now_s = self._context.telemetry, self._context.now_s
         if self._there_since_s is None:
             self._there_since_s = now_s

@@ -1,4 +1,4 @@
-"""Waiting once everything is explored and every robot has been met: IDLE."""
+"""The state IDLE: waits after everything is explored and every robot has been met."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ ALL_MET: Final = "everything is explored and every robot has been met"
 
 @dataclass(slots=True, eq=False)
 class IdleState(StateHandler):
-    """Waits until a robot is due for another visit, or comes home, as the mission says.
+    """Waits until a robot is due for another visit, or comes home, as the mission sets.
 
-    Robots within reach of the radio go on exchanging data meanwhile, which puts their next visit
-    off: a vehicle that reaches all of them stays where it is.
+    Robots within radio range keep exchanging data, which postpones their next visit. A vehicle in
+    range of all robots stays in place.
 
     Args:
-        context: The mission, which says what to do; where it signals that a robot is due.
-        search: When the next robot is due, and where their middle is.
+        context: The mission; receives the signal that a robot is due.
+        search: Knows when the next robot is due, and the center of all robots.
     """
 
     _context: MissionContext
     _search: Search
 
     def begin(self) -> Wanted:
-        """Hover here or amid the robots, or come home."""
+        """Hover here or at the center of the robots, or come home."""
         context = self._context
         if context.airspace.mission.when_explored == "home" or not self._search.targets.names:
             context.come_home(ALL_MET if self._search.targets.names else ALL_EXPLORED)
@@ -46,13 +46,13 @@ class IdleState(StateHandler):
         self._wait()
         goal = self._middle
         if goal is None:
-            context.say(f"waiting for the next visit to be due: {ALL_MET}")
+            context.inform(f"waiting for the next visit to be due: {ALL_MET}")
             return Hover(ALL_MET)
-        context.say(f"hovering in the middle of the robots: {ALL_MET}")
+        context.inform(f"hovering in the middle of the robots: {ALL_MET}")
         return goal
 
     def retry(self) -> Wanted:
-        """Visit the robot that is due, follow the middle of the robots, or wait on."""
+        """Visit the robot that is due, follow the center of the robots, or keep waiting."""
         if not self._hovers_amid and self._search.next_due_s <= self._context.now_s:
             return Signal.ROBOT_DUE
         self._wait()
@@ -66,7 +66,7 @@ class IdleState(StateHandler):
 
     @property
     def _middle(self) -> Goal | None:
-        """The middle of the robots, if it is wanted and known."""
+        """The center of the robots, if the mission wants it and it is known."""
         middle, goal = (
             self._search.middle if self._hovers_amid else None,
             self._context.task.way.goal,
@@ -76,7 +76,7 @@ class IdleState(StateHandler):
         return middle if math.dist(goal.position, middle.position) >= FOLLOW_M else goal
 
     def _wait(self) -> None:
-        """Look again when the next robot is due, or when the robots may have driven away."""
+        """Retry when the next robot is due, or when the robots may have moved."""
         context = self._context
         due_s = max(0.0, self._search.next_due_s - context.now_s)
         context.retry_in(context.airspace.mission.timers.revisit_s if self._hovers_amid else due_s)

@@ -5,42 +5,42 @@ from typing import Final
 # For explore_state.py
 
 PASSING_M: Final = 15.0
-"""Passing a waypoint so closely counts as having been there when we look for a lost robot."""
+"""A waypoint passed this closely counts as searched when a robot is sought."""
 
 # For goto_state.py
 
 SETTLING_S: Final = 10.0
-"""So long a vehicle may take at a point until it stands; in gusts it perhaps never does."""
+"""Longest wait at a point for the vehicle to hover still; in gusts it may never do."""
 
 # For ready_state.py
 
 HOME_TOLERANCE_M: Final = 20.0
-"""The vehicle must start this close to the mission's home, or it is another place's mission."""
+"""The vehicle must start this close to the mission's home; else the mission is for another site."""
 
 # For return_state.py
 
 POSITION_S: Final = 1.0
-"""A vehicle whose positions have been missing for longer is not known to be above home."""
+"""With an older position the vehicle is not known to be above home."""
 
 LANDING_M: Final = 1.0
-"""So much farther from home than the acceptance radius it may be when it is told to land."""
+"""A landing may begin this much farther from home than the acceptance radius."""
 
 WIDEST_M: Final = 2.0
-"""A wider acceptance radius counts for no landing: what is below was looked at for home alone."""
+"""Largest acceptance radius used for a landing: the ground was checked at home only."""
 
-LOOK_S: Final = 5.0
-"""How often it is looked whether there is a way; at once after zones have changed."""
+CHECK_S: Final = 5.0
+"""Interval of checks for a way home; zones that change are checked at once."""
 
-TOLD_S: Final = 30.0
-"""How often it is told again that there is none."""
+ANNOUNCE_AGAIN_S: Final = 30.0
+"""Interval of repeated announcements that there is no way home."""
 
 NAMED: Final = 3
-"""So many walls are named; more would not be read in the air."""
+"""Number of walls named in an announcement; nobody reads more in flight."""
 
 # For search_state.py
 
 FOLLOW_M: Final = 8.0
-"""A robot that has moved so far from where we hover (or search) is followed."""
+"""A robot that has moved this far from the hover or search position is followed."""
 
 SEEK_AGAIN_S: Final = 10.0
-"""Pause before the robots are gone through again when none of them could be sought."""
+"""Pause before the next attempt when no robot could be sought."""

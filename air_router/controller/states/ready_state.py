@@ -1,4 +1,4 @@
-"""Off the ground, whether we lead it or a pilot: the state READY, up to the altitude."""
+"""The state READY: the take-off to the mission's altitude, by this program or by a pilot."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from enum import Enum
 from typing import Final
 
 from air_router.controller.model import (
-    Held,
+    HandoverHold,
     HoldHere,
     MissionContext,
-    OnBoard,
+    PlanOwner,
     Signal,
     StateHandler,
 )
@@ -27,7 +27,7 @@ from air_router.vehicle import (
 
 
 class TakeOff(Enum):
-    """How far the take-off is."""
+    """The stage of the take-off."""
 
     TO_COME = "on the ground, climbing above home, or not in Mission mode"
     COMPLETE = "in Mission mode at the mission's altitude"
@@ -36,19 +36,21 @@ class TakeOff(Enum):
 
 
 HELD: Final = {
-    TakeOff.MISPLACED: Held("Mission was chosen low and away from home", LAND_AND_START_AGAIN),
-    TakeOff.TOO_HIGH: Held("Mission was chosen in another UAV's layer", DESCEND),
+    TakeOff.MISPLACED: HandoverHold(
+        "Mission was chosen low and away from home", LAND_AND_START_AGAIN
+    ),
+    TakeOff.TOO_HIGH: HandoverHold("Mission was chosen in another UAV's layer", DESCEND),
 }
-"""Take-offs that are not led on, and what the pilot does."""
+"""Take-offs that are not continued, with the pilot's instruction."""
 
 
 def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
-    """Where the take-off stands, whether we lead it or a pilot.
+    """The stage of a take-off, by this program or by a pilot.
 
-    It is complete at the mission's altitude, wherever that is: from there on every leg is checked
-    from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of
-    this mission: a pilot who flew away by hand has chosen Mission mode. Where several UAVs fly it
-    may be too high: on its first leg it would come down through the layers of others.
+    The take-off is complete at the mission's altitude, at any position: from then on every leg is
+    checked from the vehicle's position. Mission mode chosen below that, and farther from home than
+    a vehicle may start, is no take-off of this mission: a pilot flew away by hand. With several
+    UAVs the vehicle may also be too high: its first leg would descend through other UAVs' layers.
     """
     if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
         return TakeOff.TO_COME
@@ -64,11 +66,12 @@ def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
 
 @dataclass(slots=True, eq=False)
 class ReadyState(StateHandler):
-    """Watches the take-off; it flies nothing, but may hold a climb, or end the mission.
+    """Monitors the take-off; it may hold the vehicle or end the mission.
 
     Args:
-        context: Whether the flight was handed over to us; where it signals that it is at altitude.
-        gate: Has it hold.
+        context: Knows whether the flight was handed over; receives the signal that it is at
+            altitude.
+        gate: Commands a hold.
     """
 
     _context: MissionContext
@@ -76,15 +79,15 @@ class ReadyState(StateHandler):
     _rise: ClimbWatch = field(default_factory=ClimbWatch)
 
     def why_not_started(self, before: Telemetry, *, armed: bool) -> str | None:
-        """What a pilot or ground station has done with a vehicle that we were to start.
+        """Why the vehicle cannot be started: what a pilot or ground station did meanwhile.
 
         Args:
-            before: As it was when it was found.
-            armed: It was armed by us.
+            before: Telemetry at the time the vehicle was found.
+            armed: This program armed the vehicle.
         """
         context = self._context
-        if context.authority.on_board is not OnBoard.OURS:
-            return "a ground station has put another plan, or fence, on board"
+        if context.authority.on_board is not PlanOwner.OURS:
+            return "a ground station has uploaded another plan or fence"
         now = context.telemetry
         if now is None:
             return None
@@ -95,12 +98,12 @@ class ReadyState(StateHandler):
         return None
 
     def disarmed(self) -> None:
-        """It was armed and disarmed on the ground, and the pilot may begin anew."""
+        """The vehicle was armed and disarmed on the ground; the pilot may start again."""
         self._rise = ClimbWatch()
-        self._context.say("disarmed before take-off: waiting on")
+        self._context.inform("disarmed before take-off: waiting on")
 
     def watch(self, telemetry: Telemetry) -> None:
-        """Go on with the mission at its altitude; hold where it does not begin like this."""
+        """Start the mission at its altitude; hold after a take-off that it cannot continue."""
         context, gate = self._context, self._gate
         stage = take_off(context, telemetry)
         if stage is TakeOff.COMPLETE:
@@ -122,6 +125,6 @@ class ReadyState(StateHandler):
             context.come_home("the climb does not go on", BE_READY_AT_HOME)
 
     def _stuck(self, telemetry: Telemetry) -> bool:
-        """Whether the climb that was handed over to us has not gone on for some time."""
+        """Whether a climb that was handed over has made no progress for some time."""
         rises = self._context.authority.handed_over and telemetry.in_air
         return rises and self._rise.stuck(telemetry)

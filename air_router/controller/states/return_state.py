@@ -1,7 +1,7 @@
-"""Coming home, where zones leave a way, and landing: the states HOME and LAND, PASSIVE and DONE.
+"""The states HOME, LAND, PASSIVE and DONE: comes home if there is a way, and lands.
 
-A mission is only flown where home can be reached from everywhere; zones that are drawn in flight
-may change that. Nothing is flown through them then: the operator is told until one acts.
+A mission flies only if home can be reached from every waypoint. Zones drawn in flight may change
+that. The vehicle then flies through no zone: an alarm to the operator repeats until someone acts.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from air_router.controller.model import (
 )
 from air_router.controller.motion import RETRY_S, CommandGate, stopping_point
 from air_router.controller.states.limits import (
+    ANNOUNCE_AGAIN_S,
+    CHECK_S,
     LANDING_M,
-    LOOK_S,
     NAMED,
     POSITION_S,
-    TOLD_S,
     WIDEST_M,
 )
 from air_router.mission import HOME_NODE, Mission
@@ -35,88 +35,89 @@ from geo.paths import barriers
 
 
 def landing_radius_m(mission: Mission) -> float:
-    """How far from home, in metres, counts as above it: a landing begins anywhere there."""
+    """Radius around home, in meters, within which a landing may begin."""
     return min(mission.planner.acceptance_radius_m, WIDEST_M) + LANDING_M
 
 
 @dataclass(slots=True, eq=False)
 class HomeReachability:
-    """Looks for the way home among the zones of now.
+    """Checks whether the current zones leave a way home.
 
     Attributes:
-        walls: The zones (and the fence) between the vehicle and home; None while a way is clear.
-        among: The router among whose zones it was looked.
-        look_at_s: When it is looked again.
+        walls: The zones (and the fence) between the vehicle and home; None while there is a clear
+            way.
+        checked_router: The router of the last check.
+        next_check_s: Time of the next check.
     """
 
     _context: MissionContext
     walls: tuple[str, ...] | None = None
-    among: Router | None = None
-    look_at_s: float = -math.inf
-    _tell_at_s: float = -math.inf  # when it is announced again
-    _due: bool = False  # it should be on its way home, as announced
+    checked_router: Router | None = None
+    next_check_s: float = -math.inf
+    _announce_at_s: float = -math.inf  # when to repeat the announcement
+    _due: bool = False  # `due` of the last announcement
 
     @property
     def no_way_home(self) -> bool:
-        """Whether zones that were drawn in flight leave no clear way home from here."""
+        """Whether zones drawn in flight block every way home from here."""
         return self.walls is not None
 
-    def look(self, telemetry: Telemetry, *, due: bool) -> None:
-        """Say whether a way leads home, where that is news, and now and then while none does.
+    def update(self, telemetry: Telemetry, *, due: bool) -> None:
+        """Announce that there is no way home, repeatedly, and when there is one again.
 
         Args:
-            telemetry: where the vehicle is, in the air.
-            due: it should be on its way home.
+            telemetry: Position of the vehicle in the air.
+            due: The vehicle should be on its way home.
         """
-        if self.among is not self._context.airspace.router:
-            self.among = self._context.airspace.router
-            self.look_at_s = self._tell_at_s = -math.inf
-        if telemetry.time_s >= self.look_at_s:
+        if self.checked_router is not self._context.airspace.router:
+            self.checked_router = self._context.airspace.router
+            self.next_check_s = self._announce_at_s = -math.inf
+        if telemetry.time_s >= self.next_check_s:
             before = self.walls
-            self._look(telemetry)
+            self._plan_home(telemetry)
             if before is not None and self.walls is None:
-                self._tell_at_s = -math.inf
-                self._context.say("a clear way leads home again")
+                self._announce_at_s = -math.inf
+                self._context.inform("a clear way leads home again")
                 return
-        if self.walls is None or (telemetry.time_s < self._tell_at_s and due == self._due):
+        if self.walls is None or (telemetry.time_s < self._announce_at_s and due == self._due):
             return
-        self._tell_at_s, self._due = telemetry.time_s + TOLD_S, due
-        self._tell(telemetry, due=due)
+        self._announce_at_s, self._due = telemetry.time_s + ANNOUNCE_AGAIN_S, due
+        self._announce(telemetry, due=due)
 
-    def _look(self, telemetry: Telemetry) -> None:
+    def _plan_home(self, telemetry: Telemetry) -> None:
         mission, router = self._context.airspace.mission, self._context.airspace.router
         here, home = telemetry.position, mission.home
         if mission.airspace_at(telemetry.altitude_m).zones_at(here):
-            return  # it leaves that first
-        self.look_at_s = telemetry.time_s + LOOK_S
+            return  # the vehicle leaves that zone first
+        self.next_check_s = telemetry.time_s + CHECK_S
         paths = router.graph.paths
         place = paths.nearest(here)
         if place is not None and paths.connected(home, place):
             self.walls = None
         elif isinstance(router.route(here, HOME_NODE), Route):
-            self.walls = None  # by a tight way out
+            self.walls = None  # through a tight way out
         elif place is None:
             self.walls = ()
         else:
             airspace = router.graph.mission.planning_airspace
             walls = barriers(airspace, place, home)
-            self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
+            self.walls = walls or airspace.blockers(place, home)  # home itself is not clear
 
-    def _tell(self, telemetry: Telemetry, *, due: bool) -> None:
+    def _announce(self, telemetry: Telemetry, *, due: bool) -> None:
         context, walls = self._context, self.walls or ()
         named = names_of(walls[::-1][:NAMED]) or "zones"  # the newest are last
         more = f" and {len(walls) - NAMED} more" if len(walls) > NAMED else ""
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
         if due and context.airspace.mission.all_zones:
             context.alarm(
-                f"no way home is clear at every altitude{charge}, for {named}{more}: it hovers, "
-                "and comes home by the autopilot's altitude at the battery's reserve",
+                f"no way home is clear at every altitude{charge}, because of {named}{more}: "
+                "it hovers, and comes home by PX4's altitude at the battery reserve",
                 BRING_HOME_BY_HEIGHT,
             )
         elif due:
             context.alarm(
-                f"no way home{charge}: it should come home and cannot, for {named}{more}; it "
-                "hovers until the autopilot's battery failsafe acts, which may fly through zones",
+                f"no way home{charge}: it should come home and cannot, because of {named}{more}; "
+                "it hovers until PX4's battery failsafe acts, which may fly through zones",
                 FLY_OUT_OR_RELOAD,
             )
         else:
@@ -128,21 +129,21 @@ class ReturnState(StateHandler):
     """Flies home along the graph.
 
     Args:
-        context: Where it signals that the vehicle is above home.
-        gate: What the vehicle was told before.
+        context: Receives the signal that the vehicle is above home.
+        gate: Knows the motions commanded before.
     """
 
     _context: MissionContext
     _gate: CommandGate
 
     def begin(self) -> Wanted:
-        """Fly home along the graph, and say why."""
+        """Announce the reason and fly home along the graph."""
         ending = self._context.task.ending
         text = f"coming home: {ending.why if ending else None}"
         if self._context.inputs.stopped:
             text = f"{text}; it holds until that is known again"
         if ending is None or ending.instruction is None:
-            self._context.say(text)
+            self._context.inform(text)
         else:
             self._context.warn(text, ending.instruction)
         return self.retry()
@@ -155,17 +156,17 @@ class ReturnState(StateHandler):
         return self._above_home(goal.position)
 
     def retry(self) -> Wanted:
-        """By another way, perhaps."""
+        """Plan the way home again."""
         return Goal(self._context.airspace.mission.home, HOME_NODE)
 
     replan = retry
 
     def _above_home(self, home: Point) -> Wanted:
-        """Land if it stays here, and no order from before may take it away: it would land there."""
-        telemetry = self._context.heard
+        """Land if the vehicle stays here and no earlier command may still move it."""
+        telemetry = self._context.last_telemetry
         near_m = landing_radius_m(self._context.airspace.mission)
         under_way = set(self._gate.setpoints.open(telemetry)) - {home}
-        places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
+        places = (telemetry.position, stopping_point(telemetry))  # it may only be passing
         known = telemetry.ages.position_s < POSITION_S
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
@@ -179,20 +180,20 @@ class LandState(StateHandler):
     """Descends, at home or where the vehicle hovers.
 
     Args:
-        context: Where it is, and what is below.
-        gate: Lands it.
+        context: The vehicle's position, and the zones and layers below.
+        gate: Commands the landing.
     """
 
     _context: MissionContext
     _gate: CommandGate
 
     def why_no_landing(self) -> str | None:
-        """Why it may not land where it hovers; None if nothing is below, and it stays there."""
-        mission, telemetry = self._context.airspace.mission, self._context.heard
+        """Why the vehicle may not land in place; None if nothing is below and it hovers still."""
+        mission, telemetry = self._context.airspace.mission, self._context.last_telemetry
         drift_m = math.dist(telemetry.position, stopping_point(telemetry))
         gate = self._gate
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:
-            return "it does not hover yet; ask again in a moment"
+            return "it does not hover yet; request it again in a moment"
         home_m = math.dist(telemetry.position, mission.home)
         if mission.layers_below and home_m > landing_radius_m(mission):
             below = ", ".join(mission.layers_below)
@@ -205,11 +206,11 @@ class LandState(StateHandler):
         return None
 
     def begin(self) -> Wanted:
-        """Descend."""
+        """Command the landing."""
         return LandHere()
 
     def replan(self) -> Wanted:
-        """Descend, unless it does, or was told to and has not failed."""
+        """Command the landing again, unless the last one is still in effect."""
         if not isinstance(self._gate.last, LandHere):
             return self.begin()
         return Rest("it descends")
@@ -219,4 +220,4 @@ class LandState(StateHandler):
 
 @dataclass(slots=True, eq=False)
 class HandsOffState(StateHandler):
-    """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
+    """PASSIVE and DONE: a pilot or failsafe flies the vehicle, or it has landed."""

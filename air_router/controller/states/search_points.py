@@ -1,4 +1,4 @@
-"""Where each robot could be sought now: the best guess, where hovering keeps the clearance."""
+"""Where to seek each robot now: its most likely place, or the nearest that keeps the clearance."""
 
 from __future__ import annotations
 
@@ -26,48 +26,49 @@ from geo.grid import SemanticGrid
 
 @dataclass(frozen=True, slots=True)
 class SearchPoint:
-    """A robot that could be sought now, where, and why there.
+    """Where a robot could be sought now, and why there.
 
     Attributes:
         robot: Its name.
         goal: Where to hover.
-        reason: What is known there of the robot, and what keeps the vehicle beside it.
-        beside_m: How far from the robot's place the vehicle will hover.
-        over: Robots that are flown over before, in this order.
-        along: Other places where it may be, that are flown over before the goal.
+        reason: Why the robot may be there, and why the vehicle hovers beside that place.
+        offset_m: Distance between the robot's place and the hover position.
+        over: Robots to fly over on the way, in this order.
+        along: Other places where the robot may be, flown over before the goal.
     """
 
     robot: str
     goal: Goal
     reason: str
-    beside_m: float = 0.0
+    offset_m: float = 0.0
     over: tuple[str, ...] = ()
     along: tuple[Point, ...] = ()
 
     @property
     def places(self) -> tuple[Goal, ...]:
-        """Where it may be, in the order in which it is flown."""
+        """All places where the robot may be, in flight order."""
         return (*map(Goal, self.along), self.goal)
 
 
 class Search:
-    """Knows the robots, and the places from which to look for them.
+    """Knows the robots and where to seek them.
 
     Args:
-        context: The airspace, and how long the vehicle would fly.
-        navigator: Where to hover for a place.
-        setup: Whom to seek, in order, and whether the vehicle explores between two searches.
-        exploration: Where the vehicle is, and where a robot may be that was never heard.
-        policy: Whom to seek, and where; None: as the mission says.
-        ground: What the vehicle maps as it flies; None: nothing.
+        context: Airspace, router and pace.
+        navigator: Finds where to hover for a place.
+        setup: The robots to seek, in order, and whether the vehicle explores between two searches.
+        exploration: The vehicle's position, and where to seek a robot that was never received.
+        policy: Chooses the next robot and place; None: the mission's policy.
+        ground: The vehicle's map; None: it maps nothing.
 
     Attributes:
-        targets: The robots, and what is known of each.
+        targets: The robots with their last data.
         links: Where their radios were received.
-        name: This UAV's: of two that seek the same robot, the lower name keeps it.
-        exploration: Where the vehicle is, and was.
-        to_explore: The same, as what else there is to do; None: this vehicle only searches.
-        policy: Whom to seek, and where.
+        name: This UAV's name. Of two UAVs that seek the same robot, the one with the lower name
+            keeps it.
+        exploration: Where the vehicle is and was.
+        to_explore: The same if the vehicle explores; None: it only searches.
+        policy: Chooses the next robot and place.
     """
 
     def __init__(  # noqa: PLR0913 - what a search depends on
@@ -94,14 +95,20 @@ class Search:
         self._explore_s, self._revisit_s = timers.explore_s, timers.revisit_s
 
     def search_points(self, now_s: float) -> Iterator[SearchPoint]:
-        """The robots that are due, in the order in which they are to be tried."""
+        """The robots that are due, in the order of the policy."""
         for place in self.policy.order(self.targets, self._seek_context(now_s)):
             if self._due_s(place.robot, now_s) <= now_s:
-                yield self._beside(place)
+                yield self._offset(place)
+
+    @property
+    def fault(self) -> str | None:
+        """What went wrong in a guarded policy, so that robots take turns; None: nothing did."""
+        fault: str | None = getattr(self.policy, "fault", None)
+        return fault
 
     @property
     def foresees(self) -> bool:
-        """Whether a robot is sought where it will be, so that its path matters too."""
+        """Whether a robot is sought where it will be, so its path matters too."""
         return self.policy.foresees
 
     @property
@@ -111,19 +118,19 @@ class Search:
 
     @property
     def next_due_s(self) -> float:
-        """When the next robot is due for a visit, on the vehicle's clock; infinite: none is.
+        """When the next robot is due, on the vehicle's clock; infinite: none is.
 
-        While anything is left to explore every robot always is.
+        Every robot is due while waypoints are left to explore.
         """
         now_s = self._context.now_s
         due_s = (self._due_s(robot, now_s) for robot in self.targets.names)
         return min(due_s, default=-math.inf if self.to_explore is None else math.inf)
 
     def _due_s(self, robot: str, now_s: float) -> float:
-        """When a robot is to be visited again after a complete exchange.
+        """When a robot is due again after a complete exchange.
 
-        On patrol after `revisit_s`; otherwise never, once it was met with everything explored. A
-        robot that another UAV seeks is left to it while others are free.
+        On patrol: after `revisit_s`. Otherwise never, once it was met after exploration ended. A
+        robot that another UAV seeks is left to that UAV while others are free.
         """
         if self.to_explore is not None and self.to_explore.remaining:
             return -math.inf
@@ -138,7 +145,7 @@ class Search:
 
     @property
     def middle(self) -> Goal | None:
-        """Where the farthest of the robots is nearest, by their last poses; None: none is known."""
+        """The point whose farthest robot is nearest, by their last poses; None: no pose known."""
         poses = [track.pose for track in self.targets.tracks.values() if track.pose is not None]
         if not poses:
             return None
@@ -147,8 +154,8 @@ class Search:
         return Goal(self._navigator.hover_point(Point(centre.x, centre.y)))
 
     def search_point(self, robot: str, now_s: float) -> SearchPoint:
-        """Where one of the robots would be sought now."""
-        return self._beside(self.policy.place(robot, self.targets, self._seek_context(now_s)))
+        """Where this robot would be sought now."""
+        return self._offset(self.policy.place(robot, self.targets, self._seek_context(now_s)))
 
     def _seek_context(self, now_s: float) -> SeekContext:
         exploration = self.exploration
@@ -184,12 +191,12 @@ class Search:
     def _leg_s(self, start: Point, end: Point) -> float:
         return self._context.pace.time_s(Way(math.dist(start, end), 1))
 
-    def _beside(self, place: SearchPlace) -> SearchPoint:
+    def _offset(self, place: SearchPlace) -> SearchPoint:
         robot, more = place.robot, (place.over, place.along)
         if place.position is None:
             goal = self.exploration.longest_unseen()
             return SearchPoint(robot, goal, place.reason, 0.0, *more)
         hover, why = self._navigator.hover(place.position)
-        beside_m = math.dist(place.position, hover)
-        reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
-        return SearchPoint(robot, Goal(hover), reason, beside_m, *more)
+        offset_m = math.dist(place.position, hover)
+        reason = place.reason + (f"; {why}, so {max(offset_m, 0.1):.1f} m beside it" if why else "")
+        return SearchPoint(robot, Goal(hover), reason, offset_m, *more)

@@ -1,7 +1,7 @@
-"""When to explore, when to search, when to talk: the mission's state machine, as one table.
+"""The mission's state machine as one table: when to explore, search, exchange data, and come home.
 
-All that is true of a state is in its row. A signal that a state does not list changes nothing; the
-diagram in docs/ is drawn from it.
+A row has everything about its state. A signal that a state does not list has no effect there. The
+diagram in docs/ is drawn from this table.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from types import MappingProxyType
 from typing import Final
 
 from air_router.controller.model import (
-    From,
+    CommandPolicy,
     MissionContext,
-    Requests,
     Signal,
-    Spec,
     State,
     StateHandler,
+    StateSpec,
+    TimerStart,
 )
 from air_router.controller.motion import CommandGate, Navigator
 from air_router.controller.states.explore_state import ExploreState
@@ -34,59 +34,61 @@ from air_router.controller.states.return_state import (
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import CommState, SearchState
 
-# Common to states in the air: home when duration, battery or operator demand it; hands off when a
-# pilot flies; done when the ground has the vehicle. And what the operator may ask for.
+# Common to the states in the air: come home for duration, battery or operator; hands off when a
+# pilot flies; done when the vehicle has landed. Then the operator's requests.
 _ENDS: Final = {
     Signal.COME_HOME: State.HOME,
     Signal.TAKEN_OVER: State.PASSIVE,
     Signal.GROUNDED: State.DONE,
 }
-_ASKED: Final = {
+_REQUESTED: Final = {
     Signal.HOLD: State.HOLD,
     Signal.SEEK: State.SEARCH,
     Signal.EXPLORE: State.EXPL,
     Signal.GOTO: State.GOTO,
 }
 # fmt: off
-STATES: Final[Mapping[State, Spec]] = MappingProxyType({
-    State.READY: Spec(ReadyState, requests=Requests.NOT_YET, puts_off=True,
+STATES: Final[Mapping[State, StateSpec]] = MappingProxyType({
+    State.READY: StateSpec(ReadyState, requests=CommandPolicy.NOT_YET, puts_off=True,
         on={Signal.AIRBORNE: State.INIT, **_ENDS}),
-    State.INIT: Spec(ExploreState, timer="init_s", explores=True, cruises=True,
-        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
-    State.SEARCH: Spec(SearchState, timer="search_s", timer_from=From.ARRIVAL, keeps_target=True,
-        seeks=True, cruises=True,
+    State.INIT: StateSpec(ExploreState, timer="init_s", explores=True, cruises=True,
+        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_REQUESTED}),
+    State.SEARCH: StateSpec(SearchState, timer="search_s", timer_from=TimerStart.ARRIVAL,
+        keeps_target=True, seeks=True, cruises=True,
         on={Signal.FOUND: State.COMM, Signal.TIMER: State.EXPL, Signal.NO_TARGET: State.EXPL,
-            Signal.ALL_MET: State.IDLE, Signal.YIELDED: State.SEARCH, **_ENDS, **_ASKED}),
-    State.COMM: Spec(CommState, timer="communicate_s", keeps_target=True, seeks=True,
+            Signal.ALL_MET: State.IDLE, Signal.YIELDED: State.SEARCH, **_ENDS, **_REQUESTED}),
+    State.COMM: StateSpec(CommState, timer="communicate_s", keeps_target=True, seeks=True,
         cruises=True,
-        on={Signal.SYNCED: State.EXPL, Signal.TIMER: State.EXPL, **_ENDS, **_ASKED}),
-    State.EXPL: Spec(ExploreState, timer="explore_s", explores=True, cruises=True,
-        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
-    State.IDLE: Spec(IdleState, cruises=True,
-        on={Signal.ROBOT_DUE: State.SEARCH, **_ENDS, **_ASKED}),
-    State.GOTO: Spec(GotoState, timer="hold_s", timer_from=From.ARRIVAL, cruises=True,
-        on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_ASKED}),
-    State.HOLD: Spec(HoldState, puts_off=True, cruises=True,
+        on={Signal.SYNCED: State.EXPL, Signal.TIMER: State.EXPL, **_ENDS, **_REQUESTED}),
+    State.EXPL: StateSpec(ExploreState, timer="explore_s", explores=True, cruises=True,
+        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_REQUESTED}),
+    State.IDLE: StateSpec(IdleState, cruises=True,
+        on={Signal.ROBOT_DUE: State.SEARCH, **_ENDS, **_REQUESTED}),
+    State.GOTO: StateSpec(GotoState, timer="hold_s", timer_from=TimerStart.ARRIVAL, cruises=True,
+        on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_REQUESTED}),
+    State.HOLD: StateSpec(HoldState, puts_off=True, cruises=True,
         on={Signal.RESUMED: State.EXPL, Signal.LAND_HERE: State.LAND, **_ENDS,
             Signal.SEEK: State.SEARCH, Signal.EXPLORE: State.EXPL, Signal.GOTO: State.GOTO}),
-    State.HOME: Spec(ReturnState, requests=Requests.CALL_OFF, cruises=True,
+    State.HOME: StateSpec(ReturnState, requests=CommandPolicy.CALL_OFF, cruises=True,
         on={Signal.ARRIVED: State.LAND, Signal.TAKEN_OVER: State.PASSIVE,
-            Signal.GROUNDED: State.DONE, **_ASKED}),
-    State.LAND: Spec(LandState, requests=Requests.CALL_OFF, keeps_target=True,
+            Signal.GROUNDED: State.DONE, **_REQUESTED}),
+    State.LAND: StateSpec(LandState, requests=CommandPolicy.CALL_OFF, keeps_target=True,
         on={Signal.GROUNDED: State.DONE, Signal.TAKEN_OVER: State.PASSIVE}),
-    State.PASSIVE: Spec(HandsOffState, requests=Requests.NOT_OURS, ours=False, keeps_target=True,
-        on={Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL,
+    State.PASSIVE: StateSpec(HandsOffState, requests=CommandPolicy.NOT_OURS, ours=False,
+        keeps_target=True, on={Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL,
             Signal.COME_HOME: State.HOME}),
-    State.DONE: Spec(HandsOffState, requests=Requests.OVER, ours=False, keeps_target=True, on={}),
+    State.DONE: StateSpec(HandsOffState, requests=CommandPolicy.OVER, ours=False,
+        keeps_target=True, on={}),
 })
 # fmt: on
-"""The mission's state machine. What is not here does not happen."""
+"""The mission's state machine. No other transition exists."""
 
 
 def transitions(*, explores: bool) -> Mapping[State, Mapping[Signal, State]]:
-    """Which state follows a signal in each state.
+    """The next state by signal, for each state.
 
-    A vehicle that only searches, as the paper's second UAV, searches where another would explore.
+    A vehicle that only searches (the paper's second UAV) enters SEARCH instead of an exploring
+    state.
     """
     if explores:
         return {state: spec.on for state, spec in STATES.items()}
@@ -100,18 +102,18 @@ def transitions(*, explores: bool) -> Mapping[State, Mapping[Signal, State]]:
 
 
 class StateHandlers:
-    """The handler of each state, over one context.
+    """The handlers of all states, sharing one context.
 
     Args:
-        context: What they share.
-        gate: What was commanded before.
-        navigator: Plans the ways.
-        search: Whom to seek, and where; which waypoint is next.
+        context: State of the flight that the handlers share.
+        gate: Sends motions, and knows the last one sent.
+        navigator: Plans and flies routes.
+        search: Which robot to seek and where, and which waypoint is next.
 
     Attributes:
-        reachability: Whether zones leave a way home.
-        ready, search, comm, goto, hold, home, land: Those of one state that others ask, too.
-        of: All by their state.
+        reachability: Whether zones leave a route home.
+        ready, search, comm, goto, hold, home, land: Handlers that other parts call too.
+        of: Handler by state.
     """
 
     def __init__(

@@ -7,7 +7,7 @@ from air_router.controller.targets.pose_check import PeerRate, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, SeekContext, meet
 from air_router.controller.targets.target_list import SearchPlace, Sighting, TargetList, TargetTrack
-from air_router.controller.targets.tour import Stop, Tour, rate
+from air_router.controller.targets.tour import Tour, TourStop, rate
 
 __all__ = [
     "MOVES_S",
@@ -25,10 +25,10 @@ __all__ = [
     "SeekContext",
     "SeekPolicyError",
     "Sighting",
-    "Stop",
     "TargetList",
     "TargetTrack",
     "Tour",
+    "TourStop",
     "meet",
     "policy_of",
     "rate",

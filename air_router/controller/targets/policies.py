@@ -13,23 +13,22 @@ from air_router.files import SEEK_POLICIES, entry_point_of
 from geo.frame import Point
 from mocha_link.sanitize import sanitize
 
-_LONGEST = 120  # letters of an error's words
+_LONGEST = 120  # letters of an error's text
 
 
 class SeekPolicyError(AirRouterError):
-    """A seek policy cannot be loaded, or is none; the message names its package."""
+    """A seek policy cannot be loaded or used; the message names its package."""
 
     exit_code = ExitCode.INVALID_FILE
 
 
 def policy_of(name: str) -> Policy:
-    """The policy of a name that an entry point has, or of `package.module:Class`.
+    """Load the policy with this entry point name, or `package.module:Class`.
 
-    Policies of other packages are guarded: one that fails in flight leaves the seeking to round
-    robin.
+    Policies of other packages are guarded: if one fails in flight, robots are sought in turn.
 
     Raises:
-        SeekPolicyError: there is none, or it cannot be made.
+        SeekPolicyError: There is no such policy, or it cannot be created.
     """
     loaded = _load(name)
     return loaded if name in SEEK_POLICIES else GuardedPolicy(name, loaded)
@@ -45,7 +44,7 @@ def _class_of(name: str) -> object:
     except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others
         package = "" if entry.dist is None else f" of the package '{entry.dist.name}'"
         raise SeekPolicyError(
-            f"the seek policy '{sanitize(name)}'{package} cannot be loaded: {_words(error)}"
+            f"the seek policy '{sanitize(name)}'{package} cannot be loaded: {_text_of(error)}"
         ) from None
 
 
@@ -56,7 +55,7 @@ def _load(name: str) -> Policy:
             made = made()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others
             raise SeekPolicyError(
-                f"the seek policy '{sanitize(name)}' cannot be made: {_words(error)}"
+                f"the seek policy '{sanitize(name)}' cannot be made: {_text_of(error)}"
             ) from None
     if not isinstance(made, Policy):
         raise SeekPolicyError(
@@ -67,17 +66,17 @@ def _load(name: str) -> Policy:
 
 
 class GuardedPolicy:
-    """A policy of another package: its faults end neither the search nor the flight.
+    """Guards a policy of another package: its faults end neither the search nor the flight.
 
-    Once it has raised an error, or returned what is no ranking of the robots, robots take turns
-    for the rest of the flight; the announcement of each search gives the reason.
+    After the policy raises an error or returns an invalid ranking, robots are sought in turn for
+    the rest of the flight. The announcement of each search gives the reason.
 
     Args:
-        name: As the mission has it.
-        policy: What is guarded.
+        name: Its name in the mission.
+        policy: The guarded policy.
 
     Attributes:
-        fault: What went wrong; None: nothing did.
+        fault: The fault; None: none occurred.
     """
 
     def __init__(self, name: str, policy: Policy) -> None:
@@ -92,7 +91,7 @@ class GuardedPolicy:
         try:
             return self.fault is None and bool(self._policy.foresees)
         except Exception as error:  # noqa: BLE001 - code of others
-            self.fault = _words(error)
+            self.fault = _text_of(error)
             return False
 
     @property
@@ -101,7 +100,7 @@ class GuardedPolicy:
         try:
             return self.fault is None and bool(getattr(self._policy, "hovers", False))
         except Exception as error:  # noqa: BLE001 - code of others
-            self.fault = _words(error)
+            self.fault = _text_of(error)
             return False
 
     def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
@@ -111,7 +110,7 @@ class GuardedPolicy:
                 places = tuple(self._policy.order(targets, context))
                 _check(places, targets)
             except Exception as error:  # noqa: BLE001 - code of others
-                self.fault = _words(error)
+                self.fault = _text_of(error)
             else:
                 return places
         return tuple(map(self._explained, self._spare.order(targets, context)))
@@ -123,7 +122,7 @@ class GuardedPolicy:
                 found = self._policy.place(robot, targets, context)
                 _check_place(found, targets, robot)
             except Exception as error:  # noqa: BLE001 - code of others
-                self.fault = _words(error)
+                self.fault = _text_of(error)
             else:
                 return found
         return self._explained(self._spare.place(robot, targets, context))
@@ -134,7 +133,7 @@ class GuardedPolicy:
 
 
 def _check(places: tuple[SearchPlace, ...], targets: TargetList) -> None:
-    """Raises ValueError: it is no ranking of the robots."""
+    """Raise ValueError if this is no ranking of the robots."""
     for place in places:
         _check_place(place, targets)
     if sorted(place.robot for place in places) != sorted(targets.names):
@@ -142,7 +141,7 @@ def _check(places: tuple[SearchPlace, ...], targets: TargetList) -> None:
 
 
 def _check_place(place: object, targets: TargetList, robot: str | None = None) -> None:
-    """Raises ValueError: it is no place, another robot's, or over a robot that is not sought."""
+    """Raise ValueError for an invalid place, another robot's, or one over unknown robots."""
     if not isinstance(place, SearchPlace):
         raise ValueError(f"{place!r:.40} is no SearchPlace")  # noqa: TRY004 - one kind of fault
     if robot is not None and place.robot != robot:
@@ -154,6 +153,6 @@ def _check_place(place: object, targets: TargetList, robot: str | None = None) -
             raise ValueError(f"a place of '{place.robot}' is no finite Point")
 
 
-def _words(error: BaseException) -> str:
+def _text_of(error: BaseException) -> str:
     text = sanitize(" ".join(str(error).split())[:_LONGEST])
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -1,9 +1,9 @@
-"""Whether a robot can be where its pose says: what moves the vehicle has to be drivable.
+"""Checks whether a robot can have driven to its reported position, before the vehicle follows.
 
-A pose comes from a peer, and the vehicle flies after it. A robot whose localisation jumps, or a
-hostile one, would have the vehicle change its mind five times a second. So a place that the robot
-cannot have driven to since its last believed pose is not followed, until it has stayed there, and
-all that peers send moves the vehicle at most once in a while.
+A peer's pose redirects the vehicle. A robot with jumping localization, or a hostile peer, could
+redirect it five times a second. So the vehicle follows no position that the robot cannot have
+driven to since its last accepted pose, until the robot has stayed there for a while. Peers'
+messages also redirect the vehicle only at intervals.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from geo.frame import Point
 
 
 class PoseVerdict(Enum):
-    """What becomes of a pose."""
+    """The verdict on a pose."""
 
-    OLD = "no newer than what is known"
+    OLD = "no newer than the last pose"
     JUMPED = "the robot cannot have driven there"
-    BACK = "believed again, after a jump"
+    BACK = "accepted again after a jump"
     BELIEVED = "news"
 
 
 class Jump(NamedTuple):
-    """How far a robot's position jumped, and in which time on its clock."""
+    """The distance of a jump of a robot's position, and its duration on the robot's clock."""
 
     metres: float
     seconds: float
 
 
 class _Claim(NamedTuple):
-    """Where a robot says to be, on its clock and on ours."""
+    """A robot's reported position, with the time on its clock and on ours."""
 
     position: Point
     stamp_s: float
@@ -48,32 +48,32 @@ class _Claim(NamedTuple):
 
 @dataclass(slots=True)
 class PoseCheck:
-    """Follows the poses of one robot.
+    """Checks the poses of one robot.
 
     Attributes:
         jump: The latest jump; None: there was none.
     """
 
     jump: Jump | None = None
-    _believed: _Claim | None = None  # the last pose that was
-    _doubted: _Claim | None = None  # the newest since that was not
-    _there: _Claim | None = None  # since when it has been where that is
-    _stays_s: float = STAYS_S  # how long a doubted place has to last
+    _accepted: _Claim | None = None  # the last accepted pose
+    _rejected: _Claim | None = None  # the newest rejected pose since
+    _there: _Claim | None = None  # first pose near the rejected one
+    _stays_s: float = STAYS_S  # how long a rejected position has to last
 
     def verdict(self, position: Point, stamp_s: float, now_s: float) -> PoseVerdict:
-        """Take a pose in that is newer than those before.
+        """Check a pose that is newer than all before.
 
         Args:
-            position: East and north, metres.
+            position: East and north, meters.
             stamp_s: Seconds on the robot's clock.
-            now_s: Seconds on ours, when it came.
+            now_s: Time of reception, seconds on our clock.
         """
         claim = _Claim(position, stamp_s, now_s)
-        believed, doubted = self._believed, self._doubted
+        believed, doubted = self._accepted, self._rejected
         if believed is None or _drivable(believed, claim):
-            self._believed, self._doubted, self._there = claim, None, None
+            self._accepted, self._rejected, self._there = claim, None, None
             return PoseVerdict.BELIEVED
-        self._doubted = claim
+        self._rejected = claim
         if doubted is None or self._there is None or not _drivable(doubted, claim):
             self._there = claim
             self.jump = Jump(math.dist(believed.position, position), stamp_s - believed.stamp_s)
@@ -82,29 +82,29 @@ class PoseCheck:
         if lasts_s < self._stays_s:
             return PoseVerdict.JUMPED
         self._stays_s = min(2.0 * self._stays_s, LONGEST_S)
-        self._believed, self._doubted, self._there = claim, None, None
+        self._accepted, self._rejected, self._there = claim, None, None
         return PoseVerdict.BACK
 
     def set_back(self) -> None:
-        """The robot's clock was set back: how long it drove cannot be told from it."""
-        self._believed = self._doubted = self._there = None
+        """The robot's clock was set back: earlier poses cannot be compared."""
+        self._accepted = self._rejected = self._there = None
 
 
 def _drivable(before: _Claim, after: _Claim) -> bool:
-    """Whether a robot can drive from one place to the other in the time on its own clock."""
+    """Whether a robot can drive between two positions in the time on its own clock."""
     seconds = max(after.stamp_s - before.stamp_s, 0.0)
     return math.dist(before.position, after.position) <= NOISE_M + FASTEST_M_S * seconds
 
 
 @dataclass(slots=True)
 class PeerRate:
-    """Lets what peers send move the vehicle, once in a while."""
+    """Limits how often peers' messages redirect the vehicle."""
 
     _every_s: float
-    _moved_s: float = -math.inf  # when it did last, vehicle's clock
+    _moved_s: float = -math.inf  # last redirection, vehicle's clock
 
     def allows(self, now_s: float) -> bool:
-        """Whether it may now."""
+        """Whether a message may redirect the vehicle now."""
         return now_s >= self._moved_s + self._every_s
 
     def moved(self, now_s: float) -> None:

@@ -1,4 +1,4 @@
-"""Where a robot will be, by the way that it said it takes."""
+"""Where a robot will be, by the path that it published."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from geo.frame import Point, off_line_m
 
 @dataclass(frozen=True, slots=True)
 class PredictedPath:
-    """Where a robot will be, if it does as it said; a single point is a robot that stands.
+    """The predicted track of a robot on its published path; a single point is a robot at rest.
 
     Attributes:
-        points: Its way.
-        start_s: When it is at the first point, on the vehicle's clock.
-        speed_m_s: How fast it drives.
+        points: Its path.
+        start_s: Time at the first point, on the vehicle's clock.
+        speed_m_s: Its speed.
     """
 
     points: tuple[Point, ...]
@@ -25,30 +25,30 @@ class PredictedPath:
 
     @property
     def length_m(self) -> float:
-        """Length of the way."""
+        """Length of the path."""
         return sum(math.dist(a, b) for a, b in pairwise(self.points))
 
     @property
     def end_s(self) -> float:
-        """When it comes to the end, beyond which nothing is known of it."""
+        """Time of arrival at the end, after which nothing is predicted."""
         return self.due_s(self.length_m)
 
     def due_s(self, along_m: float) -> float:
-        """When it has driven so far."""
+        """Time at which the robot has driven this far."""
         return self.start_s + along_m / self.speed_m_s
 
     def along_m(self, now_s: float) -> float:
-        """How far it has driven by now: between nothing and the whole way."""
+        """Distance driven by now, from 0 to the path's length."""
         return min(max((now_s - self.start_s) * self.speed_m_s, 0.0), self.length_m)
 
     def between(self, low_m: float, high_m: float) -> tuple[Point, ...]:
-        """The corners of the way between two distances along it."""
+        """The corners of the path between two distances along it."""
         starts_m = accumulate((math.dist(a, b) for a, b in pairwise(self.points)), initial=0.0)
         corners = zip(starts_m, self.points, strict=True)
         return tuple(corner for start_m, corner in corners if low_m < start_m < high_m)
 
     def place(self, along_m: float) -> Point:
-        """The place after so many metres."""
+        """The point at this distance."""
         starts_m = accumulate((math.dist(a, b) for a, b in pairwise(self.points)), initial=0.0)
         for start_m, (a, b) in zip(starts_m, pairwise(self.points), strict=False):
             leg_m = math.dist(a, b)
@@ -59,7 +59,7 @@ class PredictedPath:
 
 
 def ahead_of(path: tuple[Point, ...], place: Point) -> tuple[tuple[Point, ...], float]:
-    """What of a path lies ahead of a place, and how far off the path that place is."""
+    """The part of a path ahead of a place, and the distance of that place from the path."""
     best, off_m = 0, math.dist(path[0], place)
     for index, (a, b) in enumerate(pairwise(path), start=1):
         away_m = off_line_m(place, a, b)

@@ -1,4 +1,4 @@
-"""Seek policies: which robot is sought next, and where it is met. docs/seeking.md compares them."""
+"""Seek policies: which robot is sought next, and where. docs/seeking.md compares them."""
 
 from __future__ import annotations
 
@@ -18,22 +18,21 @@ from geo.grid import SemanticGrid
 
 @dataclass(frozen=True, slots=True)
 class SeekContext:
-    """What a policy can see beside the robots.
+    """What a policy knows in addition to the robots.
 
     Attributes:
         now_s: Time on the vehicle's clock.
-        began_s: When the flight began, before which no robot could be heard.
-        flight_s: How long the vehicle would fly to a place; infinite where no way leads.
-        leg_s: How long from one place to another, straight.
-        straight_s: How long to a place if it could fly straight there: no longer than `flight_s`,
-            and known without a route.
-        unseen: The waypoint that the vehicle has not passed for longest.
-        round_s: What a round of exploring (while anything is left to explore), waiting and
-            communicating takes beside the flight.
+        began_s: When the flight began; no robot was received before.
+        flight_s: Flight time to a place; infinite without a way.
+        leg_s: Flight time between two places, straight.
+        straight_s: Flight time straight to a place: at most `flight_s`, and known without a route.
+        unseen: The waypoint that the vehicle passed longest ago.
+        round_s: Time of a round of exploring (while waypoints are left), waiting and communicating,
+            without the flight.
         here: Where the vehicle is; None: it has not flown yet.
-        altitude_m: At which it flies, above home.
+        altitude_m: The mission's altitude above home.
         links: Where robots' radios were received in this flight, and where they were not.
-        ground: What the vehicle has mapped so far, for reading only; None: it maps nothing.
+        ground: The vehicle's map, for reading only; None: it maps nothing.
     """
 
     now_s: float
@@ -51,28 +50,27 @@ class SeekContext:
 
 @runtime_checkable
 class Policy(Protocol):
-    """Ranks robots, and says where each is to be sought.
+    """Ranks robots, and decides where to seek each.
 
-    One that has an attribute `hovers`, which is true, is also asked for `place` while data are
-    exchanged with the robot, and again whenever it has moved: the vehicle hovers there instead of
-    over the robot.
+    A policy is called before each search. A flight must not depend on its state: a flight resumed
+    after a restart has a new policy.
 
-    It is asked again before each search, and holds no state that a flight depends on: a flight that
-    goes on after a restart begins with a new one.
+    A policy with an attribute `hovers` that is true also chooses, with `place`, where to hover
+    while data are exchanged. Others leave that to the vehicle: over the robot.
     """
 
     @property
     def foresees(self) -> bool:
-        """Whether it matters where a robot goes, and not only where it is."""
+        """Whether the policy uses a robot's future positions."""
 
     def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
         """Every robot of the list once, best first.
 
-        Robots that another UAV seeks come last, before them those that count as lost.
+        Lost robots come after the others; robots that another UAV seeks come last.
         """
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
-        """Where to look for one robot."""
+        """Where to search for one robot."""
 
 
 class RoundRobin:
@@ -93,48 +91,47 @@ class RoundRobin:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A robot that could be sought: where, how old what we hold of it is, and what it is worth."""
+    """A robot that could be sought, with its place, age of information and benefit."""
 
     place: SearchPlace
-    age_s: float  # of what we hold, at the meeting
+    age_s: float  # of our data about it, at the meeting
     flight_s: float  # to the place
-    benefit: float  # the greater, the sooner it is sought
+    benefit: float  # the robot with the greatest benefit is sought first
 
 
-def told(place: SearchPlace, age_s: float, flight_s: float, oldest_s: float) -> SearchPlace:
-    """The place, with the reason why this robot: how old its data are, and how far it is."""
+def with_reason(place: SearchPlace, age_s: float, flight_s: float, oldest_s: float) -> SearchPlace:
+    """The place, with the reason for the choice: the age of the data, and the distance."""
     oldest = "oldest data" if age_s >= oldest_s else "data"
     flight = f"{flight_s:.0f} s away" if math.isfinite(flight_s) else "no way there"
     return replace(place, reason=f"{oldest}, {age_s:.0f} s; {flight}; {place.reason}")
 
 
 class Freshest:
-    """Seeks the robot whose exchange brings most for the time that it takes.
+    """Seeks the robot whose data exchange gains most per time spent.
 
     With the time on the vehicle's clock, of each robot
 
         benefit = (held + given) * chance / (flight + round)
         chance  = round / (round + doubt) / (1 + tries)
 
-    held    age of what we hold of it: since its newest word, or since we had all from it;
-    given   age of what it holds of us (and of what we carry from others): since it had all from
-            us. Both count from the beginning while there was nothing;
-    flight  time to the place along the router's way, at cruise speed;
-    round   exploring, waiting and communicating, which every search costs beside the flight;
-    doubt   for how long its path (or without one its last pose) has been over on our arrival;
-    tries   searches for it since the last news of it.
+    held age of our data about it: since its newest message, or its last complete sync to us;
+    given age of its data from us (also those we carry from others): since our last complete sync to
+    it. Before the first exchange both count from the beginning; flight time to the place along the
+    route, at cruise speed; round time of exploring, waiting and communicating in every search,
+    without the flight; doubt time since the end of its path (or since its last pose) at our
+    arrival; tries searches for it since its last update.
 
-    So it is the age of information that a search is expected to remove, per second spent. Ages of
-    information are those of Kaul, Yates and Gruteser (Real-time status: how often should one
-    update?, INFOCOM 2012). To serve the largest age times the chance of success is the max-weight
-    policy of Kadota, Sinha, Uysal-Biyikoglu, Singh and Modiano (Scheduling policies for minimizing
-    age of information in broadcast wireless networks, IEEE/ACM Trans. Networking 2018); that the
-    carrier has to travel, as in Tripathi, Talak and Modiano (Age optimal information
-    gathering and dissemination on graphs, INFOCOM 2019), is the division by the time. The
-    formula has no parameter: with all times doubled the order is the same.
+    The benefit is the expected reduction in age of information per second. Age of information is
+    defined by Kaul, Yates and Gruteser (Real-time status: how often should one update?, INFOCOM
+    2012). Serving the largest age times chance of success is the max-weight policy of Kadota,
+    Sinha, Uysal-Biyikoglu, Singh and Modiano (Scheduling policies for minimizing age of information
+    in broadcast wireless networks, IEEE/ACM Trans. Networking 2018); the division by time accounts
+    for the carrier's travel, as in Tripathi, Talak and Modiano (Age optimal information gathering
+    and dissemination on graphs, INFOCOM 2019). The formula has no parameter: doubling all times
+    keeps the order.
 
     Args:
-        values: How much a robot's age counts, by its name; 1 if it is not named.
+        values: Weight of each robot's age, by name; 1 if it is missing.
     """
 
     foresees = False
@@ -143,7 +140,7 @@ class Freshest:
         self._values = values  # by robot
 
     def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
-        """As `Policy.order`; of equals the one whose turn it is."""
+        """As `Policy.order`; equal robots in turn."""
         groups = [
             sorted(
                 (self._prospect(name, targets, context) for name in group),
@@ -154,7 +151,7 @@ class Freshest:
         prospects = [prospect for group in groups for prospect in group]
         oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
         return tuple(
-            told(prospect.place, prospect.age_s, prospect.flight_s, oldest_s)
+            with_reason(prospect.place, prospect.age_s, prospect.flight_s, oldest_s)
             for prospect in prospects
         )
 
@@ -163,17 +160,17 @@ class Freshest:
         return self._meeting(robot, targets, context)[0]
 
     def ages_s(self, robot: str, targets: TargetList, context: SeekContext) -> float:
-        """How old what we hold of a robot and what it holds of us are, together."""
+        """The sum of the ages of our data about a robot and of its data from us."""
         given_s = _since_s(context.now_s, context.began_s, targets.tracks[robot].given_s)
         return self.held_s(robot, targets, context) + given_s
 
     def held_s(self, robot: str, targets: TargetList, context: SeekContext) -> float:
-        """How old what we hold of a robot is."""
+        """The age of our data about a robot."""
         known = targets.tracks[robot]
-        return _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
+        return _since_s(context.now_s, context.began_s, known.newest_s, known.taken_s)
 
     def value(self, robot: str) -> float:
-        """How much a robot's age counts."""
+        """The weight of a robot's age."""
         return self._values.get(robot, 1.0)
 
     def _prospect(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
@@ -185,7 +182,7 @@ class Freshest:
         age_s = self.held_s(robot, targets, context)
         ages_s = self.ages_s(robot, targets, context)
         round_s = context.round_s
-        # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
+        # The flight time may be infinite: without a way there is no benefit.
         chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
         benefit = ages_s * self.value(robot) * chance / (flight_s + round_s)
         return _Candidate(place, age_s, flight_s, benefit)
@@ -193,7 +190,7 @@ class Freshest:
     def _meeting(
         self, robot: str, targets: TargetList, context: SeekContext
     ) -> tuple[SearchPlace, float]:
-        """Where a robot would be met, and how long the vehicle flies there; infinite: no way."""
+        """Where to meet a robot, and the flight time; infinite: no way."""
         course = targets.course(robot)
         if course is None:
             return SearchPlace(robot, None, NEVER_HEARD), context.flight_s(context.unseen)
@@ -202,21 +199,20 @@ class Freshest:
         return SearchPlace(robot, course.place(along_m), words), flight_s
 
     def _meet(self, course: PredictedPath, context: SeekContext) -> tuple[float, float]:
-        """How far along a course the robot is sought, and the flight there."""
+        """How far along its path to seek the robot, and the flight time."""
         recent = context.now_s - course.start_s <= RECENT_POSE_S
         along_m = 0.0 if recent else course.length_m
         return along_m, context.flight_s(course.place(along_m))
 
 
 class Rendezvous(Freshest):
-    """Seeks whom `Freshest` would, and meets it where it will be.
+    """Seeks the same robot as `Freshest`, and meets it where it will be.
 
     The meeting point is the first place on the robot's path that the vehicle reaches before the
-    robot does (early by a share of the robot's way there, since it may be quicker than it was): a
-    fixed point of the vehicle's flying time and the robot's progress, found by bisection. As long
-    as the robot is slower than the vehicle there is one such place and no other. Where the robot is
-    at the end of its path sooner than the vehicle can be, that end is the place. A robot without a
-    path is sought where it was last.
+    robot (early by a share of the robot's driving time, because it may drive faster than before).
+    It is a fixed point of the vehicle's flight time and the robot's progress, found by bisection,
+    and unique while the robot is slower than the vehicle. If the robot reaches the end of its path
+    first, the end is the meeting point. A robot without a path is sought at its last position.
     """
 
     foresees = True
@@ -226,10 +222,10 @@ class Rendezvous(Freshest):
 
 
 def meet(course: PredictedPath, context: SeekContext) -> tuple[float, float]:
-    """How far along a course a robot can be met soonest, and how long the vehicle flies there.
+    """How far along its path a robot can be met soonest, and the flight time.
 
-    The vehicle is there before the robot, and `MEETING_M` sooner on the way it would not be; or it
-    is the course's end (or where the robot is now, if the vehicle is there).
+    The vehicle arrives before the robot, but `MEETING_M` earlier on the path it would not. Else
+    this is the path's end, or the robot's position if the vehicle is there already.
     """
 
     def in_time(along_m: float) -> bool:

@@ -1,4 +1,4 @@
-"""Whom to seek: the robots, and where each is and will be, from what it said and when that came."""
+"""The robots to seek, and where each is and will be, from its messages and their times."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from air_router.controller.targets.predicted_path import PredictedPath, ahead_of
 from geo.frame import Point
 from mocha_link.links import Direction
 
-NEVER_HEARD: Final = "never heard, so where the UAV passed longest ago"
-"""Why a robot is sought at no place in particular."""
+NEVER_HEARD: Final = "never received; trying the waypoint passed longest ago"
+"""The reason for the search position of a robot that was never received."""
 
 
 _SPEEDS_M_S: Final = (0.1, FASTEST_M_S)
-"""Slower is standing; faster is a jump of its position, not a drive."""
+"""A slower robot is at rest; a faster change is a jump of its position."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where a robot was, and when."""
+    """A robot's position at a time."""
 
     position: Point
-    stamp_s: float  # on the robot's clock, of a pose
+    stamp_s: float  # of a pose, on the robot's clock
 
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """The path that a robot said it would take, and when it said so, in its Unix seconds."""
+    """A robot's published path, and when, in its Unix seconds."""
 
     points: tuple[Point, ...]  # the last is its destination
     stamp_s: float
@@ -54,23 +54,23 @@ class Intent:
 
 @dataclass(slots=True)
 class _Stamps:
-    """The stamps of one topic of a robot, in its own seconds, against when they came.
+    """The stamps of one topic of a robot, compared with their times of reception.
 
-    What is stamped no later than the newest is old, carried by others. But a robot whose clock was
-    set back, or that stamped one message with a time to come, would never be heard again: stamps
-    that go on at the pace at which they come, `SET_BACK` one after the other, are its clock.
+    A message stamped no later than the newest is old: others carried it. After its clock was set
+    back, or after one stamp from the future, a robot would never be accepted again. So `SET_BACK`
+    consecutive stamps that advance at the pace of reception become its clock.
 
     Attributes:
-        newest_s: The newest.
-        behind_s: What its clock is behind ours at least, by the least delay of a message.
+        newest_s: The newest stamp.
+        behind_s: Smallest difference between reception and stamp: the clocks' offset.
     """
 
     newest_s: float = -math.inf
     behind_s: float = math.inf
-    _late: tuple[float, float] | None = None  # the last old stamp, and when it came
-    _in_step: int = 0  # late stamps in a row that fit together
+    _late: tuple[float, float] | None = None  # the last old stamp, and its reception
+    _in_step: int = 0  # consecutive old stamps in step
 
-    def news(self, stamp_s: float, now_s: float) -> bool:
+    def is_newer(self, stamp_s: float, now_s: float) -> bool:
         """Whether a message is newer than all before; `now_s` is our clock."""
         if not math.isfinite(stamp_s):
             return False
@@ -94,30 +94,31 @@ class _Stamps:
 
 @dataclass(slots=True)
 class TargetTrack:
-    """What is known of one robot.
+    """The data about one robot.
 
-    Clocks of robots differ, from ours and from each other's. A robot's stamps are compared with
-    its own, and moved to our clock by the least delay that any of its messages had, as one-way
-    measurements of clocks do: what came straight from the robot was hardly delayed. So what came
-    through others is as old as it is, not as old as its arrival.
+    Robots' clocks differ. A robot's stamps are compared only with its own, and converted to our
+    clock by the smallest delay of any of its messages (one-way clock measurement): a message
+    received directly has hardly any delay. So a message relayed by others has its true age, not the
+    age of its reception.
 
     Attributes:
         robot: Its name.
-        pose: Its newest pose, at a time in the robot's Unix seconds.
+        pose: Its newest pose, in the robot's Unix seconds.
         path: Its newest path, likewise.
-        news_s: When anything new about it arrived.
-        radio: Where the vehicle was when it last heard the robot's radio, on the vehicle's clock.
-        taken_s: When we last had everything from it.
-        given_s: When it last had everything from us.
-        tries: How often the vehicle flew to where it should be since the last news.
-        check: Whether it can have driven to where its poses say.
-        verdict: What became of its latest pose.
+        updated_s: When the last new message about it was received.
+        radio: Where the vehicle was at the last contact with the robot's radio, on the vehicle's
+            clock.
+        taken_s: End of the last complete sync from it.
+        given_s: End of the last complete sync to it.
+        tries: Number of searches since the last update.
+        check: Checks whether it can have driven to its reported positions.
+        verdict: The verdict on its latest pose.
     """
 
     robot: str
     pose: Sighting | None = None
     path: Intent | None = None
-    news_s: float | None = None
+    updated_s: float | None = None
     radio: Sighting | None = None
     taken_s: float | None = None
     given_s: float | None = None
@@ -126,20 +127,20 @@ class TargetTrack:
     verdict: PoseVerdict = PoseVerdict.OLD
     _poses: _Stamps = field(default_factory=_Stamps)  # clock of its poses
     _paths: _Stamps = field(default_factory=_Stamps)  # clock of its paths
-    # poses some seconds apart, for its speed
+    # poses some seconds apart, to measure its speed
     _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=STRETCHES + 1))
 
     def tried(self) -> None:
-        """The vehicle flies to where it should be."""
+        """Count a search for the robot."""
         self.tries += 1
 
-    def radio_heard(self, here: Point, now_s: float) -> None:
-        """The vehicle, which is there, hears its radio."""
+    def radio_received(self, here: Point, now_s: float) -> None:
+        """Note a contact with the robot's radio, with the vehicle's position."""
         self.radio = Sighting(here, now_s)
 
-    def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
-        """Take its pose in; True if it is newer than the one before, and can be true."""
-        if not self._poses.news(stamp_s, now_s):
+    def pose_received(self, position: Point, stamp_s: float, now_s: float) -> bool:
+        """Add a pose; return whether it is newer and plausible."""
+        if not self._poses.is_newer(stamp_s, now_s):
             self.verdict = PoseVerdict.OLD
             return False
         if self.pose is not None and stamp_s <= self.pose.stamp_s:  # its clock was set back
@@ -149,23 +150,23 @@ class TargetTrack:
         if self.verdict is PoseVerdict.JUMPED:
             return False
         if self.verdict is PoseVerdict.BACK:
-            self._marks.clear()  # that was no drive
+            self._marks.clear()  # a jump is no driving
         self.pose = Sighting(position, stamp_s)
         if not self._marks or stamp_s - self._marks[-1].stamp_s >= STRETCH_S[0]:
             self._marks.append(self.pose)
-        self.news_s, self.tries = now_s, 0
+        self.updated_s, self.tries = now_s, 0
         return True
 
-    def path_heard(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
-        """Take the path that it published in; True if it is news."""
-        if not points or not self._paths.news(stamp_s, now_s):
+    def path_received(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
+        """Add a published path; return whether it is new."""
+        if not points or not self._paths.is_newer(stamp_s, now_s):
             return False
         self.path = Intent(points, stamp_s)
-        self.news_s, self.tries = now_s, 0
+        self.updated_s, self.tries = now_s, 0
         return True
 
     def synced(self, direction: Direction, now_s: float) -> None:
-        """Everything that one side held has gone to the other."""
+        """Note a complete sync in one direction."""
         if direction is Direction.IN:
             self.taken_s = now_s
         else:
@@ -173,18 +174,20 @@ class TargetTrack:
 
     @property
     def met_s(self) -> float:
-        """When both last had everything from each other; minus infinity: they never had."""
+        """When both directions were last complete; minus infinity: never."""
         return min(-math.inf if at is None else at for at in (self.taken_s, self.given_s))
 
     @property
-    def word_s(self) -> float | None:
-        """When it said the newest that we know of it, on our clock; None: never heard of."""
-        said = [self.ours_s(word.stamp_s) for word in (self.pose, self.path) if word is not None]
-        return max(said, default=None)
+    def newest_s(self) -> float | None:
+        """When its newest received message was published, on our clock; None: never received."""
+        stamps_s = [
+            self.ours_s(update.stamp_s) for update in (self.pose, self.path) if update is not None
+        ]
+        return max(stamps_s, default=None)
 
     @property
     def speed_m_s(self) -> float | None:
-        """How fast it drives when it drives: the middle one of its latest stretches."""
+        """Its driving speed: the median of its latest stretches."""
         stretches = [
             math.dist(a.position, b.position) / (b.stamp_s - a.stamp_s)
             for a, b in pairwise(self._marks)
@@ -195,28 +198,27 @@ class TargetTrack:
         return min(median(driven), fastest) if driven else None
 
     def ours_s(self, stamp_s: float) -> float:
-        """A time on the robot's clock, on ours."""
+        """Convert a time on the robot's clock to ours."""
         return stamp_s + min(self._poses.behind_s, self._paths.behind_s)
 
     def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> PredictedPath | None:
-        """Where it will be; None if it was never heard of.
+        """Its predicted path; None if nothing was received from it.
 
-        From its newest pose on along its path; when that was over and its radio was heard, from
-        there.
+        From its newest pose along its path; if the path is over, from where its radio was received.
 
         Args:
-            usual_m_s: How fast it drives if that is not known.
+            usual_m_s: Assumed speed if its own is unknown.
         """
         speed_m_s = self.speed_m_s or usual_m_s
-        said, radio = self._said(speed_m_s), self.radio
-        if radio is not None and (said is None or radio.stamp_s > said.end_s):
+        stamps_s, radio = self._published_path(speed_m_s), self.radio
+        if radio is not None and (stamps_s is None or radio.stamp_s > stamps_s.end_s):
             return PredictedPath((radio.position,), radio.stamp_s, speed_m_s)
-        return said
+        return stamps_s
 
-    def _said(self, speed_m_s: float) -> PredictedPath | None:
-        """Where it said that it will be.
+    def _published_path(self, speed_m_s: float) -> PredictedPath | None:
+        """The prediction along its published path.
 
-        A path that it has left counts no more, nor does a pose from long before the path.
+        A path that the robot has left does not count, nor does a pose from long before the path.
         """
         pose, path = self.pose, self.path
         if path is None:
@@ -233,15 +235,14 @@ class TargetTrack:
 
 @dataclass(frozen=True, slots=True)
 class SearchPlace:
-    """Where to look for a robot, why there, and over whom on the way.
+    """Where to search for a robot, why there, and which robots to fly over on the way.
 
     Attributes:
         robot: Its name.
-        position: Where it is looked for; None: where the UAV passed longest ago, since nothing is
-            known of it.
-        reason: In words, to be announced.
-        over: Robots that are flown over before, in this order.
-        along: Other places where it may be, that are flown over before this one.
+        position: Where to search; None: the waypoint passed longest ago, because nothing is known.
+        reason: The announced reason.
+        over: Robots to fly over on the way, in this order.
+        along: Other places where the robot may be, flown over before this one.
     """
 
     robot: str
@@ -253,36 +254,36 @@ class SearchPlace:
 
 @dataclass(slots=True)
 class TargetList:
-    """The robots to seek, in the mission's order, and the newest that is known of each.
+    """The robots to seek, in the mission's order, with their newest data.
 
-    Times given as `now_s` are the vehicle's clock; stamps are the robots' own and only compared
-    with stamps of the same robot, so that no two clocks have to agree.
+    `now_s` is the vehicle's clock. Stamps are the robots' own and compared only with stamps of the
+    same robot, so no two clocks have to agree.
     """
 
     names: tuple[str, ...]  # in the mission's order
     tracks: dict[str, TargetTrack] = field(default_factory=dict)  # by name
-    _last_sought: str | None = None  # the turn goes on after it
-    # sought by other UAVs, and when heard
+    _last_sought: str | None = None  # the next turn begins after it
+    # robots sought by other UAVs, and when received
     _others: dict[str, tuple[str | None, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.tracks = {name: TargetTrack(name) for name in self.names}
 
     def course(self, robot: str) -> PredictedPath | None:
-        """Where a robot will be; one whose speed is not known drives as the others do."""
+        """A robot's predicted path; a robot with unknown speed drives as the others do."""
         speeds_m_s = [track.speed_m_s for track in self.tracks.values()]
         known_m_s = [speed_m_s for speed_m_s in speeds_m_s if speed_m_s is not None]
         return self.tracks[robot].course(median(known_m_s) if known_m_s else USUAL_SPEED_M_S)
 
     def candidates(self, now_s: float) -> tuple[str, ...]:
-        """Robots in the order in which they are to be tried.
+        """The robots in the order in which to seek them.
 
-        Round robin; lost ones behind the others; behind them those that another UAV seeks.
+        Round robin; lost robots after the others; robots that another UAV seeks last.
         """
         return tuple(name for group in self.groups(now_s) for name in group)
 
     def groups(self, now_s: float) -> tuple[tuple[str, ...], ...]:
-        """The robots in their turns: those to be sought, then lost ones, then others' ones."""
+        """The robots in turn, in three groups: normal, lost, sought by other UAVs."""
         names = self.names
         if self._last_sought in names:
             at = names.index(self._last_sought) + 1
@@ -297,11 +298,11 @@ class TargetList:
         )
 
     def sought(self, robot: str) -> None:
-        """Remember that it was this robot's turn."""
+        """Note that this robot had its turn."""
         self._last_sought = robot
 
     def sought_by_other(self, by: str, robot: str | None, now_s: float) -> bool:
-        """Take in whom another UAV seeks (None: no robot); True unless that was known already."""
+        """Note which robot another UAV seeks (None: none); return whether this is new."""
         before = self._others.get(by)
         self._others[by] = (robot, now_s)
         return before is None or before[0] != robot or now_s - before[1] > SOUGHT_BY_OTHER_S
@@ -312,14 +313,14 @@ class TargetList:
         return tuple(name for name in self.names if name not in taken)
 
     def place(self, robot: str, now_s: float) -> SearchPlace:
-        """Where a robot is most likely met.
+        """Where a robot is most likely to be.
 
-        A recent pose; else the end of its path; else its last pose, however old; else nowhere
-        in particular (`position` None: look where one has not been for longest).
+        A recent pose; else the end of its path; else its last pose, however old; else no position
+        (None: the waypoint passed longest ago).
         """
         record = self.tracks[robot]
         pose, path = record.pose, record.path
-        recent = record.news_s is not None and now_s - record.news_s <= RECENT_POSE_S
+        recent = record.updated_s is not None and now_s - record.updated_s <= RECENT_POSE_S
         if pose is not None and recent:
             return SearchPlace(robot, pose.position, "its last position")
         if path is not None and (pose is None or path.stamp_s >= pose.stamp_s - 60.0):
@@ -336,5 +337,5 @@ class TargetList:
         }
 
     def _is_lost(self, robot: str, now_s: float) -> bool:
-        news_s = self.tracks[robot].news_s
-        return news_s is not None and now_s - news_s > LOST_AFTER_S
+        updated_s = self.tracks[robot].updated_s
+        return updated_s is not None and now_s - updated_s > LOST_AFTER_S

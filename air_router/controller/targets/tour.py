@@ -11,21 +11,21 @@ from shapely import LineString
 
 from air_router.controller.targets.limits import MOST_STOPS, OFF_WAY_M, SPREAD, VAIN_SHARE
 from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.seeking import Rendezvous, SeekContext, told
+from air_router.controller.targets.seeking import Rendezvous, SeekContext, with_reason
 from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
-    """A robot that a search could go over.
+class TourStop:
+    """A robot that a search could fly over.
 
     Attributes:
         robot: Its name.
-        places: Where it may be: one place, or a stretch of its path, flown along in this order.
-        gain_s: The age that flying over it is expected to remove, weighted by its value.
-        flight_s: From where the vehicle is to the first of the places, straight.
-        along_s: From there on to the last of them.
+        places: Where it may be: one place, or a stretch of its path, in flight order.
+        gain_s: Expected reduction in age by flying over it, weighted by its value.
+        flight_s: Flight time from the vehicle to the first place, straight.
+        along_s: Flight time from the first place to the last.
     """
 
     robot: str
@@ -36,35 +36,36 @@ class Stop:
 
 
 class Tour(Rendezvous):
-    """Goes over several robots in one search, and exchanges data with them in passing.
+    """Flies over several robots in one search, and exchanges data in passing.
 
-    Every search costs a round beside its flight: exploring, waiting, communicating. So it pays to
-    go over other robots on the way. Of each robot, with the time on the vehicle's clock,
+    Besides the flight, every search costs a round of exploring, waiting and communicating, so
+    flying over other robots on the way pays off. For each robot, with the time on the vehicle's
+    clock,
 
         gain   = (held + given) * value * chance
         chance = round / (round + doubt) * VAIN_SHARE ^ tries
 
-    with the terms of `Freshest`; the search is the tour of at most `MOST_STOPS` robots with the
+    with the terms of `Freshest`. The search is the tour of at most `MOST_STOPS` robots with the
     greatest
 
         sum of gains / (flight + round)
 
-    that is found by insertion: the robot that raises it most is put where it raises it most, until
-    none raises it. So it is the age of information that is expected to be removed per second
+    found by insertion: the robot that raises the value most is inserted where it raises it most,
+    until no robot raises it. The value is the expected reduction in age of information per second
     (orienteering in a receding horizon, with the stopping rule of foraging: Charnov, Optimal
-    foraging, the marginal value theorem, Theoretical Population Biology 9, 1976). The last robot of
-    the tour is the one that is sought, over which the vehicle waits and hovers.
+    foraging, the marginal value theorem, Theoretical Population Biology 9, 1976). The vehicle waits
+    and hovers over the last robot of the tour: the sought one.
 
-    A robot that is still on the path that it published is looked for on all of the stretch on which
-    it may be (`SPREAD`); one whose path is over, on all of the path, since it may have turned back,
-    or gone round. Either is flown along. A robot without a path is where it was last.
+    A robot still on its published path is sought along the stretch on which it may be (`SPREAD`). A
+    robot whose path is over is sought along the whole path, because it may have turned back. A
+    robot without a path is sought at its last position.
 
-    Tours are compared by straight ways, since a search begins within one turn of the flight loop:
-    among hundreds of zones each route takes the router milliseconds.
+    Tours are compared by straight lines, because a search must start within one turn of the flight
+    loop: among hundreds of zones each route takes milliseconds.
     """
 
     def order(self, targets: TargetList, context: SeekContext) -> Iterator[SearchPlace]:
-        """As `Policy.order`; the first goes over others on its way."""
+        """As `Policy.order`; the first place may fly over other robots on the way."""
         tour, flight_s = self._tour(targets, context)
         if not tour:
             yield from super().order(targets, context)
@@ -73,7 +74,7 @@ class Tour(Rendezvous):
         over = tuple(stop.robot for stop in tour[:-1])
         place = replace(self.place(sought, targets, context), over=over)
         ages_s = {robot: self.held_s(robot, targets, context) for robot in targets.names}
-        place = told(place, ages_s[sought], flight_s, max(ages_s.values()))
+        place = with_reason(place, ages_s[sought], flight_s, max(ages_s.values()))
         if over:
             place = replace(place, reason=f"over {', '.join(over)}; {place.reason}")
         yield place
@@ -92,10 +93,12 @@ class Tour(Rendezvous):
             why = "along its path" if course.end_s > context.now_s else "along its path, now over"
         return SearchPlace(robot, last, why, along=tuple(before))
 
-    def _tour(self, targets: TargetList, context: SeekContext) -> tuple[tuple[Stop, ...], float]:
-        """The tour that is flown, and the flight to its last robot; none if none brings anything.
+    def _tour(
+        self, targets: TargetList, context: SeekContext
+    ) -> tuple[tuple[TourStop, ...], float]:
+        """The best tour, and the flight time to its last robot; empty if no tour gains anything.
 
-        A way leads to each of its robots.
+        Each of its robots can be reached.
         """
         stops = self._stops(targets, context)
         while tour := self._best(stops, context):
@@ -106,8 +109,8 @@ class Tour(Rendezvous):
             stops = [stop for stop in stops if stop.robot not in walled]
         return (), math.inf
 
-    def _best(self, stops: Sequence[Stop], context: SeekContext) -> tuple[Stop, ...]:
-        """The tour that is flown; none if none brings anything."""
+    def _best(self, stops: Sequence[TourStop], context: SeekContext) -> tuple[TourStop, ...]:
+        """The best tour; empty if no tour gains anything."""
         return best_tour(stops, context)
 
     def _course(self, robot: str, targets: TargetList) -> PredictedPath | None:
@@ -115,16 +118,16 @@ class Tour(Rendezvous):
         return targets.course(robot)
 
     def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
-        """Where a robot is looked for, in the order in which it is flown."""
+        """Where to seek a robot, in flight order."""
         return stretch(course, context)
 
-    def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
+    def _stops(self, targets: TargetList, context: SeekContext) -> list[TourStop]:
         """The robots that may be sought.
 
-        Of those that were never heard one is enough: all of them would be sought at one place.
+        Only one of the robots never received is included: all would be sought at the same place.
         """
         free, *_ = targets.groups(context.now_s)
-        stops: list[Stop] = []
+        stops: list[TourStop] = []
         unheard = False
         for robot in free:
             course = self._course(robot, targets)
@@ -139,12 +142,12 @@ class Tour(Rendezvous):
             chance *= VAIN_SHARE ** targets.tracks[robot].tries
             gain_s = self.ages_s(robot, targets, context) * self.value(robot) * chance
             along_s = sum(context.leg_s(a, b) for a, b in pairwise(places))
-            stops.append(Stop(robot, places, gain_s, flight_s, along_s))
+            stops.append(TourStop(robot, places, gain_s, flight_s, along_s))
         return stops
 
 
 def stretch(course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
-    """Where on its path a robot may be when the vehicle is there; the nearer end first."""
+    """Where on its path a robot may be when the vehicle arrives; the nearer end first."""
     if context.now_s >= course.end_s:
         return along(course, 0.0, course.length_m, context)
     flight_s = context.straight_s(course.place(course.along_m(context.now_s)))
@@ -156,7 +159,7 @@ def stretch(course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
 def along(
     course: PredictedPath, low_m: float, high_m: float, context: SeekContext
 ) -> tuple[Point, ...]:
-    """The way between two distances along a path; its nearer end first."""
+    """The part of a path between two distances, nearer end first."""
     if high_m - low_m < OFF_WAY_M:
         return (course.place(high_m),)
     ends = course.place(low_m), course.place(high_m)
@@ -165,10 +168,10 @@ def along(
     return min(places, places[::-1], key=lambda way: context.straight_s(way[0]))
 
 
-def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
-    """The stops in the order in which they are flown over; none if none brings anything."""
+def best_tour(stops: Iterable[TourStop], context: SeekContext) -> tuple[TourStop, ...]:
+    """The stops in flight order; empty if no tour gains anything."""
     left, best = list(stops), 0.0
-    tour: tuple[Stop, ...] = ()
+    tour: tuple[TourStop, ...] = ()
     while left and len(tour) < MOST_STOPS:
         longer = [
             (rate(way, context), way, stop)
@@ -184,8 +187,8 @@ def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
     return tour
 
 
-def rate(tour: Sequence[Stop], context: SeekContext) -> float:
-    """The age that a tour is expected to remove, per second."""
+def rate(tour: Sequence[TourStop], context: SeekContext) -> float:
+    """The expected reduction in age of information by a tour, per second."""
     legs_s = sum(context.leg_s(a.places[-1], b.places[0]) for a, b in pairwise(tour))
     along_s = sum(stop.along_s for stop in tour)
     time_s = tour[0].flight_s + legs_s + along_s + context.round_s

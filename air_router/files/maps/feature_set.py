@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from air_router.files import Area, MissionDocument
+from air_router.files import Area
 from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
@@ -15,7 +15,6 @@ from air_router.files.maps.map_area import (
 from air_router.files.maps.zone_reading import ZoneReading
 from geo.airspace import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point, step_at_m, stepped
-from mocha_link.sanitize import sanitize
 from mocha_link.team import Problem
 
 _ON_LINE_DEG = 2e-9
@@ -53,29 +52,6 @@ class FeatureSet:
         """Fences and zones, each with its kind."""
         yield from (("fence", area) for area in self.fences)
         yield from (("zone", area) for area in self.zones)
-
-
-def feature_set_of(draft: MissionDocument) -> FeatureSet:
-    """The feature set of a mission. The draft has a frame."""
-    frame = draft.frame
-    if frame is None:
-        raise ValueError("a mission without a frame has no feature set")
-    features = FeatureSet(
-        sanitize(draft.name),
-        draft.home_altitude_amsl_m,
-        [map_area_of(area, frame) for area in draft.fences],
-        [map_area_of(area, frame) for area in draft.zones],
-    )
-    if draft.home is not None:
-        home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
-        features.spots.append(("home", home))
-    for n, spot in enumerate(draft.waypoints, start=1):
-        place, altitude_m = frame.to_geodetic(spot.position), spot.altitude_m or draft.altitude_m
-        features.spots.append(("waypoint", MapPoint(str(n), place, altitude_m)))
-    for n, spot in enumerate(draft.rally_points, start=1):
-        place = frame.to_geodetic(spot.position)
-        features.spots.append(("rally_point", MapPoint(f"rally point {n}", place)))
-    return features
 
 
 def feature_set_of_zones(

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import Polygon
 
-from air_router.files import NO_TERMS, DocumentSource, Keys, ZoneTerms, local_ring
+from air_router.files import NO_TERMS, DocumentSource, Keys, ZoneTerms
 from geo.airspace import Circle, Outline, Ring, Shape, ZoneError, repaired
-from geo.frame import FrameError, Geodetic, LocalFrame
+from geo.frame import FrameError, Geodetic, LocalFrame, local_ring
 from mocha_link.team import Problem
 
 REPAIRED: Final = "zone-repaired"

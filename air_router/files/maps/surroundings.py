@@ -1,12 +1,12 @@
 """The surroundings of a mission: a box around its places, and how far beyond it zones matter."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 import shapely
 
-from air_router.files import MissionDocument
 from air_router.files.maps.map_area import Places
 from geo.airspace import Shape
 from geo.frame import LocalFrame, Point
@@ -27,13 +27,10 @@ class Surroundings:
         reach_m: Zones that are farther away are left out.
     """
 
-    def __init__(self, draft: MissionDocument, frame: LocalFrame) -> None:
-        places = [corner for area in draft.fences for corner in area.shape.corners]
-        self.frame, self.reach_m = frame, FENCED_REACH_M if places else OPEN_REACH_M
-        if not places:
-            spots = (draft.home, *draft.waypoints, *draft.rally_points)
-            places = [spot.position for spot in spots if spot is not None] or [Point(0.0, 0.0)]
-        west, south, east, north = shapely.MultiPoint(places).bounds
+    def __init__(self, frame: LocalFrame, places: Sequence[Point], *, fenced: bool) -> None:
+        """Around places of a mission, the corners of its fence or what it has instead."""
+        self.frame, self.reach_m = frame, FENCED_REACH_M if fenced else OPEN_REACH_M
+        west, south, east, north = shapely.MultiPoint(places or [Point(0.0, 0.0)]).bounds
         self._box = shapely.box(west, south, east, north)  # around the mission's places
         middle = frame.to_geodetic(Point((west + east) / 2, (south + north) / 2))
         half_m = math.hypot(east - west, north - south) / 2 + self.reach_m

@@ -1,7 +1,7 @@
 """No-fly zones from files of map programs and authorities: one way in for all of them.
 
 Their formats are those of `zone_formats`: ours, and those of other packages. Zones near enough to
-matter for a mission become part of its draft; docs/files.md lists what is read of each format.
+matter for a mission become part of it; docs/files.md lists what is read of each format.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ import numpy as np
 
 from air_router.files import (
     Area,
+    Findings,
     Keys,
-    MissionDocument,
     PlacedSource,
     bytes_within,
-    is_file,
 )
 from air_router.files.maps.json_zones import KNOWN
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, unique_names
@@ -26,7 +25,7 @@ from air_router.files.maps.surroundings import Surroundings
 from air_router.files.maps.zone_formats import read_features
 from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
 from geo.airspace import FENCE, Shape
-from mocha_link.team import DocumentError, Problem, path_advice
+from mocha_link.team import Problem
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
@@ -72,80 +71,76 @@ _ELSEWHERE: Final = {
 """Files that people try, by the ending of their names, and what leads to zones."""
 
 
-def add_zones(
-    draft: MissionDocument,
-    path: Path,
+def zones_near(
+    reading: ZoneReading,
+    around: Surroundings,
+    taken: Collection[str],
     keys: Keys,
-    allow: Collection[str] = (),
-    skip: Collection[str] = (),
-) -> None:
-    """Add the zones of a file that are near enough to matter, once all else has been read.
+    findings: Findings,
+) -> Sequence[Area]:
+    """The zones of a file that are near enough to matter for a mission, under names of their own.
 
-    Problems and notices of the file go into the draft, but for those of zones that are far from the
-    mission: one that cannot be read is noted. `keys` say where the draft names the file.
+    Args:
+        reading: The file.
+        around: The mission's surroundings.
+        taken: Names of other zones.
+        keys: Where the mission names the file.
+        findings: Get problems and notices of the file, but for those of zones that are far from
+            the mission: one that cannot be read is noted.
     """
-    if draft.frame is None:
-        return
-    if keys and not is_file(path):
-        draft.report(keys, f"there is no file {path}; {path_advice(path)}", "no-such-file")
-        return
-    try:
-        reading = read_zones(path, allow=allow, skip=skip)
-    except DocumentError as error:
-        draft.problems.extend(error.problems)
-        return
-    around = Surroundings(draft, draft.frame)
     problems, notes = reading.findings(around.may_reach)
-    draft.problems.extend(problems)
-    draft.notes.extend(notes)
+    findings.problems += problems
+    findings.notes += notes
     if not (reading.zones or reading.problems or reading.notes):
-        draft.note(keys, f"{reading.path.name}: there are no zones in it", "no-zones")
+        findings.note(keys, f"{reading.path.name}: there are no zones in it", "no-zones")
     near = [zone for zone in reading.zones if around.may_reach(zone.extent())]
-    exchanged = list(_exchanged(reading, near, around))
     if len(near) > MOST_ZONES:
         message = (
             f"{len(near)} zones near the mission, at most {MOST_ZONES} are read; thin them out"
         )
-        draft.problems.append(reading.source.problem((), message, "too-large"))
-    elif exchanged:
-        draft.problems.extend(exchanged)
-    else:
-        kept = _add_near(draft, near, around)
-        draft.problems.extend(_too_wide(reading, kept, around))
-        if len(kept) < len(reading.zones) and not problems:
-            message = (
-                f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
-                f"{around.reach_m / 1000:g} km of the mission; the others are left out"
-            )
-            draft.note(keys, message, "zones-far")
+        findings.problems.append(reading.source.problem((), message, "too-large"))
+        return ()
+    if exchanged := list(_exchanged(reading, near, around)):
+        findings.problems += exchanged
+        return ()
+    areas, kept = _near(near, around, taken, findings)
+    findings.problems += _too_wide(reading, kept, around)
+    if len(kept) < len(reading.zones) and not problems:
+        message = (
+            f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
+            f"{around.reach_m / 1000:g} km of the mission; the others are left out"
+        )
+        findings.note(keys, message, "zones-far")
+    return areas
 
 
-def _add_near(
-    draft: MissionDocument, near: Sequence[MapArea], around: Surroundings
-) -> list[MapArea]:
-    """Add the zones that are near enough; which these are, as the file has them."""
+def _near(
+    near: Sequence[MapArea], around: Surroundings, taken: Collection[str], findings: Findings
+) -> tuple[list[Area], list[MapArea]]:
+    """The zones that are near enough, and which these are, as the file has them."""
     kept: list[tuple[MapArea, Shape]] = []
     read: list[MapArea] = []
     for zone in near:
         sound, repair = zone.sound()
-        placed: list[tuple[MapArea, Shape]] = []
+        found: list[tuple[MapArea, Shape]] = []
         for area in sound:
             shapes = area.placed_areas(around.frame)
             if isinstance(shapes, Problem):
-                draft.problems.append(shapes)
+                findings.problems.append(shapes)
             else:
-                placed += [each for each in shapes if around.distance_m(each[1]) <= around.reach_m]
-        kept += placed
-        read += [zone] if placed else []
-        if repair is not None and placed:
-            draft.notes.append(repair)
-    taken = (FENCE, *(area.name for area in draft.zones))
-    names = unique_names((zone.name for zone, _ in kept), taken)
-    for name, (zone, shape) in zip(names, kept, strict=True):
-        here = zone.problem("", "")  # without the whole document that it was read from
-        keys, source = (here.line, here.column), PlacedSource(here.path)
-        draft.zones.append(Area(name, shape, keys, True, zone.terms, source))
-    return read
+                found += [each for each in shapes if around.distance_m(each[1]) <= around.reach_m]
+        kept += found
+        read += [zone] if found else []
+        if repair is not None and found:
+            findings.notes.append(repair)
+    names = unique_names((zone.name for zone, _ in kept), (FENCE, *taken))
+    return [_area(name, *each) for name, each in zip(names, kept, strict=True)], read
+
+
+def _area(name: str, zone: MapArea, shape: Shape) -> Area:
+    here = zone.problem("", "")  # without the whole document that it was read from
+    keys, source = (here.line, here.column), PlacedSource(here.path)
+    return Area(name, shape, keys, True, zone.terms, source)
 
 
 def _exchanged(

@@ -1,65 +1,62 @@
-"""Writes missions as YAML mission files: those of plans, and a first one to begin with."""
+"""Writes missions: as YAML mission files, for map programs, and a first one to begin with."""
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from air_router.files import (
-    DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
-    DEFAULT_WHEN_EXPLORED,
     Area,
-    MissionDocument,
-    MissionPoint,
-    PlannerSettings,
-    Timers,
-    Uav,
+    MissionForm,
+    SeekForm,
     degrees_text,
     terms_data,
 )
-from air_router.files.maps import MapCircle, map_area_of
+from air_router.files.maps import FeatureSet, MapCircle, MapPoint, map_area_of
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm, Uav
 from geo.frame import Geodetic, LocalFrame, Point
+from mocha_link.sanitize import sanitize
 from mocha_link.team import as_yaml
 
 _DIGITS: Final = 9
 """Of degrees: a tenth of a millimetre."""
 
 
-def mission_text(draft: MissionDocument, folder: Path) -> str:
-    """The mission as YAML, for a file in `folder`. The draft has a frame and a home."""
-    frame = draft.frame
-    if frame is None or draft.home is None:
+_WRITTEN_ANEW: Final = {
+    *("coordinates", "frame", "home", "waypoints", "fence", "fences", "no_fly_zones"),
+    *("no_fly_files", "rally_points", "uavs", "uav", "name", "speed_m_s", "team", "world", "seek"),
+}
+"""Where things are is written in degrees, and paths from the folder of the new file."""
+
+
+def mission_text(placed: PlacedForm, folder: Path) -> str:
+    """The mission as YAML, for a file in `folder`. It has a frame and a home."""
+    form, frame = placed.form, placed.frame
+    if frame is None or placed.home is None:
         raise ValueError("a mission without a home is no mission file")
-    reserve = draft.battery_reserve
-    data = {
-        "name": draft.name,
-        "home": _home(draft.home, draft.home_altitude_amsl_m, frame),
-        "altitude_m": draft.altitude_m,
-        "altitudes_m": list(draft.altitudes_m),
-        "speed_m_s": draft.speed_m_s,
-        "team": _relative(draft.team, folder),
-        "world": _relative(draft.world, folder),
-        "uavs": {uav.name: _uav(uav, frame) for uav in draft.uavs},
-        "uav": None if draft.uavs else draft.uav,
-        "seek": _seek(draft),
-        "when_explored": _unless(DEFAULT_WHEN_EXPLORED, draft.when_explored),
-        "goals_from": list(draft.goals_from),
-        "timers": _changed(asdict(draft.timers), asdict(Timers())),
-        "planner": _changed(asdict(draft.planner), asdict(PlannerSettings())),
-        "duration_s": draft.duration_s,
-        "endurance_s": draft.endurance_s,
-        "battery_reserve": None if reserve == DEFAULT_BATTERY_RESERVE else reserve,
-        "accepts": list(draft.accepts),
-    }
-    data = _given(data) | {
-        "waypoints": [_waypoint(spot, draft, frame) for spot in draft.waypoints],
-        **_fences([_shape(area, frame) for area in draft.fences]),
-        "no_fly_zones": [_zone(area, frame) for area in draft.zones],
-    }
-    rally_points = [_pair(spot.position, frame) for spot in draft.rally_points]
-    return as_yaml(data | _given({"rally_points": rally_points}), short_in_line=True)
+    fences = [_shape(area, frame) for area in placed.fences]
+    data = form.model_dump(exclude=_WRITTEN_ANEW, exclude_defaults=True)
+    data |= _given(
+        {
+            "name": form.title,
+            "home": _home(placed.home, placed.home_altitude_amsl_m, frame),
+            "speed_m_s": form.speed_m_s,
+            "team": _relative(form.team_file, folder),
+            "world": _relative(form.world_file, folder),
+            "uavs": {uav.name: _uav(uav, frame) for uav in placed.uavs},
+            "uav": None if placed.uavs else form.uav,
+            "seek": _seek(form.seek),
+            "fences": fences if len(fences) > 1 else None,
+            "rally_points": [_pair(spot.position, frame) for spot in placed.rally_points],
+        }
+    )
+    data["waypoints"] = [_waypoint(spot, form.altitude_m, frame) for spot in placed.waypoints]
+    data["no_fly_zones"] = [_zone(area, frame) for area in placed.zones]
+    if len(fences) < 2:
+        data["fence"] = next(iter(fences), None)
+    ordered = {name: data[name] for name in MissionForm.model_fields if name in data}
+    return as_yaml(ordered, short_in_line=True)
 
 
 def _given(data: dict[str, Any]) -> dict[str, Any]:
@@ -67,24 +64,15 @@ def _given(data: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in data.items() if value not in (None, [], {})}
 
 
-def _changed(data: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in data.items() if value != defaults[key]}
-
-
-def _unless(default: str, value: str) -> str | None:
-    return None if value == default else value
-
-
 def _relative(path: Path | None, folder: Path) -> str | None:
     return None if path is None else Path(os.path.relpath(path, folder)).as_posix()
 
 
-def _seek(draft: MissionDocument) -> Any:
+def _seek(seek: SeekForm) -> Any:
     """Names alone, the policy alone, or both."""
-    robots = list(draft.seek)
-    if draft.seek_policy == DEFAULT_SEEK_POLICY:
-        return robots
-    return {"robots": robots, "policy": draft.seek_policy} if robots else draft.seek_policy
+    if seek.policy == DEFAULT_SEEK_POLICY:
+        return seek.robots
+    return {"robots": seek.robots, "policy": seek.policy} if seek.robots else seek.policy
 
 
 def _home(home: MissionPoint, altitude_amsl_m: float | None, frame: LocalFrame) -> dict[str, Any]:
@@ -93,19 +81,15 @@ def _home(home: MissionPoint, altitude_amsl_m: float | None, frame: LocalFrame) 
 
 def _uav(uav: Uav, frame: LocalFrame) -> dict[str, Any]:
     home = None if uav.home is None else _home(uav.home, uav.home_altitude_amsl_m, frame)
-    explore = None if uav.explore else False
-    return _given({"altitude_m": uav.altitude_m, "explore": explore, "home": home})
+    explore = None if uav.form.explore else False
+    return _given({"altitude_m": uav.form.altitude_m, "explore": explore, "home": home})
 
 
-def _waypoint(spot: MissionPoint, draft: MissionDocument, frame: LocalFrame) -> Any:
+def _waypoint(spot: MissionPoint, altitude_m: float, frame: LocalFrame) -> Any:
     pair = _pair(spot.position, frame)
-    if spot.altitude_m is None or spot.altitude_m == draft.altitude_m:
+    if spot.altitude_m is None or spot.altitude_m == altitude_m:
         return pair
     return {"position": pair, "altitude_m": spot.altitude_m}
-
-
-def _fences(shapes: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"fences": shapes} if len(shapes) > 1 else {"fence": next(iter(shapes), None)}
 
 
 def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:
@@ -128,6 +112,30 @@ def _pair(point: Point, frame: LocalFrame) -> list[float]:
 
 def _rounded(place: Geodetic) -> list[float]:
     return [round(degrees, _DIGITS) for degrees in place]
+
+
+def feature_set_of(placed: PlacedForm) -> FeatureSet:
+    """The feature set of a mission. It has a frame."""
+    frame = placed.frame
+    if frame is None:
+        raise ValueError("a mission without a frame has no feature set")
+    features = FeatureSet(
+        sanitize(placed.form.title),
+        placed.home_altitude_amsl_m,
+        [map_area_of(area, frame) for area in placed.fences],
+        [map_area_of(area, frame) for area in placed.zones],
+    )
+    if placed.home is not None:
+        home = MapPoint("home", frame.to_geodetic(placed.home.position), 0.0)
+        features.spots.append(("home", home))
+    for n, spot in enumerate(placed.waypoints, start=1):
+        place = frame.to_geodetic(spot.position)
+        altitude_m = spot.altitude_m or placed.form.altitude_m
+        features.spots.append(("waypoint", MapPoint(str(n), place, altitude_m)))
+    for n, spot in enumerate(placed.rally_points, start=1):
+        place = frame.to_geodetic(spot.position)
+        features.spots.append(("rally_point", MapPoint(f"rally point {n}", place)))
+    return features
 
 
 _FIRST_MISSION: Final = """\

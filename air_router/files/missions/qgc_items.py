@@ -10,15 +10,15 @@ from typing import Any, Final
 
 from air_router.files import (
     SLOWEST_M_S,
+    Findings,
     JsonValues,
     Keys,
-    MissionDocument,
-    MissionPoint,
     WaypointForm,
     named,
     shown,
 )
-from air_router.files.missions.placing import FileForm
+from air_router.files.missions.form_builder import FormBuilder
+from air_router.files.missions.placed_form import MissionPoint, Placer
 
 SAME_PLACE_M: Final = 0.1
 _AT_HOME_M: Final = 20.0
@@ -67,11 +67,11 @@ _DROPPED: Final = "QGroundControl itself silently drops the whole section; it is
 
 
 class PlanValues(JsonValues):
-    """Reads values of a plan into a draft's problems and notes."""
+    """Reads values of a plan; what is wrong with them is reported."""
 
-    def __init__(self, draft: MissionDocument, data: Any) -> None:
-        super().__init__(data, draft.report)
-        self.draft = draft
+    def __init__(self, findings: Findings, data: Any) -> None:
+        super().__init__(data, findings.report)
+        self.findings = findings
 
     def pair(self, *keys: str | int, first: int = 0) -> tuple[float, float] | None:
         """Latitude and longitude in a list, mostly at its begin."""
@@ -95,16 +95,23 @@ class PlanValues(JsonValues):
         found, what = shown(self.at(*keys, "version")), named(keys) if keys else "the plan"
         advice = _DROPPED if dropped else EXPORT_AGAIN
         message = f"{what} has version {found}, read is {known}; {advice}"
-        note = self.draft.note if dropped else self.draft.report
+        note = self.findings.note if dropped else self.findings.report
         note((*keys, "version"), message, "plan-version")
 
 
 class ItemsReader(PlanValues):
-    """Fills a form's waypoints, altitude and speed from the plan's items."""
+    """Fills a form's waypoints, altitude and speed from the plan's items.
 
-    def __init__(self, draft: MissionDocument, data: Any, form: FileForm) -> None:
-        super().__init__(draft, data)
-        self._form, self._waypoints = form, list[MissionPoint]()  # the latter to compare them
+    Args:
+        placer: Its frame lies around home.
+        data: The plan's.
+        form: Has its home.
+    """
+
+    def __init__(self, placer: Placer, data: Any, form: FormBuilder) -> None:
+        super().__init__(placer.findings, data)
+        self._placer, self._form = placer, form
+        self._waypoints = list[MissionPoint]()  # to compare them
         self._takeoff_m: float | None = None  # altitude of the take-off item
         self._speeds: list[tuple[float, Keys]] = []  # in m/s, and the item's keys
         self._others: dict[int, list[Keys]] = {}  # places of items that are not flown, by command
@@ -118,7 +125,7 @@ class ItemsReader(PlanValues):
         for command, places in self._others.items():
             times = "" if len(places) == 1 else f" ({len(places)} times)"
             message = f"command {command}{times} stays in the plan's file and is not flown"
-            self.draft.note((*places[0], "command"), message, NOT_FLOWN)
+            self.findings.note((*places[0], "command"), message, NOT_FLOWN)
         self._settle()
 
     def _read_item(self, keys: Keys) -> None:
@@ -131,7 +138,7 @@ class ItemsReader(PlanValues):
         else:
             found = shown(item if kind is None else kind)
             message = f"an item must be a SimpleItem or a ComplexItem, found {found}; remove it"
-            self.draft.report((*keys, "type"), message, "unknown-item")
+            self.findings.report((*keys, "type"), message, "unknown-item")
 
     def _read_complex(self, keys: Keys) -> None:
         kind = self.at(*keys, "complexItemType")
@@ -141,20 +148,20 @@ class ItemsReader(PlanValues):
                 f"{shown(kind)} stays in the plan's file and is not flown: the file does not say "
                 "on which way"
             )
-            self.draft.note((*keys, "complexItemType"), message, NOT_FLOWN)
+            self.findings.note((*keys, "complexItemType"), message, NOT_FLOWN)
             return
         before = len(self._waypoints)
         for item in self.entries(inner):
             self._read_item(item)
         count = len(self._waypoints) - before
         message = f"{shown(kind)}: flown by way of its {count} waypoints"
-        self.draft.note((*keys, "complexItemType"), message, "survey-waypoints")
+        self.findings.note((*keys, "complexItemType"), message, "survey-waypoints")
 
     def _read_simple(self, keys: Keys) -> None:
         command = self.at(*keys, "command")
         if not isinstance(command, int) or isinstance(command, bool):
             message = f"an item's command must be a whole number, found {shown(command)}; remove it"
-            self.draft.report((*keys, "command"), message, "wrong-type")
+            self.findings.report((*keys, "command"), message, "wrong-type")
         elif command == MavCommand.WAYPOINT or command in _AS_WAYPOINTS:
             self._read_waypoint(keys, command)
         elif command in _TAKEOFFS:
@@ -167,26 +174,26 @@ class ItemsReader(PlanValues):
             self._others.setdefault(command, []).append(keys)
         else:
             message = f"command {command} is not read yet; remove the item in QGroundControl"
-            self.draft.report((*keys, "command"), message, "unknown-command")
+            self.findings.report((*keys, "command"), message, "unknown-command")
 
     def _read_waypoint(self, keys: Keys, command: int) -> None:
-        draft = self.draft
+        findings = self.findings
         pair = self.pair(*keys, "params", first=4)
         altitude_m = self._altitude(keys)
         if self._end is not None:
             message = "the plan returns or lands before this waypoint; put that item last"
-            draft.report((*self._end, "command"), message, "end-before-waypoint")
+            findings.report((*self._end, "command"), message, "end-before-waypoint")
             self._end = None
         if pair is None or altitude_m is None:
             return
         label = f"waypoint {len(self._waypoints) + 1}"
-        spot = draft.spot(label, pair, (*keys, "params", 4), altitude_m)
+        spot = self._placer.spot(label, pair, (*keys, "params", 4), altitude_m)
         if spot is None:
             return
         other = self._same_place(spot)
         if other is not None:
             message = f"this waypoint lies on {other.label}: visited once"
-            draft.note(spot.keys, message, "waypoint-twice")
+            findings.note(spot.keys, message, "waypoint-twice")
             return
         self._waypoints.append(spot)
         entry = WaypointForm.model_construct(position=list(pair), altitude_m=altitude_m)
@@ -194,7 +201,7 @@ class ItemsReader(PlanValues):
         if command in _AS_WAYPOINTS:
             how = _AS_WAYPOINTS[MavCommand(command)]
             message = f"{label} is command {command}: flown as a waypoint, {how}"
-            draft.note((*keys, "command"), message, "flown-as-waypoint")
+            findings.note((*keys, "command"), message, "flown-as-waypoint")
 
     def _same_place(self, spot: MissionPoint) -> MissionPoint | None:
         """An earlier waypoint at this place; the grid's cells are as wide as that."""
@@ -229,7 +236,7 @@ class ItemsReader(PlanValues):
         if altitude_m is not None and not 0 < altitude_m <= _HIGHEST_M:
             message = f"the altitude is {altitude_m:g} m above home; it must be more than 0 and at "
             message += f"most {_HIGHEST_M:g} m"
-            self.draft.report((*keys, "params", 6), message, "out-of-range")
+            self.findings.report((*keys, "params", 6), message, "out-of-range")
             return None
         return altitude_m
 
@@ -239,13 +246,13 @@ class ItemsReader(PlanValues):
             "'Calc Above Terrain', which stores the terrain's height; in Mission Planner to "
             "'Relative'"
         )
-        self.draft.report((*keys, "frame"), message, "altitude-frame")
+        self.findings.report((*keys, "frame"), message, "altitude-frame")
 
     def _above_home(self, altitude_amsl_m: float, keys: Keys) -> float | None:
-        home_amsl_m = self.draft.home_altitude_amsl_m
+        home_amsl_m: float | None = self._form.values["home"].altitude_amsl_m
         if home_amsl_m is None:
             message = "an altitude above the sea, and home has none; give 'plannedHomePosition' one"
-            self.draft.report((*keys, "params", 6), message, "home-altitude-unknown")
+            self.findings.report((*keys, "params", 6), message, "home-altitude-unknown")
             return None
         return altitude_amsl_m - home_amsl_m
 
@@ -256,7 +263,7 @@ class ItemsReader(PlanValues):
         if kind != _GROUND_SPEED or not SLOWEST_M_S <= speed_m_s <= _FASTEST_M_S:
             message = f"a speed of {speed_m_s:g} m/s of type {kind:g}; write a ground speed of "
             message += f"{SLOWEST_M_S:g} to {_FASTEST_M_S:g} m/s"
-            self.draft.report((*keys, "params", 1), message, "out-of-range")
+            self.findings.report((*keys, "params", 1), message, "out-of-range")
             return
         self._speeds.append((speed_m_s, (*keys, "params", 1)))
 
@@ -271,21 +278,18 @@ class ItemsReader(PlanValues):
         if far_m > _AT_HOME_M:
             where = f"{far_m:.0f} m from home" if math.isfinite(far_m) else "wherever it is by then"
             message = f"command {command} lands {where}; a mission of ours lands at home"
-            self.draft.note((*keys, "command"), message, "lands-at-home")
+            self.findings.note((*keys, "command"), message, "lands-at-home")
 
     def _from_home_m(self, latitude_deg: Any, longitude_deg: Any) -> float:
         """How far a place is from home; infinite if it is none."""
-        home, frame = self.draft.home, self.draft.frame
-        if home is None or frame is None:
-            return math.inf
         try:
-            place = frame.to_local(float(latitude_deg), float(longitude_deg))
+            place = self._placer.frame.to_local(float(latitude_deg), float(longitude_deg))
         except (TypeError, ValueError, OverflowError):
             return math.inf
-        return math.dist(place, home.position)
+        return math.hypot(*place)
 
     def _settle(self) -> None:
-        draft, form = self.draft, self._form
+        findings, form = self.findings, self._form
         altitudes = [spot.altitude_m for spot in self._waypoints if spot.altitude_m]
         form.put("altitude_m", self._takeoff_m or max(altitudes, default=0.0))
         if self._speeds:
@@ -295,12 +299,12 @@ class ItemsReader(PlanValues):
             differing = [keys for speed_m_s, keys in self._speeds if speed_m_s != first_m_s]
             if differing:
                 message = f"the speed changes; flown is the slowest, {slowest_m_s:g} m/s"
-                draft.note(differing[0], message, "speeds-differ")
+                findings.note(differing[0], message, "speeds-differ")
         elif (hover_m_s := self.number(("mission", "hoverSpeed"))) is not None:
             form.put("speed_m_s", hover_m_s)
             if not SLOWEST_M_S <= hover_m_s <= _FASTEST_M_S:
                 message = f"the speed must be {SLOWEST_M_S:g} to {_FASTEST_M_S:g} m/s"
-                draft.report(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")
+                findings.report(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")
 
 
 def _decides_where(command: int) -> bool:

@@ -10,14 +10,15 @@ from air_router.files import (
     HIGHEST_HOME_M,
     LOWEST_HOME_M,
     CircleForm,
+    Findings,
     JsonDocument,
     Keys,
-    MissionDocument,
+    MissionForm,
     SpotForm,
     ZoneForm,
-    note_draft,
 )
-from air_router.files.missions.placing import FileForm
+from air_router.files.missions.form_builder import FormBuilder, note_form
+from air_router.files.missions.placed_form import Placer
 from air_router.files.missions.qgc_items import (
     EXPORT_AGAIN,
     NOT_FLOWN,
@@ -28,33 +29,32 @@ from air_router.files.missions.qgc_items import (
 PLAN_TYPE = "Plan"
 
 
-def plan_draft(document: JsonDocument) -> MissionDocument:
-    """A draft of the mission in a `.plan` file; `team.yaml` and `world.yaml` beside it are used.
+def read_plan(document: JsonDocument) -> tuple[MissionForm, Findings]:
+    """The mission in a `.plan` file, and what was found.
 
-    The document's data stay as they are.
+    `team.yaml` and `world.yaml` beside it are used. The document's data stay as they are.
     """
-    draft = MissionDocument(document)
+    findings, path = Findings(document), document.path
     data = document.data
+    nothing = FormBuilder({"name": path.stem}).form(path)
     if not isinstance(data, dict) or data.get("fileType") != PLAN_TYPE:
         message = 'not a QGroundControl plan: "fileType" is not "Plan"; choose another file'
-        draft.report(("fileType",), message, "not-a-plan")
-        return draft
-    form = FileForm({"name": document.path.stem})
+        findings.report(("fileType",), message, "not-a-plan")
+        return nothing, findings
+    builder = FormBuilder({"name": path.stem})
     for name in ("team", "world"):
-        if (document.path.parent / f"{name}.yaml").is_file():
-            form.put(name, f"{name}.yaml")
-    draft.name = document.path.stem
-    if _PlanReader(draft, data, form).read():
-        form.place(draft)
-    note_draft(draft)
-    return draft
+        if (path.parent / f"{name}.yaml").is_file():
+            builder.put(name, f"{name}.yaml")
+    form = builder.form(path) if _PlanReader(findings, data, builder).read() else nothing
+    note_form(form, findings)
+    return form, findings
 
 
 class _PlanReader(PlanValues):
-    """Fills a form from the document's data, noting problems in a draft as it goes."""
+    """Fills a form from the document's data."""
 
-    def __init__(self, draft: MissionDocument, data: Any, form: FileForm) -> None:
-        super().__init__(draft, data)
+    def __init__(self, findings: Findings, data: Any, form: FormBuilder) -> None:
+        super().__init__(findings, data)
         self._form = form
 
     def read(self) -> bool:
@@ -63,9 +63,10 @@ class _PlanReader(PlanValues):
         if not self._section("mission"):
             return False
         self.version(("mission",), 2)
-        if not self._read_home():
+        placer = self._read_home()
+        if placer is None:
             return False
-        ItemsReader(self.draft, self._data, self._form).read()
+        ItemsReader(placer, self._data, self._form).read()
         self._read_fence()
         self._read_rally_points()
         return True
@@ -74,7 +75,7 @@ class _PlanReader(PlanValues):
         if isinstance(self.at(name), dict):
             return True
         message = f"missing section '{name}'; {EXPORT_AGAIN}"
-        self.draft.report((name,), message, "missing-key")
+        self.findings.report((name,), message, "missing-key")
         return False
 
     def _optional_section(self, name: str, without: str) -> bool:
@@ -84,24 +85,25 @@ class _PlanReader(PlanValues):
                 self.version((name,), 2, dropped=True)
             return found
         message = f"the plan has no section '{name}': {without}; QGroundControl writes one"
-        self.draft.note((), message, "no-section")
+        self.findings.note((), message, "no-section")
         return False
 
-    def _read_home(self) -> bool:
+    def _read_home(self) -> Placer | None:
+        """Home, with the frame around it."""
         keys = ("mission", "plannedHomePosition")
         if not isinstance(self.at(*keys), list):
             message = f"missing key '{keys[-1]}'; {EXPORT_AGAIN}"
-            self.draft.report(keys, message, "missing-key")
-            return False
+            self.findings.report(keys, message, "missing-key")
+            return None
         pair = self.pair(*keys)
-        if pair is None or not self.draft.find_frame("home", pair, keys):
-            return False
+        placer = None if pair is None else Placer.around("home", pair, keys, self.findings)
+        if pair is None or placer is None:
+            return None
         altitude_m = None
         if self.at(*keys, 2) is not None:
             altitude_m = self._home_altitude((*keys, 2))
         self._form.set_home(pair, keys, altitude_m)
-        self._form.place_home(self.draft)
-        return True
+        return placer
 
     def _home_altitude(self, keys: Keys) -> float | None:
         altitude_m = self.number(keys)
@@ -110,7 +112,7 @@ class _PlanReader(PlanValues):
                 f"home is {altitude_m:g} m above the sea; it must be {LOWEST_HOME_M:g} to "
                 f"{HIGHEST_HOME_M:g} m"
             )
-            self.draft.report(keys, f"{message}; correct it", "out-of-range")
+            self.findings.report(keys, f"{message}; correct it", "out-of-range")
             return None
         return altitude_m
 
@@ -120,7 +122,7 @@ class _PlanReader(PlanValues):
         current = self.has_version(("geoFence",), 2)
         if not current and self.at("geoFence", "polygon"):
             message = f"a fence as QGroundControl drew it years ago is not read; {EXPORT_AGAIN}"
-            self.draft.report(("geoFence", "polygon"), message, "plan-version")
+            self.findings.report(("geoFence", "polygon"), message, "plan-version")
         for kind in ("polygons", "circles"):
             if not current and self.at("geoFence", kind) is None:
                 continue
@@ -128,16 +130,15 @@ class _PlanReader(PlanValues):
                 self._read_area(keys)
         if self.at("geoFence", "breachReturn") is not None:
             message = "the breach return point stays in the plan's file and is not flown"
-            self.draft.note(("geoFence", "breachReturn"), message, NOT_FLOWN)
+            self.findings.note(("geoFence", "breachReturn"), message, NOT_FLOWN)
 
     def _read_area(self, keys: Keys) -> None:
-        draft = self.draft
         inclusion = self.at(*keys, "inclusion")
         self.version(keys, 1)
         if not isinstance(inclusion, bool):
             message = f"'inclusion' must be true (a fence) or false (a zone); {EXPORT_AGAIN}"
             code = "missing-key" if inclusion is None else "wrong-type"
-            draft.report((*keys, "inclusion"), message, code)
+            self.findings.report((*keys, "inclusion"), message, code)
             return
         area = self._area(keys)
         if area is not None:

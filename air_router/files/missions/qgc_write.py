@@ -5,21 +5,18 @@ all times. Other zones of a mission become larger, never smaller, and are report
 """
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from air_router.files import (
-    DEFAULT_SEEK_POLICY,
-    DEFAULT_WHEN_EXPLORED,
     Area,
     JsonDocument,
-    MissionDocument,
-    PlannerSettings,
-    Timers,
+    MissionForm,
     json_text,
 )
 from air_router.files.maps import MapCircle, MapRing, map_area_of
+from air_router.files.missions.placed_form import PlacedForm
 from air_router.files.missions.qgc_items import MavCommand
 from geo.airspace import Circle
 from geo.frame import Geodetic, LocalFrame
@@ -64,32 +61,32 @@ class ConversionWarnings:
             self.entries.append(loss)
 
 
-def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, Any]:
-    """A new plan's data. The draft has a frame and a home."""
-    if draft.frame is None or draft.home is None:
+def plan_of(placed: PlacedForm, warnings: ConversionWarnings) -> dict[str, Any]:
+    """A new plan's data. The mission has a frame and a home."""
+    if placed.frame is None or placed.home is None:
         raise ValueError("a mission without a home is no plan")
-    frame = draft.frame
-    home = frame.to_geodetic(draft.home.position)
-    altitude_m = draft.home_altitude_amsl_m
+    frame, speed_m_s = placed.frame, placed.form.speed_m_s
+    home = frame.to_geodetic(placed.home.position)
+    altitude_m = placed.home_altitude_amsl_m
     if altitude_m is None:
         message = "home's height above the sea is not known: written as 0"
         warnings.add("home", message, "home-altitude-unknown")
-    fence = areas_of(draft.fences, frame, warnings, inclusion=True)
-    zones = areas_of(draft.zones, frame, warnings, inclusion=False)
+    fence = _areas(placed.fences, frame, warnings, inclusion=True)
+    zones = _areas(placed.zones, frame, warnings, inclusion=False)
     rally_points = [
-        [*_rounded(frame.to_geodetic(spot.position)), 0.0] for spot in draft.rally_points
+        [*_rounded(frame.to_geodetic(spot.position)), 0.0] for spot in placed.rally_points
     ]
-    tell_settings(draft, warnings, "a plan")
+    tell_settings(placed.form, warnings, "a plan")
     return {
         "fileType": "Plan",
         "geoFence": {**{kind: fence[kind] + zones[kind] for kind in sorted(fence)}, "version": 2},
         "groundStation": "QGroundControl",
         "mission": {
-            "cruiseSpeed": draft.speed_m_s,
+            "cruiseSpeed": speed_m_s,
             "firmwareType": _PX4,
             "globalPlanAltitudeMode": 1,
-            "hoverSpeed": draft.speed_m_s,
-            "items": _items(draft, frame, home),
+            "hoverSpeed": speed_m_s,
+            "items": _items(placed, frame, home),
             "plannedHomePosition": [*_rounded(home), altitude_m or 0.0],
             "vehicleType": _MULTIROTOR,
             "version": 2,
@@ -99,7 +96,7 @@ def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, A
     }
 
 
-def areas_of(
+def _areas(
     areas: Iterable[Area], frame: LocalFrame, warnings: ConversionWarnings, *, inclusion: bool
 ) -> dict[str, list[Any]]:
     """Fences, or zones, as entries of the lists `polygons` and `circles` of a plan's fence."""
@@ -117,13 +114,15 @@ def areas_of(
     return found
 
 
-def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
+def with_zones(
+    plan: JsonDocument, zones: Sequence[Area], frame: LocalFrame, warnings: ConversionWarnings
+) -> str:
     """The text of a plan, which stays what it is and gets more zones."""
-    if not any(more.values()):
+    if not zones:
         return plan.text
     data = copy.deepcopy(plan.data)
     fence = data["geoFence"] = data.get("geoFence") or {"version": 2}
-    for kind, entries in more.items():
+    for kind, entries in _areas(zones, frame, warnings, inclusion=False).items():
         if entries:
             fence[kind] = [*(fence.get(kind) or []), *entries]
     return json_text(data, like=plan.text)
@@ -147,16 +146,17 @@ def _warn_of_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool
         warnings.add("names of zones", "a plan's zones have none", "names-lost")
 
 
-def _items(draft: MissionDocument, frame: LocalFrame, home: Geodetic) -> list[dict[str, Any]]:
-    speed = [_GROUND_SPEED, draft.speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0]
+def _items(placed: PlacedForm, frame: LocalFrame, home: Geodetic) -> list[dict[str, Any]]:
+    form = placed.form
+    speed = [_GROUND_SPEED, form.speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0]
     steps: list[tuple[MavCommand, list[Any], int]] = [
         (MavCommand.CHANGE_SPEED, speed, _MISSION_FRAME),
-        (MavCommand.TAKEOFF, [0, 0, 0, None, *_rounded(home), draft.altitude_m], RELATIVE_FRAME),
+        (MavCommand.TAKEOFF, [0, 0, 0, None, *_rounded(home), form.altitude_m], RELATIVE_FRAME),
     ]
-    for spot in draft.waypoints:
+    for spot in placed.waypoints:
         place = _rounded(frame.to_geodetic(spot.position))
-        params = [0, draft.planner.acceptance_radius_m, 0, None, *place]
-        params.append(spot.altitude_m or draft.altitude_m)
+        params = [0, form.planner.acceptance_radius_m, 0, None, *place]
+        params.append(spot.altitude_m or form.altitude_m)
         steps.append((MavCommand.WAYPOINT, params, RELATIVE_FRAME))
     steps.append((MavCommand.RETURN_TO_LAUNCH, [0.0] * 7, _MISSION_FRAME))
     return [
@@ -185,20 +185,14 @@ def _rounded(place: Geodetic) -> list[float]:
     return [round(degrees, _DEGREE_DIGITS) for degrees in place]
 
 
-def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: str) -> None:
+_ONLY_OURS: Final = (
+    *("altitudes_m", "timers", "planner", "team", "world", "seek", "when_explored"),
+    *("goals_from", "uavs", "duration_s", "accepts"),
+)
+
+
+def tell_settings(form: MissionForm, warnings: ConversionWarnings, where: str) -> None:
     """Note the settings of a mission that only a mission file has."""
-    for what, given in (
-        ("altitudes_m", bool(draft.altitudes_m)),
-        ("timers", draft.timers != Timers()),
-        ("planner", draft.planner != PlannerSettings()),
-        ("team", draft.team is not None),
-        ("world", draft.world is not None),
-        ("seek", bool(draft.seek) or draft.seek_policy != DEFAULT_SEEK_POLICY),
-        ("when_explored", draft.when_explored != DEFAULT_WHEN_EXPLORED),
-        ("goals_from", bool(draft.goals_from)),
-        ("uavs", bool(draft.uavs)),
-        ("duration_s", draft.duration_s is not None),
-        ("accepts", bool(draft.accepts)),
-    ):
-        if given:
+    for what in _ONLY_OURS:
+        if getattr(form, what) != MissionForm.model_fields[what].get_default():
             warnings.add(what, f"{where} has none; keep the mission file", "settings-lost")

@@ -15,12 +15,12 @@ from typing import Any, Final
 from air_router.files import (
     DEFAULT_SPEED_M_S,
     CircleForm,
+    Findings,
     Keys,
-    MissionDocument,
+    MissionForm,
     PlacedSource,
     SpotForm,
     ZoneForm,
-    note_draft,
 )
 from air_router.files.maps import (
     FENCE_COMMANDS,
@@ -30,7 +30,8 @@ from air_router.files.maps import (
     fence_areas,
     old_fence_items,
 )
-from air_router.files.missions.placing import FileForm
+from air_router.files.missions.form_builder import FormBuilder, note_form
+from air_router.files.missions.placed_form import Placer
 from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
 from mocha_link.team import DocumentError, Problem, ProblemList
 
@@ -99,8 +100,8 @@ class _WaypointFile:
         return items
 
 
-def read_waypoints(text: str, path: Path) -> MissionDocument:
-    """A draft of the mission in a waypoint file.
+def read_waypoints(text: str, path: Path) -> tuple[MissionForm, Findings]:
+    """The mission in a waypoint file, and what was found.
 
     Raises:
         DocumentError: it is none, of another version, or a line is not an item.
@@ -110,58 +111,55 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
         message = f"the first line is '{first[:40]}', read is '{_VERSION}'; export the file again"
         raise DocumentError.at(path, message, "plan-version")
     document = _WaypointFile(path, text)
-    draft = MissionDocument(document, path.stem)
+    findings, form = Findings(document), FormBuilder({"name": path.stem})
     items = document.items()
     places = [row for row, item in enumerate(items) if item["params"][4] or item["params"][5]]
     if not places:
-        draft.report((), "no waypoints in it; export the file again", "no-waypoints")
-        return draft
+        findings.report((), "no waypoints in it; export the file again", "no-waypoints")
+        return form.form(path), findings
     start = places[0]
     home = items[start]
     *place, altitude_m = home["params"][4:]
     keys: Keys = (_FENCE, "items", start, "params", 4)
-    if not draft.find_frame("home", place, keys):
-        return draft
-    form = FileForm({"name": path.stem})
+    placer = Placer.around("home", place, keys, findings)
+    if placer is None:
+        return form.form(path), findings
     document.flown = [n for n, item in enumerate(items) if item["command"] not in FENCE_COMMANDS]
     if start == 0 and (home["command"], home["frame"]) == (MavCommand.WAYPOINT, _AMSL_FRAME):
         document.flown.remove(0)
     else:
         altitude_m = None
         message = "the file has no home: the first place in it is taken; move it"
-        draft.note(keys, message, "home-assumed")
+        findings.note(keys, message, "home-assumed")
     form.set_home(place, keys, altitude_m)
-    form.place_home(draft)
     flown = [items[number] for number in document.flown]
     data = {"mission": {"items": flown, "hoverSpeed": DEFAULT_SPEED_M_S}}
-    ItemsReader(draft, data, form).read()
+    ItemsReader(placer, data, form).read()
     fence = [
         FenceItem(FenceCommand(item["command"]), *_of_fence(item), (_FENCE, "items", number))
         for number, item in enumerate(items)
         if item["command"] in FENCE_COMMANDS
     ]
-    _add_fences(draft, form, fence)
-    form.place(draft)
-    note_draft(draft)
-    return draft
+    _add_fences(findings, form, fence)
+    made = form.form(path)
+    note_form(made, findings)
+    return made, findings
 
 
-def read_old_fence_draft(text: str, path: Path) -> MissionDocument:
-    """A draft with the fence of an old `.fen` file, and with its first place as home."""
-    draft = MissionDocument(PlacedSource(path), path.stem)
+def read_old_fence(text: str, path: Path) -> tuple[MissionForm, Findings]:
+    """A mission with the fence of an old `.fen` file, and with its first place as home."""
+    findings, form = Findings(PlacedSource(path)), FormBuilder({"name": path.stem})
     items = old_fence_items(text)
     if not items:
-        draft.report((), "no corners in it; draw the fence again", "zone-too-few-corners")
-        return draft
+        findings.report((), "no corners in it; draw the fence again", "zone-too-few-corners")
+        return form.form(path), findings
     home = (items[0].latitude_deg, items[0].longitude_deg)
-    if draft.find_frame("the fence", home, items[0].keys):
-        form = FileForm({"name": path.stem})
+    if Placer.around("the fence", home, items[0].keys, findings):
         form.set_home(home, items[0].keys)
         message = "a fence has no home: its first corner is taken; move it"
-        draft.note(items[0].keys, message, "home-assumed")
-        _add_fences(draft, form, items)
-        form.place(draft)
-    return draft
+        findings.note(items[0].keys, message, "home-assumed")
+        _add_fences(findings, form, items)
+    return form.form(path), findings
 
 
 def _of_fence(item: dict[str, Any]) -> tuple[float, float, float]:
@@ -169,13 +167,13 @@ def _of_fence(item: dict[str, Any]) -> tuple[float, float, float]:
     return item["params"][0], item["params"][4], item["params"][5]
 
 
-def _add_fences(draft: MissionDocument, form: FileForm, items: Sequence[FenceItem]) -> None:
+def _add_fences(findings: Findings, form: FormBuilder, items: Sequence[FenceItem]) -> None:
     """Add fences, zones and rally points."""
     for area in fence_areas(items):
         if area.shape is None:
             number = len(form.values.get("no_fly_zones", ())) + 1
             label = "the fence" if area.inclusion else f"no-fly zone 'zone {number}'"
-            draft.report(area.keys, f"{label}: {area.error}", "wrong-form")
+            findings.report(area.keys, f"{label}: {area.error}", "wrong-form")
             continue
         shape: dict[str, Any]
         if isinstance(area.shape, MapCircle):
@@ -192,7 +190,7 @@ def _add_fences(draft: MissionDocument, form: FileForm, items: Sequence[FenceIte
             spot = SpotForm.model_construct(position=place)
             form.append("rally_points", spot, position=item.keys)
         elif item.command is FenceCommand.RETURN_POINT:
-            draft.note(item.keys, "the fence's return point is not flown", NOT_FLOWN)
+            findings.note(item.keys, "the fence's return point is not flown", NOT_FLOWN)
 
 
 def _number(column: str, *, whole: bool) -> float | None:

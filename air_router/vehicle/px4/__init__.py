@@ -1,4 +1,4 @@
-"""A PX4 vehicle: link, messages and their plausibility, commands, the plan on board."""
+"""A PX4 vehicle: its link, messages with plausibility checks, commands, and the plan on board."""
 
 from mocha_link.lazy import door
 

@@ -1,6 +1,6 @@
-"""Whose clock a message tells: one that wraps is no restart, and two are two autopilots. Pure.
+"""Tracks the clocks in messages: a wrap is no restart, and two clocks are two autopilots. Pure.
 
-`time_boot_ms` has 32 bits: after 49.7 days it begins again at 0, of a vehicle that flies on.
+`time_boot_ms` has 32 bits: after 49.7 days it wraps to 0, even in flight.
 """
 
 from collections import deque
@@ -9,71 +9,71 @@ from itertools import pairwise
 
 from air_router.vehicle.px4.limits import (
     BOOT_CLOCK_WRAPS_WITHIN_MS,
+    TWIN_CLEARED_MESSAGES,
     TWIN_CLOCKS_APART_S,
-    TWIN_GONE_MESSAGES,
     TWIN_TURNS,
-    TWIN_TURNS_AMONG,
+    TWIN_TURNS_WINDOW,
 )
 from air_router.vehicle.px4.mavlink_values import BOOT_CLOCK_MS
 
 
 @dataclass(slots=True, eq=False)
 class BootClock:
-    """Counts `time_boot_ms` on where it wraps."""
+    """Extends `time_boot_ms` beyond its wrap."""
 
-    _epoch: int = 0  # how often it has wrapped
-    _last_ms: int | None = None  # the newest, counted on
+    _epoch: int = 0  # number of wraps
+    _last_ms: int | None = None  # the newest, extended
 
     def whole_ms(self, time_boot_ms: int) -> int:
         """Milliseconds since the vehicle booted, in more than 32 bits."""
-        told_ms = time_boot_ms + self._epoch * BOOT_CLOCK_MS
+        counted_ms = time_boot_ms + self._epoch * BOOT_CLOCK_MS
         last_ms = self._last_ms
         if last_ms is not None:
-            if 0 <= told_ms + BOOT_CLOCK_MS - last_ms <= BOOT_CLOCK_WRAPS_WITHIN_MS:
+            if 0 <= counted_ms + BOOT_CLOCK_MS - last_ms <= BOOT_CLOCK_WRAPS_WITHIN_MS:
                 self._epoch += 1
-                told_ms += BOOT_CLOCK_MS
-            elif self._epoch and told_ms - last_ms >= BOOT_CLOCK_MS - BOOT_CLOCK_WRAPS_WITHIN_MS:
-                return told_ms - BOOT_CLOCK_MS  # late: of before
-        self._last_ms = told_ms
-        return told_ms
+                counted_ms += BOOT_CLOCK_MS
+            elif self._epoch and counted_ms - last_ms >= BOOT_CLOCK_MS - BOOT_CLOCK_WRAPS_WITHIN_MS:
+                return counted_ms - BOOT_CLOCK_MS  # late, from before the wrap
+        self._last_ms = counted_ms
+        return counted_ms
 
 
 @dataclass(slots=True)
 class _Track:
-    """One clock: what it told last, and when that came on ours, seconds."""
+    """One clock: its newest time, and our time of reception, seconds."""
 
     boot_s: float
     arrived_s: float
 
-    def told(self, boot_s: float, arrived_s: float) -> None:
-        """It goes on."""
+    def advance(self, boot_s: float, arrived_s: float) -> None:
+        """Update the clock."""
         self.boot_s, self.arrived_s = boot_s, arrived_s
 
 
 @dataclass(slots=True, eq=False)
 class TwinWatch:
-    """Looks whether two clocks tell the same message by turns.
+    """Detects two clocks that stamp the same message in turns.
 
     Attributes:
-        apart_s: How far the clocks of two autopilots are apart; None: there is one.
+        apart_s: Difference of two autopilots' clocks; None: there is one.
     """
 
     apart_s: float | None = None
-    _tracks: list[_Track] = field(default_factory=list)  # the one that was heard last is last
-    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=TWIN_TURNS_AMONG))
-    _alone: int = 0  # messages of one clock, one after the other
+    _tracks: list[_Track] = field(default_factory=list)  # the one received last is last
+    _turns: deque[_Track] = field(default_factory=lambda: deque(maxlen=TWIN_TURNS_WINDOW))
+    _alone: int = 0  # consecutive messages of one clock
 
     def take(self, boot_s: float, arrived_s: float, rate: float) -> bool:
-        """Take a position's time; whether there are two autopilots is other than before.
+        """Handle a position's time; return whether the number of autopilots has changed.
 
         Args:
-            boot_s: Since the boot, as told.
-            arrived_s: On our clock.
-            rate: Of the vehicle's time against ours.
+            boot_s: Reported time since boot.
+            arrived_s: Time of reception on our clock.
+            rate: Rate of the vehicle's clock relative to ours.
         """
-        before, heard = self.apart_s, self._turns[-1] if self._turns else None
+        before, latest = self.apart_s, self._turns[-1] if self._turns else None
         track = self._track_of(boot_s, arrived_s, rate)
-        self._alone = self._alone + 1 if track is heard else 1
+        self._alone = self._alone + 1 if track is latest else 1
         self._turns.append(track)
         turns = list(self._turns)
         took = [b for a, b in pairwise(turns) if a is not b]
@@ -81,7 +81,7 @@ class TwinWatch:
             one, other = took[-2:]
             passed_s = (one.arrived_s - other.arrived_s) * rate
             self.apart_s = abs(one.boot_s - other.boot_s - passed_s)
-        elif self._alone >= TWIN_GONE_MESSAGES:
+        elif self._alone >= TWIN_CLEARED_MESSAGES:
             self.apart_s = None
         return (self.apart_s is None) != (before is None)
 
@@ -94,5 +94,5 @@ class TwinWatch:
             track = _Track(boot_s, arrived_s)
             self._tracks = [*self._tracks[-1:], track]
         else:
-            track.told(boot_s, arrived_s)
+            track.advance(boot_s, arrived_s)
         return track

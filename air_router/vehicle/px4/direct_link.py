@@ -1,7 +1,6 @@
-"""The link to a vehicle whose end is given: a UDP address, a TCP server, a serial line.
+"""A signed link to a vehicle at a given address: UDP, a TCP server, or a serial line.
 
-MAVSDK opens these itself, but where the link is signed: then what it sends and gets has to go
-through our hands.
+MAVSDK opens such links itself. On a signed link all messages have to pass through this module.
 """
 
 import contextlib
@@ -22,32 +21,32 @@ _log = logging.getLogger(__name__)
 
 
 class Channel(Protocol):
-    """What is read from and written to, by its descriptor."""
+    """An open descriptor to read and write."""
 
     def fileno(self) -> int:
         """The descriptor."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
 
 
 class DirectLink:
-    """A channel, and a thread that hands on what comes in it.
+    """A channel, and a thread that passes on what it receives.
 
     Args:
-        url: Its other end: `udpout://HOST:PORT`, `tcpout://HOST:PORT`, `serial://DEVICE:RATE` or
+        url: The other end: `udpout://HOST:PORT`, `tcpout://HOST:PORT`, `serial://DEVICE:RATE` or
             `serial_flowcontrol://DEVICE:RATE`.
-        receive: Takes whole frames that the key vouches for, on the link's thread.
-        signer: Signs and judges.
+        receive: Called with whole frames with a valid signature, on the link's thread.
+        signer: Signs and verifies.
 
     Raises:
         OSError: it cannot be opened.
-        ValueError: the URL is none of these; the message says why.
+        ValueError: The URL is none of these; the message gives the reason.
     """
 
     def __init__(self, url: str, receive: Callable[[bytes], None], signer: MavlinkSigner) -> None:
         self._url, self._receive, self._signer = url, receive, signer
-        self._channel: Channel | None = opened(url)  # None: it was lost
+        self._channel: Channel | None = opened(url)  # None: lost
         self._is_stream = not url.startswith("udp")
         self._stream = SignedStream(signer)
         self._rest = b""  # of a frame that was written in part
@@ -57,7 +56,7 @@ class DirectLink:
         self._thread.start()
 
     def send(self, frame: bytes) -> None:
-        """Send to the vehicle; a frame is lost where the channel is full or away."""
+        """Send to the vehicle; a frame is lost if the channel is full or lost."""
         with self._sending:
             if self._channel is None:
                 return
@@ -68,7 +67,7 @@ class DirectLink:
                     signed = self._signer.sign(frame)
                     written = os.write(self._channel.fileno(), signed) if signed else 0
                     self._rest = signed[written:]
-            except OSError:  # full, or lost, which shows when it is read
+            except OSError:  # full, or lost, which reading detects
                 return
 
     def close(self) -> None:
@@ -119,11 +118,11 @@ class DirectLink:
 
 
 def opened(url: str) -> Channel:
-    """Open what a URL names, not to wait for it when it is read or written.
+    """Open the channel of a URL, non-blocking.
 
     Raises:
         OSError: it cannot be opened.
-        ValueError: it names nothing of this kind.
+        ValueError: The URL is of another kind.
     """
     kind, _, end = url.partition("://")
     if kind.startswith("serial"):

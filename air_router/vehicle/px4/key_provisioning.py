@@ -1,14 +1,19 @@
-"""Gives a PX4 its signing key by SETUP_SIGNING, or has it forget it; shows that it did."""
+"""Sets or removes a PX4's signing key by SETUP_SIGNING, and verifies the result."""
 
 import asyncio
 import time
 from pathlib import Path
 from typing import Any
 
+from mocha_link.errors import needs_extra
+
+with needs_extra("a flight", "fly", "air-router"):
+    import mavsdk  # noqa: F401 - checked before the rest of it is imported
+
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.errors import NotConfirmedError, NoVehicleError, RefusedError
-from air_router.vehicle.px4.limits import KEY_ANSWER_S, KEY_STORED_S
+from air_router.vehicle.px4.limits import KEY_RESPONSE_S, KEY_STORED_S
 from air_router.vehicle.px4.mavlink_signing import timestamp_of
 from air_router.vehicle.px4.mavlink_values import ARMED, AUTOPILOT, KEY_BYTES, MavCmd, MessageId
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
@@ -17,19 +22,19 @@ from air_router.vehicle.px4.signing_key import SigningKey
 
 
 async def provide(url: str, system_id: int, key: Path, old: Path | None) -> None:
-    """Give the vehicle a key.
+    """Set the vehicle's signing key.
 
     Args:
-        url: Its link; every receiver on it learns the key.
-        system_id: Its own.
-        key: The file of the key.
-        old: The file of the key that it has; None: it has none.
+        url: Its link; every receiver on the link learns the key.
+        system_id: The vehicle's system id.
+        key: The key file.
+        old: The file of its current key; None: it has none.
 
     Raises:
         SigningKeyError: a file has no key, or others can read it.
-        NoVehicleError: none answers, or none that has the old key.
-        RefusedError: it is armed, or has a key and `old` was not given.
-        NotConfirmedError: it does not obey what is signed with the key.
+        NoVehicleError: No vehicle answers, or none with the old key.
+        RefusedError: The vehicle is armed, or has a key and `old` was not given.
+        NotConfirmedError: It does not follow commands signed with the key.
     """
     secret = SigningKey.read(key).secret
     try:
@@ -49,18 +54,18 @@ async def provide(url: str, system_id: int, key: Path, old: Path | None) -> None
 
 
 async def remove(url: str, system_id: int, key: Path) -> None:
-    """Have the vehicle forget its key, and take what is not signed.
+    """Remove the vehicle's key, so that it accepts unsigned messages.
 
     Args:
         url: Its link.
-        system_id: Its own.
-        key: The file of the key that it has.
+        system_id: The vehicle's system id.
+        key: The file of its current key.
 
     Raises:
         SigningKeyError: the file has no key, or others can read it.
-        NoVehicleError: none answers that has this key.
+        NoVehicleError: No vehicle with this key answers.
         RefusedError: it is armed.
-        NotConfirmedError: it does not obey what is unsigned.
+        NotConfirmedError: It does not follow unsigned commands.
     """
     await _set_up(url, system_id, bytes(KEY_BYTES), 0, key)
     if not await _obeys(url, system_id, None):
@@ -70,7 +75,7 @@ async def remove(url: str, system_id: int, key: Path) -> None:
 async def _set_up(
     url: str, system_id: int, secret: bytes, timestamp: int, signed_with: Path | None
 ) -> None:
-    """Send SETUP_SIGNING once; PX4 does not say on this link whether it took it."""
+    """Send SETUP_SIGNING once; PX4 does not acknowledge it on this link."""
     connection = Px4Connection(url, system_id, key=signed_with)
     try:
         plugins = await connection.open()
@@ -97,7 +102,7 @@ async def _is_armed(plugins: Plugins, system_id: int) -> bool:
 
     subscribe(plugins.direct, "HEARTBEAT", take)
     try:
-        async with asyncio.timeout(KEY_ANSWER_S):
+        async with asyncio.timeout(KEY_RESPONSE_S):
             fields = await first
     except TimeoutError:
         raise NoVehicleError("the vehicle has stopped sending HEARTBEAT") from None
@@ -105,7 +110,7 @@ async def _is_armed(plugins: Plugins, system_id: int) -> bool:
 
 
 async def _obeys(url: str, system_id: int, key: Path | None) -> bool:
-    """Whether the vehicle answers a command that is signed with this key, or not at all."""
+    """Whether the vehicle answers a command signed with this key, or unsigned without a key."""
     connection = Px4Connection(url, system_id, key=key)
     try:
         plugins = await connection.open()
@@ -113,8 +118,8 @@ async def _obeys(url: str, system_id: int, key: Path | None) -> bool:
         params["param1"] = float(MessageId.AUTOPILOT_VERSION)
         target = {"target_system": system_id, "target_component": AUTOPILOT}
         fields = {"command": MavCmd.REQUEST_MESSAGE, "confirmation": 0, **target, **params}
-        asked = message("COMMAND_LONG", fields, system_id)
-        result, _ = await call(plugins.direct.send_command_async, asked, timeout_s=KEY_ANSWER_S)
+        request = message("COMMAND_LONG", fields, system_id)
+        result, _ = await call(plugins.direct.send_command_async, request, timeout_s=KEY_RESPONSE_S)
     except (TimeoutError, SignedVehicleError):
         return False
     finally:

@@ -1,11 +1,11 @@
-"""MAVLink's signatures: of all that leaves for the vehicle, and on all that comes from it.
+"""MAVLink signatures: signs all messages to the vehicle, and verifies all messages from it.
 
-As https://mavlink.io/en/guide/message_signing.html has it, and PX4 from 1.18 on. MAVSDK does
-neither, so it is done between MAVSDK and the link, on whole frames: it gets none that the key does
-not vouch for. Here is no socket, and the clock is injected.
+As in https://mavlink.io/en/guide/message_signing.html, and in PX4 from 1.18 on. MAVSDK has no
+signing, so it is done between MAVSDK and the link, on whole frames: MAVSDK receives only frames
+with a valid signature. This module has no socket, and its clock is injected.
 
-pymavlink can do it too, and is no package of a flight; its check remembers the timestamp of a
-forged message, after which it takes the genuine ones for old.
+pymavlink is not used: it is no dependency of a flight, and its check stores the timestamp of a
+    forged message, after which it rejects genuine ones as old.
 """
 
 import hashlib
@@ -50,19 +50,19 @@ _log = logging.getLogger(__name__)
 
 
 EXEMPT: Final[Mapping[int, int]] = {MessageId.RADIO_STATUS: 185}
-"""Messages that are taken without a signature, and the seeds of their checksums: that of a
-telemetry radio, which has no key. PX4 takes HEARTBEAT as well; here it has the mode that a pilot
-chose, and is not taken."""
+"""Messages accepted without a signature, with the seeds of their checksums: RADIO_STATUS, because a
+telemetry radio has no key. PX4 also accepts HEARTBEAT; here it carries the flight mode and must be
+signed."""
 
 
 class Verdict(Enum):
-    """What a frame that came is."""
+    """The verdict on a received frame."""
 
     GOOD = "signed with the key, and new"
-    EXEMPT = "unsigned, of a kind that is taken so"
+    EXEMPT = "unsigned, of a kind that is accepted unsigned"
     UNSIGNED = "unsigned"
-    FORGED = "signed with another key, or changed"
-    OLD = "signed with the key, and no newer than one before"
+    FORGED = "signed with another key, or modified"
+    OLD = "signed with the key, but no newer than an earlier one"
 
 
 TAKEN: Final = frozenset({Verdict.GOOD, Verdict.EXEMPT})
@@ -70,25 +70,25 @@ _POSING: Final = frozenset({Verdict.UNSIGNED, Verdict.FORGED})
 
 
 def timestamp_of(unix_s: float) -> int:
-    """A time as signatures have it."""
+    """A time in the units of signatures."""
     return min(max(round((unix_s - SIGNING_EPOCH_UNIX_S) / SIGNING_UNIT_S), 0), LAST_TIMESTAMP)
 
 
 class MavlinkSigner:
-    """Signs frames, and judges those that come. Any thread may call it.
+    """Signs sent frames and verifies received ones. Any thread may call it.
 
     Args:
-        key: The secret.
-        system_id: The vehicle's.
-        last: The latest timestamp that may have been used before.
-        store: Takes a timestamp that is not reached before the next call.
-        unix_s: The clock of this machine, which may be behind and may be set.
+        key: The secret key.
+        system_id: The vehicle's system id.
+        last: The latest timestamp that may have been used already.
+        store: Stores a timestamp that is not reached before the next call.
+        unix_s: This machine's clock, which may be behind and may be set.
 
     Attributes:
         counts: Frames by verdict.
-        posing: Those that say that they are the vehicle's, and that the key does not vouch for.
-        stale_heartbeat: The latest datagram had an old HEARTBEAT that was signed with the key: its
-            sender has restarted, and goes by our time as soon as it gets a message of ours.
+        posing: Frames with the vehicle's system id but without a valid signature.
+        stale_heartbeat: The latest datagram had an old HEARTBEAT signed with the key: its sender
+            has restarted, and adopts our time with our next message.
     """
 
     def __init__(
@@ -104,15 +104,15 @@ class MavlinkSigner:
         self.posing = 0
         self.stale_heartbeat = False
         self._key, self._system_id = key, system_id
-        self._latest = last  # that we have signed with, or have received
+        self._latest = last  # signed with, or received
         self._store, self._reserved = store, last
         self._unix_s = unix_s
-        self._senders: dict[tuple[int, int, int], int] = {}  # the latest timestamp of each
+        self._senders: dict[tuple[int, int, int], int] = {}  # latest timestamp by sender
         self._lock = threading.Lock()
 
     @classmethod
     def from_file(cls, path: Path, system_id: int) -> Self:
-        """With the key in a file, and beside it the time of the last signature.
+        """Read the key file, and the time of the last signature beside it.
 
         Raises:
             SigningKeyError: as `SigningKey.read`.
@@ -121,23 +121,23 @@ class MavlinkSigner:
         return cls(key, system_id, times.load(), store=times.store)
 
     def sign(self, frames: bytes) -> bytes:
-        """Sign what leaves; it must leave in this order.
+        """Sign frames, which must be sent in this order.
 
         Args:
-            frames: Whole frames. Those that cannot be signed, of MAVLink 1, are left out.
+            frames: Whole frames. MAVLink 1 frames cannot be signed and are dropped.
         """
         with self._lock:
             return b"".join(self._signed(each) for each in frames_of(frames) if _is_plain(each))
 
     def close(self) -> None:
-        """Nothing more is signed: the next time begins where this one ends."""
+        """End signing: the next session starts at the last timestamp of this one."""
         with self._lock:
             self._store(self._latest)
         for verdict, count in self.counts.items():
             _log.info("%d MAVLink messages were %s", count, verdict.value)
 
     def received(self, datagram: bytes) -> bytes:
-        """Judge a datagram of whole frames; returns those that are taken, without signatures."""
+        """Verify a datagram of whole frames; return the accepted ones without signatures."""
         self.stale_heartbeat = False
         taken = []
         for frame in frames_of(datagram):
@@ -149,14 +149,14 @@ class MavlinkSigner:
         return b"".join(taken)
 
     def judge(self, frame: bytes) -> Verdict:
-        """Judge a whole frame, and remember its timestamp if the key vouches for it."""
+        """Verify a whole frame, and store its timestamp if the signature is valid."""
         header = header_of(frame)
         if not is_signed(frame):
             seed = EXEMPT.get(header.message_id)
             taken = seed is not None and is_intact(frame, seed)
             return Verdict.EXEMPT if taken else Verdict.UNSIGNED
-        said, digest = frame[:-SIGNATURE_HASH_BYTES], frame[-SIGNATURE_HASH_BYTES:]
-        if not hmac.compare_digest(self._digest(said), digest):
+        content, digest = frame[:-SIGNATURE_HASH_BYTES], frame[-SIGNATURE_HASH_BYTES:]
+        if not hmac.compare_digest(self._digest(content), digest):
             return Verdict.FORGED
         sender = (header.system_id, header.component_id, frame[-SIGNATURE_BYTES])
         timestamp = int.from_bytes(frame[1 - SIGNATURE_BYTES : -SIGNATURE_HASH_BYTES], "little")
@@ -172,14 +172,14 @@ class MavlinkSigner:
         return Verdict.GOOD
 
     def count(self, frame: bytes, verdict: Verdict) -> None:
-        """Count a frame that was judged."""
+        """Count a verified frame."""
         self.counts[verdict] += 1
         sender = header_of(frame)[:2]
         self.posing += verdict in _POSING and sender == (self._system_id, AUTOPILOT)
 
     @property
     def why_none_is_taken(self) -> str:
-        """Why nothing that came was the vehicle's, and what to do; empty: nothing came."""
+        """Why no received frame was accepted, and what to do; empty: nothing was received."""
         found = self.counts
         if found[Verdict.FORGED]:
             return (
@@ -207,7 +207,7 @@ class MavlinkSigner:
         return signed + self._digest(signed)
 
     def _digest(self, frame: bytes) -> bytes:
-        """What proves a signed frame, whose own proof is left out."""
+        """The hash of a signed frame without its own hash."""
         return hashlib.sha256(self._key.secret + frame).digest()[:SIGNATURE_HASH_BYTES]
 
     def _now(self) -> int:
@@ -215,7 +215,7 @@ class MavlinkSigner:
 
 
 def as_taken(frame: bytes, verdict: Verdict) -> bytes:
-    """A frame as MAVSDK gets it, without a signature; empty if it gets none."""
+    """The frame for MAVSDK, without a signature; empty if it was rejected."""
     if verdict is Verdict.GOOD:
         return without_signature(frame)
     return frame if verdict is Verdict.EXEMPT else b""
@@ -226,28 +226,28 @@ def _is_plain(frame: bytes) -> bool:
 
 
 class SignedStream:
-    """Cuts the frames that are taken out of a stream of bytes: a serial line, or TCP.
+    """Extracts accepted frames from a stream of bytes: a serial line, or TCP.
 
-    A frame has no mark at its end, and bytes are lost or damaged: where the bytes that seem to be
-    one are not taken, the next may begin within them.
+    A frame has no end mark, and bytes may be lost or damaged. If a supposed frame is rejected, the
+    next one may start within it.
 
     Args:
-        signer: Judges them.
+        signer: Verifies frames.
     """
 
     def __init__(self, signer: MavlinkSigner) -> None:
         self._signer = signer
-        self._data = bytearray()  # not judged yet
-        self._blamed = 0  # of it, bytes of a frame that was not taken: it is counted once
+        self._data = bytearray()  # not verified yet
+        self._blamed = 0  # bytes of a rejected frame, which is counted once
 
     def received(self, data: bytes) -> bytes:
-        """Take bytes in; returns the frames that are taken, without signatures."""
+        """Handle received bytes; return the accepted frames without signatures."""
         self._data += data
         taken, at = [], 0
         while at < len(self._data):
             length = length_at(self._data, at)
             if length is None or at + length > len(self._data):
-                break  # the rest is still to come
+                break  # the rest is not received yet
             if length == 0:
                 at += 1
                 continue

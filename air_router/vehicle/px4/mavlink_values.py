@@ -1,6 +1,6 @@
-"""Values that MAVLink and PX4 define: commands, message ids, flags, sizes of frames.
+"""Values defined by MAVLink and PX4: commands, message ids, flags, frame sizes.
 
-They tune nothing: another would be a mistake. Enumerations have the names of common.xml.
+They are not tunable. Enumerations use the names of common.xml.
 """
 
 from enum import IntEnum
@@ -15,13 +15,13 @@ class MavCmd(IntEnum):
     DO_CHANGE_SPEED = 178
     DO_REPOSITION = 192
     COMPONENT_ARM_DISARM = 400
-    RUN_PREARM_CHECKS = 401  # PX4 sends its health and arming report anew
+    RUN_PREARM_CHECKS = 401  # PX4 sends its health and arming report again
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
 
 
 class MessageId(IntEnum):
-    """Ids of messages."""
+    """Message ids."""
 
     HEARTBEAT = 0
     SYS_STATUS = 1
@@ -54,7 +54,7 @@ PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 
 # Fields
 
-UNKNOWN_16: Final = 65535  # of a field of 16 bits: not known
+UNKNOWN_16: Final = 65535  # unknown, in a 16-bit field
 BOOT_CLOCK_MS: Final = 2**32  # where time_boot_ms wraps
 STATUSTEXT_BYTES: Final = 50
 INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
@@ -90,6 +90,6 @@ KEY_BYTES: Final = 32
 SIGNING_UNIT_S: Final = 1e-5  # of the timestamps
 SIGNING_EPOCH_UNIX_S: Final = 1_420_070_400  # 2015-01-01, when they begin
 LAST_TIMESTAMP: Final = 1 << 47
-"""Timestamps end here, in 2059: half of what their 6 bytes hold, so that none runs over."""
+"""Last valid timestamp, in 2059: half of the range of 6 bytes, so none overflows."""
 
 SO_RCVBUFFORCE: Final = 33  # of Linux, which Python's socket does not name; needs CAP_NET_ADMIN

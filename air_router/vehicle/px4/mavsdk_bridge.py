@@ -1,8 +1,8 @@
 """Awaitable MAVSDK calls, built on its callback layer.
 
-MAVSDK's own asyncio layer parks an executor thread in C for each call: cancelling such an await
-(a time-out is enough) keeps the process from ever ending. Its callback layer has no such
-thread, so a call that never answers costs a forgotten future and nothing else.
+MAVSDK's own asyncio layer blocks an executor thread in C for each call; canceling such an await (a
+time-out is enough) keeps the process from ending. Its callback layer needs no thread, so a call
+without an answer costs only an unused future.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from air_router.vehicle.px4.mavlink_values import MISSION
 _log = logging.getLogger(__name__)
 
 
-_LEVELS = {  # what matters of its chatter comes back as a result, and we say it ourselves
+_LEVELS = {  # important results are also returned, and logged by us
     LogLevel.WARN: logging.INFO,
     LogLevel.ERROR: logging.INFO,
 }
@@ -41,11 +41,11 @@ def route_log() -> None:
 
 
 async def call(method: Callable[..., None], *arguments: Any, timeout_s: float) -> tuple[Any, ...]:
-    """Call a `..._async` method of a MAVSDK plugin and await what it hands to its callback.
+    """Call a `..._async` method of a MAVSDK plugin and await its callback's arguments.
 
     Args:
-        method: The bound method; it takes its arguments, then a callback.
-        arguments: What comes before the callback.
+        method: The bound method, which takes its arguments and then a callback.
+        arguments: The arguments before the callback.
         timeout_s: Wall-clock limit.
 
     Returns:
@@ -55,27 +55,27 @@ async def call(method: Callable[..., None], *arguments: Any, timeout_s: float) -
         TimeoutError: no answer in time; a late one is ignored.
     """
     loop = asyncio.get_running_loop()
-    answer: asyncio.Future[tuple[Any, ...]] = loop.create_future()
+    result: asyncio.Future[tuple[Any, ...]] = loop.create_future()
 
-    def settle(values: tuple[Any, ...]) -> None:
-        if not answer.done():
-            answer.set_result(values)
+    def resolve(values: tuple[Any, ...]) -> None:
+        if not result.done():
+            result.set_result(values)
 
-    def on_answer(*values: Any) -> None:  # on MAVSDK's thread
-        _from_thread(loop, settle, values[:-1])
+    def on_result(*values: Any) -> None:  # on MAVSDK's thread
+        _from_thread(loop, resolve, values[:-1])
 
-    method(*arguments, on_answer)
+    method(*arguments, on_result)
     async with asyncio.timeout(timeout_s):
-        return await answer
+        return await result
 
 
 class Received(NamedTuple):
-    """A message that came.
+    """A received message.
 
     Attributes:
-        fields: As in the MAVLink definition.
+        fields: The fields, as in the MAVLink definition.
         sender: System id and component id.
-        arrived_s: When, on the monotonic clock; the loop may come to it later.
+        arrived_s: Time of reception on the monotonic clock; the loop may handle it later.
     """
 
     fields: dict[str, Any]
@@ -84,7 +84,7 @@ class Received(NamedTuple):
 
 
 def subscribe(direct: MavlinkDirect, name: str, callback: Callable[[Received], None]) -> None:
-    """Hand every message of a name to `callback` on the loop."""
+    """Pass every message of this name to `callback` on the loop."""
     loop = asyncio.get_running_loop()
 
     def on_message(message: MavlinkMessage, _user_data: Any) -> None:  # on MAVSDK's thread
@@ -98,8 +98,8 @@ def subscribe(direct: MavlinkDirect, name: str, callback: Callable[[Received], N
 def destroy(mavsdk: Mavsdk, plugins: Collection[MavlinkDirect | MissionRaw | Geofence]) -> None:
     """End MAVSDK and its threads; blocks until they have ended.
 
-    MAVSDK 4.1 lets go of a plugin's callbacks before its threads have ended: what is still on its
-    way would be handed to freed memory, and the process would die of it. So they are kept here.
+    MAVSDK 4.1 releases a plugin's callbacks before its threads have ended: a late message would be
+    passed to freed memory and crash the process. So references are kept here.
     """
     kept = [(list(each._callbacks), dict(each._subscriptions)) for each in plugins]  # noqa: SLF001
     mavsdk.destroy()
@@ -122,11 +122,11 @@ def _from_thread(
     try:
         loop.call_soon_threadsafe(function, *args)
     except RuntimeError:
-        _log.debug("a message came after the flight had ended")
+        _log.debug("a message was received after the end of the flight")
 
 
 def to_raw(seq: int, item: PlanItem, mission_type: int) -> MissionItem:
-    """An item of a plan, or of what else is put on board, as MAVSDK uploads it."""
+    """Convert an item of one of the lists for MAVSDK's upload."""
     current = int(seq == 0 and mission_type == MISSION)
     head = (seq, int(item.frame), int(item.command), current, int(item.autocontinue))
     place = (item.x_deg_e7, item.y_deg_e7, item.z_m)
@@ -134,7 +134,7 @@ def to_raw(seq: int, item: PlanItem, mission_type: int) -> MissionItem:
 
 
 def from_raw(what: str, item: MissionItem) -> PlanItem:
-    """An item that was read back of a list. Raises PlanRefusedError: it is of no kind of ours."""
+    """Convert an item that was read back. Raises PlanRefusedError for an unknown kind."""
     try:
         command, frame = Command(item.command), Frame(item.frame)
     except ValueError as error:

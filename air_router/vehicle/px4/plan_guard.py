@@ -1,8 +1,8 @@
-"""Whose change of the plan on board is whose: ours, or that of another ground station.
+"""Detects whether this program or another ground station changed the plan on board.
 
-A PX4 tells the three lists on board apart by an id each, once a second, and says the id of a list
-that we have sent in its MISSION_ACK. An id that is neither the one before nor the one of our own
-transfer is that of another sender. Older PX4 (before 1.15) have no ids, and tell 0.
+PX4 reports an id of each of the three lists on board once a second, and the id of a list that we
+have sent in its MISSION_ACK. An id that is neither the previous one nor that of our own transfer
+comes from another sender. PX4 before 1.15 has no ids and reports 0.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY
 
 
 class PlanIds(NamedTuple):
-    """By which a PX4 tells one plan on board from another; 0: not told, or none."""
+    """PX4's ids of the lists on board; 0: not reported, or none."""
 
     mission_id: int
     fence_id: int
     rally_points_id: int
 
     @property
-    def told(self) -> bool:
-        """Whether the autopilot has ids, and a plan."""
+    def reported(self) -> bool:
+        """Whether PX4 reports ids, and has a plan."""
         return any(self)
 
 
@@ -32,36 +32,36 @@ LISTS: Final = (MISSION, FENCE, RALLY)
 
 @dataclass(slots=True)
 class PlanGuard:
-    """Follows the ids of one PX4.
+    """Tracks the ids of one PX4.
 
     Attributes:
-        newest: The ids as they were told last; None before.
+        newest: The last reported ids; None before the first.
         changed: The lists that another sender has changed since `begin`.
     """
 
     newest: PlanIds | None = None
     changed: frozenset[int] = frozenset()
-    _known: dict[int, int] = field(default_factory=dict)  # by list: its id; none: the next told is
-    _under_way: int | None = None  # the list that we transfer
-    _answered: bool = False  # the autopilot has said that it is stored
-    _perhaps: dict[int, int] = field(default_factory=dict)  # by list: what a refusal named of ours
+    _known: dict[int, int] = field(default_factory=dict)  # id by list; missing: the next one
+    _under_way: int | None = None  # the list being transferred
+    _acknowledged: bool = False  # PX4 has reported it as stored
+    _perhaps: dict[int, int] = field(default_factory=dict)  # by list: our id in a refusal
 
     def begin(self, known: PlanIds | None) -> None:
-        """From now on what is another than this is a change; None: than what is told next."""
+        """Report changes relative to these ids from now on; None: to the next reported ids."""
         self._known = {} if known is None else dict(zip(LISTS, known, strict=True))
         self.changed = frozenset()
 
     def transfer_begins(self, kind: int) -> None:
-        """We send a list, or clear it."""
-        self._under_way, self._answered = kind, False
+        """This program starts to send or clear a list."""
+        self._under_way, self._acknowledged = kind, False
 
     def stored(self, kind: int, identifier: int | None) -> None:
-        """The autopilot has stored our list, under this id; None: it does not say which.
+        """PX4 has stored our list under this id; None: not reported.
 
-        That is addressed to us, and may be received after the transfer is known to be over:
-        MAVSDK passes its own result on first.
+        This acknowledgement may be received after the end of the transfer, because MAVSDK reports
+        its own result first.
         """
-        self._answered |= kind == self._under_way
+        self._acknowledged |= kind == self._under_way
         self._perhaps.pop(kind, None)
         if identifier is None:
             self._known.pop(kind, None)
@@ -69,27 +69,27 @@ class PlanGuard:
             self._known[kind] = identifier
 
     def refused(self, kind: int, identifier: int | None) -> None:
-        """The autopilot says that it has not; where it names the list, it may have."""
+        """PX4 has refused our list; if it reports an id, it may have stored it."""
         if identifier:
             self._perhaps[kind] = identifier
 
     def clear_refused(self, kind: int) -> None:
-        """The autopilot says that it has not cleared our list; it may be empty all the same."""
+        """PX4 has refused to clear our list; it may be empty all the same."""
         self._perhaps[kind] = 0
 
     def transfer_ends(self, *, perhaps_stored: bool = False) -> None:
-        """It is over; `perhaps_stored`: our list may be there, whatever was heard of its id."""
-        if perhaps_stored and self._under_way is not None and not self._answered:
+        """The transfer has ended; `perhaps_stored`: our list may be stored without a known id."""
+        if perhaps_stored and self._under_way is not None and not self._acknowledged:
             self._known.pop(self._under_way, None)
         self._under_way = None
 
-    def told(self, ids: PlanIds) -> frozenset[int]:
-        """The autopilot tells its ids; which lists another sender has changed since the last."""
+    def reported(self, ids: PlanIds) -> frozenset[int]:
+        """Handle reported ids; return the lists that another sender has changed since the last."""
         self.newest = ids
         found = set()
         for kind, identifier in zip(LISTS, ids, strict=True):
             if kind == self._under_way:
-                continue  # the answer may be lost; PX4 takes no other list meanwhile
+                continue  # the answer may be lost; PX4 accepts no other list meanwhile
             if self._known.setdefault(kind, identifier) != identifier:
                 self._known[kind] = identifier
                 if identifier == self._perhaps.get(kind):

@@ -1,7 +1,7 @@
 """A PX4 vehicle through MAVSDK: the one implementation of `air_router.vehicle.vehicle.Vehicle`.
 
-Commands are believed when the vehicle's own messages show them (HEARTBEAT and CURRENT_MODE,
-MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT). What moves the vehicle leaves once (`px4_commands`).
+Commands are confirmed by the vehicle's own messages (HEARTBEAT and CURRENT_MODE, MISSION_CURRENT,
+POSITION_TARGET_GLOBAL_INT). A command that moves the vehicle is sent once (`px4_commands`).
 """
 
 import asyncio
@@ -27,9 +27,9 @@ from air_router.vehicle import (
 from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.limits import (
     ARMING_HEALTH_S,
-    FIRST_ANSWER_S,
     FIRST_POSITIONS_S,
-    LINK_SILENT_LOOKS,
+    FIRST_RESPONSE_S,
+    LINK_SILENT_CHECKS,
     LINK_SILENT_S,
     SPOOFED_MESSAGES,
 )
@@ -45,20 +45,19 @@ _log = logging.getLogger(__name__)
 
 _MAV_SEVERITY: Final = {Severity.INFO: 6, Severity.WARNING: 4, Severity.ALARM: 2}
 """INFO, WARNING ("a possible future error if this is not resolved") and CRITICAL ("action must be
-taken immediately") of common.xml. QGroundControl lists all of them, and reads aloud NOTICE (5) and
-what is graver (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): what asks for nothing is read,
-what asks for something is heard as well."""
+taken immediately") of common.xml. QGroundControl lists all of them, and reads NOTICE (5) and more
+severe ones aloud (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): INFO is only shown."""
 
 
 class Px4Vehicle(Px4Motions, Vehicle):
     """Flies one PX4.
 
     Args:
-        mission: Its local frame and speed; the vehicle is told WGS-84 degrees.
+        mission: The mission with its local frame and speed; commands use WGS-84 degrees.
         url: MAVSDK connection URL, such as `udpin://127.0.0.1:14540`.
-        clock: Told the vehicle's time.
-        system_id: The vehicle's MAVLink system id; ours must be the same.
-        connection: What opens the link; a rehearsal's leads to a vehicle in the same process.
+        clock: The vehicle's clock.
+        system_id: The vehicle's MAVLink system id, which this program also uses.
+        connection: Opens the link; a rehearsal connects to a vehicle in the same process.
     """
 
     def __init__(
@@ -74,19 +73,19 @@ class Px4Vehicle(Px4Motions, Vehicle):
         telemetry = Px4Telemetry(mission.frame, clock)
         super().__init__(mission, telemetry, Px4Commands(telemetry))
         self._onboard: OnboardPlan  # from `connect` on
-        self._texts_sent = 0  # id of a text in pieces
-        self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
-        self._catching_up: asyncio.Task[bool] | None = None  # asks for the mode after a gap
-        self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
-        self._spoofs_told = False  # that another sender poses as the vehicle
+        self._texts_sent = 0  # id of a text in chunks
+        self._watches: list[asyncio.Task[None]] = []  # empty: not connected
+        self._catching_up: asyncio.Task[bool] | None = None  # requests the mode after a gap
+        self._callback: Callable[[VehicleEvent], None] | None = None  # receives vehicle events
+        self._spoofing_announced = False  # a sender that poses as the vehicle was announced
 
     @property
     def telemetry(self) -> Px4Telemetry:
-        """What the vehicle said last."""
+        """The vehicle's last reports."""
         return self._telemetry
 
     async def connect(self) -> VehicleInfo:
-        """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
+        """See `Vehicle.connect`; also requests positions at the rate that a flight needs."""
         plugins = await self._connection.open()
         telemetry = self._telemetry
         self._onboard = OnboardPlan(
@@ -102,11 +101,11 @@ class Px4Vehicle(Px4Motions, Vehicle):
                 f"{FIRST_POSITIONS_S:.0f} s; is its GPS ready, and is the link set to "
                 "MAVLink mode 'Onboard'?"
             )
-        if not await telemetry.shows(telemetry.introduced, FIRST_ANSWER_S) and telemetry.in_air:
-            await px4_requests.ask_since_when_it_flies(telemetry)
+        if not await telemetry.shows(telemetry.introduced, FIRST_RESPONSE_S) and telemetry.in_air:
+            await px4_requests.request_flight_information(telemetry)
         if telemetry.identity.version is None:
             _log.warning(
-                "%s: PX4 does not answer; has it a signing key? Then say --signing-key FILE",
+                "%s: PX4 does not answer; if it has a signing key, give --signing-key FILE",
                 self._url,
             )
         work = (self._watch_silence(), px4_requests.keep_streams(telemetry))
@@ -127,7 +126,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         self._telemetry.subscribe(callback)
 
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
-        """See `Vehicle.inspect`; a vehicle that is just being switched on is given some seconds."""
+        """See `Vehicle.inspect`; a vehicle that was just switched on gets some seconds."""
         return await px4_requests.inspect(self._telemetry, parameters)
 
     async def recognise(self, plan: FlightPlan) -> None:
@@ -153,7 +152,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         if not await telemetry.shows(lambda: telemetry.status.health_good, ARMING_HEALTH_S):
             raise ArmingRefusedError(
                 f"not ready to arm after {ARMING_HEALTH_S:.0f} s{telemetry.reports.words}"
-                f"{telemetry.said()}; see the arming checks in the ground station"
+                f"{telemetry.texts()}; see the arming checks in the ground station"
             )
         if telemetry.armed or telemetry.mode not in {before, FlightMode.HOLD, FlightMode.MISSION}:
             raise ArmingRefusedError(
@@ -169,13 +168,13 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     async def start(self) -> None:
         """See `Vehicle.start`."""
-        async with self._onboard.lock:  # PX4 begins what is on board when the mode changes
+        async with self._onboard.lock:  # PX4 starts the plan on board when the mode changes
             await super().start()
 
     async def announce(self, text: str, severity: Severity) -> None:
         """See `Vehicle.announce`: PX4 forwards a companion's STATUSTEXT to the ground station."""
         if not self._watches:
-            _log.warning("the pilot was not told %r: no vehicle is connected yet", text)
+            _log.warning("announcement %r was not sent: no vehicle is connected yet", text)
             return
         self._texts_sent = self._texts_sent % 0xFFFF + 1
         chunks = chunks_of(text)
@@ -189,7 +188,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             }
             fault = self._telemetry.send("STATUSTEXT", fields, to_all=True)
             if fault is not None:
-                _log.warning("the pilot was not told %r: %s", text, fault)
+                _log.warning("announcement %r was not sent: %s", text, fault)
                 return
 
     async def close(self) -> None:
@@ -200,7 +199,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             self._catching_up.cancel()
         if self._watches:
             self._onboard.close()
-        self.stop_telling()
+        self.stop_sending_speed()
         await self._connection.close()
 
     def _on_event(self, event: VehicleEvent) -> None:
@@ -209,21 +208,25 @@ class Px4Vehicle(Px4Motions, Vehicle):
         elif isinstance(event, LinkSilent) and (
             self._catching_up is None or self._catching_up.done()
         ):
-            # What a pilot chose in the gap is known within milliseconds, and not with the next
-            # HEARTBEAT; until then the controller's `heard_again` lets nothing begin.
+            # The pilot's choice during the gap is known within milliseconds, before the next
+            # HEARTBEAT. Until then the controller's `link_restored` starts nothing.
             check = self._commands.check
             self._catching_up = asyncio.get_running_loop().create_task(check.received())
 
     def _on_compared(self, difference: str | None) -> None:
         if self._callback is not None:
-            # Not from here: an error in what it leads to would end the comparing, unseen.
+            # Not called directly: an error in a callback would end the comparison unnoticed.
             event = PlanCompared(self._telemetry.time_s, difference)
             asyncio.get_running_loop().call_soon(self._callback, event)
 
-    def _tell_spoofs(self) -> None:
+    def _announce_spoofing(self) -> None:
         count = self._connection.posing
-        if count >= SPOOFED_MESSAGES and not self._spoofs_told and self._callback is not None:
-            self._spoofs_told = True
+        if (
+            count >= SPOOFED_MESSAGES
+            and not self._spoofing_announced
+            and self._callback is not None
+        ):
+            self._spoofing_announced = True
             event = MavlinkSpoofed(self._telemetry.time_s, count)
             asyncio.get_running_loop().call_soon(self._callback, event)
 
@@ -231,18 +234,18 @@ class Px4Vehicle(Px4Motions, Vehicle):
         loop = asyncio.get_running_loop()
         while True:
             began_s = loop.time()
-            await asyncio.sleep(LINK_SILENT_S / LINK_SILENT_LOOKS)
-            self._tell_spoofs()
+            await asyncio.sleep(LINK_SILENT_S / LINK_SILENT_CHECKS)
+            self._announce_spoofing()
             if loop.time() - began_s > LINK_SILENT_S:
-                continue  # this program stood still, and what was said meanwhile waits
+                continue  # this program stalled, and messages wait in the socket
             silent_s = self._telemetry.silent_s()
             if silent_s > LINK_SILENT_S and self._callback is not None:
-                # Not from here: an error in what it leads to would end this watch, unseen.
+                # Not called directly: an error in a callback would end this task unnoticed.
                 loop.call_soon(self._callback, LinkSilent(self._telemetry.time_s, silent_s))
 
 
 def chunks_of(text: str) -> list[str]:
-    """A text in pieces that a STATUSTEXT takes: 50 bytes of UTF-8, no letter cut in two."""
+    """Split a text into chunks for STATUSTEXT: 50 bytes of UTF-8, no character split."""
     chunks = [""]
     for letter in text:
         if len((chunks[-1] + letter).encode()) > STATUSTEXT_BYTES:

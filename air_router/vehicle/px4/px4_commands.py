@@ -1,14 +1,14 @@
-"""Commands that move a PX4 or change its mode: each leaves once, and is believed when it shows.
+"""Commands that move a PX4 or change its mode. Each is sent once, and confirmed by telemetry.
 
-Each leaves in the moment in which the vehicle has said that it is in a mode which the command may
-end: a mode that was received before may be another by now (`px4_mode_check`). There is one door,
-`Px4Commands._look`, and nothing that moves the vehicle leaves beside it.
+A command is sent only right after the vehicle has reported a mode that the command may end: an
+older report may be outdated (`px4_mode_check`). `Px4Commands.recheck` makes this check, and nothing
+that moves the vehicle is sent without it.
 
-Sending a command again because no answer came, as MAVSDK does, takes the vehicle back from
-a pilot who chose something else meanwhile. That may be the mode of before: a vehicle that has
-acknowledged another one, and is not in it, was in it for a moment, and is another's. Here it leaves
-again only on a HEARTBEAT from some time after it left that still shows what was before; what leads
-to a place does not leave again at all.
+MAVSDK repeats an unacknowledged command. That would take the vehicle back from a pilot who chose
+another mode meanwhile, perhaps even the previous mode: a vehicle that acknowledged a new mode and
+is not in it was in it for a moment, and then the pilot changed it. Here a command is repeated only
+after a later HEARTBEAT that still shows the state before the command. A command that leads to a
+place is never repeated.
 """
 
 import logging
@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 
 
 class NotShownError(NotConfirmedError):
-    """Nothing was heard that would show what became of an order: it may be followed."""
+    """Nothing was received that shows the outcome of a command: the vehicle may follow it."""
 
 
 class Result(IntEnum):
@@ -71,17 +71,17 @@ class Result(IntEnum):
 
 
 class ObservedState(NamedTuple):
-    """What a pilot or ground station would change that takes the vehicle."""
+    """What changes when a pilot or ground station takes the vehicle over."""
 
     mode: FlightMode
     armed: bool
     failsafe: bool
-    item: int | None  # of the plan, current
-    target: Point | None  # that it reports
+    item: int | None  # current plan item
+    target: Point | None  # reported target
 
     @classmethod
     def of(cls, telemetry: Px4Telemetry | Telemetry) -> Self:
-        """As the vehicle said last; item and target where they are chosen, and not followed."""
+        """From the last reports; item and target only in modes in which someone chooses them."""
         mode = telemetry.mode
         return cls(
             mode,
@@ -91,8 +91,8 @@ class ObservedState(NamedTuple):
             telemetry.target if mode is FlightMode.HOLD and telemetry.in_air else None,
         )
 
-    def told_since(self, sent_s: float, telemetry: Px4Telemetry) -> bool:
-        """Whether item or target, where one is chosen, were told again since then."""
+    def reported_since(self, sent_s: float, telemetry: Px4Telemetry) -> bool:
+        """Whether the item or target of this mode was reported again since then."""
         if self.mode is FlightMode.MISSION:
             return telemetry.arrived_s("MISSION_CURRENT") > sent_s
         if self.mode is FlightMode.HOLD and telemetry.in_air:
@@ -100,7 +100,7 @@ class ObservedState(NamedTuple):
         return True
 
     def same(self, other: Self) -> bool:
-        """Whether no other order came between the two."""
+        """Whether no other command took effect between the two."""
         here, there = self.target, other.target
         if here is not None and there is not None:
             return math.dist(here, there) <= SAME_TARGET_M and self[:-1] == other[:-1]
@@ -109,18 +109,19 @@ class ObservedState(NamedTuple):
 
 @dataclass(slots=True)
 class SentOrder:
-    """An order that has left, and what was answered; times are of the monotonic clock.
+    """A command that was sent, and its acknowledgements. Times are of the monotonic clock.
 
     Attributes:
-        order: What the vehicle was told.
-        before: What the vehicle had been told, by any sender, when it left.
-        plan: What was on board then.
-        first_s: When it left.
-        last_s: When it left last.
-        heard_s: When the vehicle said last that it is about it.
-        accepted: The vehicle acknowledged this very order, as far as can be told.
-        acked_s: When an acknowledgement came that may also be that of an order from before.
-        refusal: The result with which it refused it, None if it did not.
+        order: The command.
+        before: The vehicle's state, set by any sender, when the command was sent.
+        plan: The plan on board then.
+        first_s: When it was first sent.
+        last_s: When it was last sent.
+        in_progress_s: When the vehicle last reported it as in progress.
+        accepted: The vehicle acknowledged this very command, as far as can be determined.
+        acked_s: When an acknowledgement was received that may also belong to an earlier command.
+        acked_boot_s: The newest time since boot that the vehicle had reported by then.
+        refusal: The result of a refusal; None: not refused.
     """
 
     order: Px4Order
@@ -128,82 +129,85 @@ class SentOrder:
     plan: PlanIds | None
     first_s: float
     last_s: float = -math.inf
-    heard_s: float = -math.inf
+    in_progress_s: float = -math.inf
     accepted: bool = False
     acked_s: float = math.inf
+    acked_boot_s: float = math.inf
     refusal: int | None = None
 
     def leaves(self, now_s: float) -> None:
-        """It leaves, perhaps again."""
+        """Note that it is sent, perhaps again."""
         self.last_s = now_s
-        if self.refusal is not None:  # what was answered was about the time before
-            self.refusal, self.accepted, self.acked_s = None, False, math.inf
+        if self.refusal is not None:  # that answer concerned the time before
+            self.refusal, self.accepted = None, False
+            self.acked_s = self.acked_boot_s = math.inf
 
-    def answered(self, result: int, now_s: float, *, this: bool) -> None:
-        """The vehicle says what has become of it; `this`: of this order, and of none before it."""
+    def acknowledged(self, result: int, now_s: float, boot_s: float, *, this: bool) -> None:
+        """Note an acknowledgement; `this`: of this very command, not of an earlier one."""
         if result == Result.IN_PROGRESS:
-            self.heard_s = now_s
+            self.in_progress_s = now_s
         elif result == Result.ACCEPTED:
             self.accepted |= this
             self.acked_s = min(self.acked_s, now_s)
+            self.acked_boot_s = min(self.acked_boot_s, boot_s)
         else:
             self.refusal = result
 
 
 Shown = Callable[[SentOrder], bool]
-"""Whether the vehicle follows an order, by what it says and has acknowledged."""
+"""Whether the vehicle follows a command, by its telemetry and acknowledgements."""
 
 
 class OrderOutcome(Enum):
-    """What has become of an order that left."""
+    """The outcome of a sent command."""
 
     FOLLOWED = auto()
     REFUSED = auto()
-    TAKEN = auto()  # another party chose a mode that is neither from before nor ours
-    AGAIN = auto()  # not followed, and no other mode was chosen: it may leave again
+    TAKEN = auto()  # another party chose a mode that is neither the previous one nor ours
+    AGAIN = auto()  # not followed, and no other mode chosen: may be sent again
 
 
 @dataclass(slots=True)
 class _Attempts:
-    """How often orders of one kind left and were not answered, and the one that is waited for."""
+    """The unacknowledged commands of one kind, and the pending one."""
 
-    unanswered: deque[tuple[float, SentOrder]] = field(default_factory=deque)  # when it left
-    newest: SentOrder | None = None  # its answer is waited for
-    unsettled_s: float = -math.inf  # when one left last whose answer may yet be taken for another's
+    unanswered: deque[tuple[float, SentOrder]] = field(default_factory=deque)  # when it was sent
+    newest: SentOrder | None = None  # the pending one
+    unsettled_s: float = -math.inf  # last one with a still ambiguous answer
 
     def begin(self, sent: SentOrder) -> None:
-        """This order is the one that is waited for."""
+        """Make this command the pending one."""
         self.newest = sent
         self.unsettled_s = max([self.unsettled_s, *(left_s for left_s, _ in self.unanswered)])
 
     def left_again(self, sent: SentOrder) -> None:
-        """An order that is over left again, and may be answered, and followed, once more."""
+        """A finished command was sent twice, so another acknowledgement may be received."""
         self.unsettled_s = sent.last_s
 
 
 class Px4Commands:
-    """Sends orders, one of each kind at a time.
+    """Sends commands, one of each kind at a time.
 
     Args:
-        telemetry: What the vehicle says, and what sends to it.
+        telemetry: The vehicle's messages in both directions.
 
     Attributes:
-        check: Asks for the mode that the vehicle has now.
+        check: Requests the vehicle's current mode.
     """
 
     def __init__(self, telemetry: Px4Telemetry) -> None:
         self._telemetry = telemetry
         self.check = ModeCheck(telemetry)
-        self._looked_s = -math.inf  # when the mode of now was received, loop's clock
+        self._mode_received_s = -math.inf  # when the current mode was checked, loop's clock
         self._tried: dict[int, _Attempts] = defaultdict(_Attempts)  # by MAV_CMD
-        self._unfollowed: deque[SentOrder] = deque()  # may show yet, since the last that was
+        self._unfollowed: deque[SentOrder] = deque()  # may still take effect
 
     def listen(self) -> None:
-        """Take the autopilot's acknowledgements, from now on."""
+        """Handle PX4's acknowledgements from now on."""
         self._telemetry.take({"COMMAND_ACK": self._on_ack})
         self.check.listen()
 
-    async def look(
+    async def recheck(
         self,
         words: str,
         out_of: Modes = None,
@@ -211,33 +215,34 @@ class Px4Commands:
         *,
         anew: bool = False,
     ) -> None:
-        """Make sure that something may leave in this very moment: in this turn of the loop.
+        """Make sure that a message may be sent now: in this turn of the loop.
 
         Args:
-            words: What is to leave.
-            out_of: The modes that it may end; None: the one of the call.
-            objection: Why it must not leave, after all.
-            anew: Also where the mode was looked at a moment ago.
+            words: What is to be sent, as text.
+            out_of: The modes that it may end; None: the mode at the time of the call.
+            objection: Returns why it must not be sent; None: it may.
+            anew: Check the mode even if it was checked a moment ago.
 
         Raises:
-            NotSentError: no mode of now was received, a failsafe acts, or there is an objection.
-            TakenOverError: the vehicle is in another mode.
+            NotSentError: The current mode was not received, a failsafe acts, or there is an
+            objection.
+            TakenOverError: The vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
-        if anew or loop_s() - self._looked_s > MODE_FRESH_S:
+        if anew or loop_s() - self._mode_received_s > MODE_FRESH_S:
             if not await self.check.received():
-                raise NotSentError(f"{words} was not sent: no flight mode of now was received")
-            self._looked_s = loop_s()
+                raise NotSentError(f"{words} was not sent: no current flight mode was received")
+            self._mode_received_s = loop_s()
         if (taken := self.taken(modes)) is not None:
             text = f"{words} was not sent: the pilot chose {taken.value} mode"
             raise TakenOverError(text, taken, sent=False)
-        if self._telemetry.failsafe and self._telemetry.in_air:  # it may hold, as we have it do
+        if self._telemetry.failsafe and self._telemetry.in_air:  # a failsafe may hold too, as we do
             raise NotSentError(f"{words} was not sent: a failsafe of the autopilot acts")
         if (why := objection()) is not None:
             raise NotSentError(why)
 
     def taken(self, out_of: Collection[FlightMode]) -> FlightMode | None:
-        """The mode that the vehicle is in, if it is none of these, nor of an order of ours."""
+        """The vehicle's mode, if it is none of these and not due to a command of ours."""
         mode = self._telemetry.mode
         return None if mode in {*out_of, *self.late_modes()} else mode
 
@@ -252,15 +257,15 @@ class Px4Commands:
         """Send a message to the autopilot, once.
 
         Args:
-            wire: Its name and fields.
-            words: What it is.
-            out_of: See `look`, which raises as well.
-            objection: See `look`.
+            wire: Name and fields of the message.
+            words: What it is, as text.
+            out_of: See `recheck`, which raises as well.
+            objection: See `recheck`.
 
         Raises:
-            NotConfirmedError: the link is gone.
+            NotConfirmedError: The link is lost.
         """
-        await self.look(words, out_of, objection)
+        await self.recheck(words, out_of, objection)
         self._send(wire, words)
 
     def _send(self, wire: tuple[str, dict[str, Any]], words: str) -> None:
@@ -268,7 +273,7 @@ class Px4Commands:
         if fault is not None:
             raise NotConfirmedError(f"{words} was not sent: {fault}")
 
-    async def tell(
+    async def execute(
         self,
         order: Px4Order,
         shown: Shown,
@@ -277,21 +282,22 @@ class Px4Commands:
         out_of: Modes = None,
         objection: Objection = no_objection,
     ) -> None:
-        """Send an order and wait until the vehicle follows it.
+        """Send a command and wait until the vehicle follows it.
 
         Args:
-            order: What it is to do.
-            shown: Whether it follows.
-            attempts: How often it may leave at most, each time if no other order came.
-            out_of: See `look`, which raises as well.
-            objection: See `look`.
+            order: The command.
+            shown: Whether the vehicle follows it.
+            attempts: How often it may be sent at most; repeated only if no other command took
+                effect.
+            out_of: See `recheck`, which raises as well.
+            objection: See `recheck`.
 
         Raises:
-            NotShownError: nothing was heard that shows whether it follows.
-            NotConfirmedError: it does not follow, with the reason where there is one.
-            TakenOverError: a pilot chose another mode before it was followed.
+            NotShownError: Nothing was received that shows whether the vehicle follows.
+            NotConfirmedError: The vehicle does not follow, with the reason if there is one.
+            TakenOverError: A pilot chose another mode before the vehicle followed.
         """
-        await self.look(order.words, out_of, objection)
+        await self.recheck(order.words, out_of, objection)
         telemetry = self._telemetry
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan.ids, loop_s())
         tried = self._tried[order.command]
@@ -300,15 +306,15 @@ class Px4Commands:
         for attempt in range(attempts):
             if attempt:
                 try:
-                    await self.look(order.words, {sent.before.mode, order.leads_to})
+                    await self.recheck(order.words, {sent.before.mode, order.leads_to})
                 except NotSentError:
-                    verdict = None  # it has left before, and what became of that is not known
+                    verdict = None  # it was sent before, with an unknown outcome
                     break
-                if not self._unchanged(sent):  # it follows just now, perhaps, or is about it
-                    verdict = await self._settled(sent, shown, more=False)
+                if not self._unchanged(sent):  # it may just be taking effect
+                    verdict = await self._outcome(sent, shown, more=False)
                     break
             self._leave(sent, attempt)
-            verdict = await self._settled(sent, shown, more=attempt + 1 < attempts)
+            verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
             if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
@@ -317,13 +323,13 @@ class Px4Commands:
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
-            heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
-            unseen = verdict is None and heard_s < sent.last_s + ORDER_SETTLED_S
+            in_progress_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
+            unseen = verdict is None and in_progress_s < sent.last_s + ORDER_SETTLED_S
             error = NotShownError if unseen else NotConfirmedError
             raise error(self._why_not(sent, verdict))
-        if order.moves:  # what left before it is void, on a link in order
+        if order.moves:  # earlier ones are void: the link keeps the order
             self._unfollowed.clear()
-        tried.unanswered.clear()  # on a link in order: lost, or here by now
+        tried.unanswered.clear()  # lost or received by now: the link keeps the order
 
     def _leave(self, sent: SentOrder, attempt: int) -> None:
         if sent.order.moves and not attempt:
@@ -332,8 +338,8 @@ class Px4Commands:
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self._send(sent.order.wire(attempt), sent.order.words)
 
-    async def _settled(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
-        """What became of it, None if nothing can be said in time."""
+    async def _outcome(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
+        """The outcome; None: nothing was received in time."""
         verdict: OrderOutcome | None = None
 
         def judged() -> bool:
@@ -342,20 +348,20 @@ class Px4Commands:
             return verdict is not None
 
         while True:
-            latest_s = max(sent.last_s, sent.heard_s)
+            latest_s = max(sent.last_s, sent.in_progress_s)
             end_s = min(latest_s + ORDER_CONFIRM_S, sent.first_s + ORDER_LONGEST_S)
             left_s = end_s - loop_s()
-            # Whatever ends the wait: it may have said meanwhile that it is about it, or done it.
+            # The vehicle may have reported progress or followed at the end of the wait.
             if left_s <= 0.0:
                 judged()
                 return verdict
             if await self._telemetry.shows(judged, min(left_s, MODE_POLL_S)):
                 return verdict
             if self._should_show(sent) and await self.check.received(left_s):
-                # In the mode of now it is not: it was, for a moment that no message has shown.
+                # It is not in the mode now: it was for a moment, which no message has shown.
                 return verdict if judged() else OrderOutcome.TAKEN
-            # A mode that it has now and no HEARTBEAT has told yet is a pilot's as soon as another
-            # follows: the sooner ours is known, the sooner that shows.
+            # The next HEARTBEAT may already show a pilot's mode after ours: request one now, so
+            # that our own mode is seen first.
             self.check.request()
 
     def _verdict(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
@@ -365,53 +371,54 @@ class Px4Commands:
             return OrderOutcome.TAKEN
         if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
             return OrderOutcome.REFUSED
-        return OrderOutcome.AGAIN if more and self._no_other_chose(sent) else None
+        return OrderOutcome.AGAIN if more and self._no_other_choice(sent) else None
 
     def _should_show(self, sent: SentOrder) -> bool:
-        """Whether PX4 has changed the mode as this very order said, long enough ago to show it.
+        """Whether PX4 accepted the mode of this very command long enough ago to report it.
 
-        The first acknowledgement of a mode says nothing on PX4 1.16 and 1.17; the second, which
-        follows at once, is a refusal where it does not change. What answers one that left before,
-        and is late, may be taken for an answer to this one: then nothing is known.
+        PX4 1.16 and 1.17 acknowledge a mode twice. The first acknowledgement means nothing; the
+        second follows at once, and is a refusal if the mode does not change. A late acknowledgement
+        of an earlier command may be mistaken for this one's; then nothing is known.
         """
         if sent.first_s - self._tried[sent.order.command].unsettled_s <= ACK_LATE_S:
             return False
         changes = sent.order.leads_to is not sent.before.mode
         accepted = sent.accepted and sent.refusal is None
-        return changes and accepted and loop_s() >= sent.acked_s + ORDER_ACTS_S
+        reported_s = self._telemetry.clock.reported_s
+        return changes and accepted and reported_s >= sent.acked_boot_s + ORDER_ACTS_S
 
     def late_modes(self) -> set[FlightMode]:
-        """The modes of orders that were called off, or did not show: they may show yet."""
+        """The modes of canceled or unconfirmed commands, which may still take effect."""
         since_s = loop_s() - ACK_LATE_S
         return {sent.order.leads_to for sent in self._unfollowed if sent.last_s >= since_s}
 
-    def _no_other_chose(self, sent: SentOrder) -> bool:
-        """Whether the vehicle says just now that everything is as it was before the order."""
+    def _no_other_choice(self, sent: SentOrder) -> bool:
+        """Whether a fresh HEARTBEAT shows the state from before the command."""
         heartbeat_s = self._telemetry.arrived_s("HEARTBEAT")
         just_now = loop_s() - heartbeat_s <= HEARTBEAT_FRESH_S
         return heartbeat_s >= sent.last_s + ORDER_SETTLED_S and just_now and self._unchanged(sent)
 
     def _unchanged(self, sent: SentOrder) -> bool:
-        """Whether all is as it was before the order, by what the vehicle said last."""
+        """Whether the last reports show the state from before the command."""
         telemetry = self._telemetry
         return (
-            sent.heard_s < sent.last_s
-            and sent.before.told_since(sent.last_s, telemetry)
+            sent.in_progress_s < sent.last_s
+            and sent.before.reported_since(sent.last_s, telemetry)
             and sent.before.same(ObservedState.of(telemetry))
-            # Mission mode would fly what a ground station has put on board meanwhile.
+            # Mission mode would fly a plan that a ground station has uploaded meanwhile.
             and (sent.order.leads_to is not FlightMode.MISSION or sent.plan == telemetry.plan.ids)
         )
 
     def _why_not(self, sent: SentOrder, verdict: OrderOutcome | None) -> str:
-        words, mode, said = sent.order.words, self._telemetry.mode.value, self._telemetry.said()
+        words, mode, texts = sent.order.words, self._telemetry.mode.value, self._telemetry.texts()
         if verdict is OrderOutcome.TAKEN:
-            return f"{words} was asked for, and the pilot chose {mode} mode"
+            return f"{words} was commanded, but the pilot chose {mode} mode"
         if sent.refusal is not None:
-            return f"{words}: {_name(sent.refusal)}{said}"
-        return f"{words} was asked for and does not show; the vehicle is in {mode} mode{said}"
+            return f"{words}: {_name(sent.refusal)}{texts}"
+        return f"{words} was commanded, but the vehicle stays in {mode} mode{texts}"
 
     def _on_ack(self, fields: dict[str, Any]) -> None:
-        """An acknowledgement; PX4 1.16 and 1.17 send two for a mode, the second says how it is."""
+        """Handle an acknowledgement; of the two for a mode (PX4 1.16, 1.17) the second counts."""
         to = (fields.get("target_system"), fields.get("target_component"))
         tried = self._tried.get(fields["command"])
         if (
@@ -421,18 +428,18 @@ class Px4Commands:
         ):
             return
         now_s, newest = self._telemetry.arrived_s("COMMAND_ACK"), tried.newest
-        result = fields["result"]
+        result, boot_s = fields["result"], self._telemetry.clock.reported_s
         if result == Result.IN_PROGRESS:
-            newest.answered(result, now_s, this=True)
+            newest.acknowledged(result, now_s, boot_s, this=True)
             return
         while tried.unanswered and tried.unanswered[0][0] < now_s - ACK_LATE_S:
             tried.unanswered.popleft()
-        # They have no numbers: on a link in order the first answers what left first.
-        answered = None
+        # Acknowledgements have no numbers: on a link in order the first answers the first command.
+        acknowledged = None
         if tried.unanswered and tried.unanswered[0][0] <= now_s:
-            _, answered = tried.unanswered.popleft()
+            _, acknowledged = tried.unanswered.popleft()
         if newest.first_s <= now_s:
-            newest.answered(result, now_s, this=answered is newest)
+            newest.acknowledged(result, now_s, boot_s, this=acknowledged is newest)
 
 
 def _name(result: int) -> str:

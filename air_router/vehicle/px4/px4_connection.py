@@ -1,4 +1,4 @@
-"""Finding the autopilot on a connection, or saying within seconds why there is none."""
+"""Finds the autopilot on a connection, or reports within seconds why there is none."""
 
 import asyncio
 import contextlib
@@ -11,6 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from mocha_link.errors import needs_extra
+
+with needs_extra("a flight", "fly", "air-router"):
+    import mavsdk  # noqa: F401 - checked before the rest of it is imported
 
 from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
@@ -26,8 +31,8 @@ from air_router.vehicle.px4.direct_link import DirectLink
 from air_router.vehicle.px4.limits import (
     FIND_DATAGRAMS,
     FIND_ELSEWHERE_S,
-    FIND_LOOK_S,
     FIND_OTHERS_S,
+    FIND_POLL_S,
     FIND_S,
     READ_BYTES,
 )
@@ -40,25 +45,25 @@ _log = logging.getLogger(__name__)
 
 
 USUAL_PORTS: Final = (*range(14540, 14550), 14550)
-"""PX4's: its API links by instance, and the ground station's."""
+"""PX4's ports: its API links by instance, and the ground station's."""
 
-_EVERYWHERE: Final = ("", "0.0.0.0")  # noqa: S104 - only where the operator says so
+_EVERYWHERE: Final = ("", "0.0.0.0")  # noqa: S104 - only if the operator gives it
 
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
 
 
 class SignedVehicleError(NoVehicleError):
-    """The vehicle obeys only what is signed with its key, and the link has none."""
+    """The vehicle accepts only messages signed with its key, and the link has none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plugins:
-    """All that a flight uses of MAVSDK; a rehearsal puts its own in their place.
+    """The MAVSDK plugins that a flight uses; a rehearsal replaces them.
 
     Attributes:
-        direct: Messages as they are.
+        direct: Raw messages.
         raw: Transfers of mission, fence and rally points.
-        geofence: Takes a fence off board.
+        geofence: Clears the fence.
     """
 
     direct: MavlinkDirect
@@ -69,17 +74,17 @@ class Plugins:
 class Px4Connection:
     """One MAVSDK instance on one connection.
 
-    As a companion computer has to, it takes the vehicle's own system id and component 191, and
-    sends heartbeats as an onboard controller.
+    Like any companion computer it uses the vehicle's system id and component 191, and sends
+    heartbeats as an onboard controller.
 
     Args:
-        url: As MAVSDK writes it.
+        url: MAVSDK connection URL.
         system_id: The vehicle's.
-        key: The file of the key with which the link is signed; None: it is not signed.
+        key: The file of the signing key; None: the link is not signed.
 
     Raises:
-        NoVehicleError: the URL is none.
-        SigningKeyError: the file has no key, or others can read it.
+        NoVehicleError: The URL is invalid.
+        SigningKeyError: The file has no key, or others can read it.
     """
 
     def __init__(self, url: str, system_id: int, *, key: Path | None = None) -> None:
@@ -91,7 +96,7 @@ class Px4Connection:
         self._url = url
         self.system_id = system_id
         self._mavsdk: Mavsdk | None = None  # None: closed
-        self._link: Px4Link | DirectLink | None = None  # our own end, if it is not MAVSDK's
+        self._link: Px4Link | DirectLink | None = None  # our own end; None: MAVSDK's
         self._signer = None if key is None else MavlinkSigner.from_file(key, system_id)
         # opened with the connection
         self._plugins: tuple[()] | tuple[MavlinkDirect, MissionRaw, Geofence] = ()
@@ -100,7 +105,7 @@ class Px4Connection:
         """Wait for a PX4.
 
         Raises:
-            NoVehicleError: nothing answers, something else does, or the port is taken.
+            NoVehicleError: Nothing answers, something else does, or the port is in use.
         """
         route_log()
         bound = self._bound()
@@ -138,7 +143,7 @@ class Px4Connection:
         self, receive: Callable[[bytes], None], signer: MavlinkSigner
     ) -> DirectLink:
         loop = asyncio.get_running_loop()
-        try:  # not on the loop: a server may take its time
+        try:  # not on the loop: a server may be slow
             return await loop.run_in_executor(None, DirectLink, self._url, receive, signer)
         except ValueError as error:
             raise NoVehicleError(f"{self._url}: {error}") from None
@@ -146,7 +151,7 @@ class Px4Connection:
             raise self._in_use(error) from None
 
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
-        """The system that was asked for, where several send here."""
+        """The requested system, if several send here."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + FIND_OTHERS_S
         if first.get_system_id() == self.system_id:
@@ -155,23 +160,23 @@ class Px4Connection:
             for other in mavsdk.get_systems():
                 if other.get_system_id() == self.system_id and other.has_autopilot():
                     return other
-            await asyncio.sleep(FIND_LOOK_S)
+            await asyncio.sleep(FIND_POLL_S)
         found_id = first.get_system_id()
         raise NoVehicleError(
             f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
-            f"if it is the right one, say --sysid {found_id}"
+            f"if it is the right one, give --sysid {found_id}"
         )
 
     @property
     def posing(self) -> int:
-        """Messages that say that they are the vehicle's, and that the key does not vouch for."""
+        """Number of messages with the vehicle's system id but without a valid signature."""
         return 0 if self._signer is None else self._signer.posing
 
     async def close(self) -> None:
-        """Let go of the connection and of MAVSDK's threads."""
+        """Close the connection and MAVSDK's threads."""
         mavsdk, self._mavsdk = self._mavsdk, None
         link, self._link = self._link, None
-        if link is not None:  # it must not hand MAVSDK anything any more
+        if link is not None:  # it must not pass anything to MAVSDK anymore
             link.close()
         if self._signer is not None:
             self._signer.close()
@@ -180,13 +185,13 @@ class Px4Connection:
             await asyncio.get_running_loop().run_in_executor(None, destroy, mavsdk, plugins)
 
     def _bound(self) -> socket.socket | None:
-        """The port of a `udpin` URL; None of any other, which MAVSDK opens."""
+        """The socket of a `udpin` URL; None for others, which MAVSDK opens."""
         if not self._url.startswith("udpin://"):
             return None
         host, _, port = self._url.removeprefix("udpin://").rpartition(":")
         if ":" in host:
             raise NoVehicleError(
-                f"{self._url}: IPv6 is not spoken here: write an IPv4 address, e.g. "
+                f"{self._url}: IPv6 is not supported: write an IPv4 address, e.g. "
                 f"udpin://127.0.0.1:{port}"
             )
         bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -220,12 +225,12 @@ class Px4Connection:
         loop = asyncio.get_running_loop()
         found: asyncio.Future[System | None] = loop.create_future()
 
-        def settle(system: System | None) -> None:
+        def resolve(system: System | None) -> None:
             if not found.done():
                 found.set_result(system)
 
         handle = mavsdk.first_autopilot_async(
-            FIND_S, lambda system: loop.call_soon_threadsafe(settle, system)
+            FIND_S, lambda system: loop.call_soon_threadsafe(resolve, system)
         )
         elsewhere = asyncio.create_task(self._elsewhere())
         try:
@@ -246,24 +251,24 @@ class Px4Connection:
                 "heartbeat; a ground station, perhaps: connect to the vehicle's own link"
             )
         raise NoVehicleError(
-            f"{self._url}: nothing heard within {FIND_S:.0f} s; is the vehicle on, and does it "
+            f"{self._url}: nothing received within {FIND_S:.0f} s; is the vehicle on, and does it "
             "send here? PX4 sends to port 14540 + instance of its own machine and keeps to the "
             "first partner that answers it: restart it if another program was there before"
             f"{found_elsewhere}"
         )
 
     async def _elsewhere(self) -> str:
-        """Whether MAVLink arrives at another of PX4's ports."""
+        """Check whether another of PX4's ports receives MAVLink."""
         if not self._url.startswith("udpin://"):
             return ""
         here = int(self._url.rpartition(":")[2])
-        await asyncio.sleep(FIND_S - FIND_ELSEWHERE_S)  # nothing was heard so far
-        found = await heard_elsewhere(here, FIND_ELSEWHERE_S)
+        await asyncio.sleep(FIND_S - FIND_ELSEWHERE_S)  # nothing was received so far
+        found = await traffic_elsewhere(here, FIND_ELSEWHERE_S)
         return f" ({found})" if found else ""
 
 
 def _serial_fault(url: str) -> str | None:
-    """What is wrong with the device of a serial URL, and what to do; None: nothing that we see."""
+    """The fault of a serial URL's device, and the fix; None: no visible fault."""
     if not url.startswith("serial"):
         return None
     device = Path("/" + url.partition("://")[2].lstrip("/").rpartition(":")[0])
@@ -281,17 +286,17 @@ def _serial_fault(url: str) -> str | None:
     return None
 
 
-async def heard_elsewhere(here: int, limit_s: float) -> str:
-    """What arrives at others of PX4's ports, as the end of a sentence; empty if nothing does.
+async def traffic_elsewhere(here: int, limit_s: float) -> str:
+    """What other ports of PX4 receive, as the end of a sentence; empty if nothing.
 
-    It only listens: a PX4 keeps to the first partner that talks to it, and that must not be us on
-    a port which is then given up again.
+    Nothing is sent: PX4 keeps the first partner that sends to it, and that must not be a port which
+    is closed again.
 
     Args:
-        here: The port that is ours already.
-        limit_s: For how long, wall-clock time.
+        here: The port already in use by us.
+        limit_s: How long to check, wall-clock time.
     """
-    said, taken = [], []
+    found, taken = [], []
     with contextlib.ExitStack() as stack:
         listeners = {}
         for port in USUAL_PORTS:
@@ -312,7 +317,7 @@ async def heard_elsewhere(here: int, limit_s: float) -> str:
                 for _ in range(FIND_DATAGRAMS):
                     systems |= {system for system, _, _ in frames(listener.recv(READ_BYTES))}
             if systems:
-                said.append(f"system {', '.join(map(str, sorted(systems)))} sends to port {port}")
+                found.append(f"system {', '.join(map(str, sorted(systems)))} sends to port {port}")
     if taken:
-        said.append(f"another program has port {', '.join(taken)}")
-    return "; ".join(said)
+        found.append(f"another program has port {', '.join(taken)}")
+    return "; ".join(found)

@@ -1,11 +1,10 @@
-"""What PX4 says in EVENT messages, in plain words.
+"""Translates PX4's EVENT messages to plain text.
 
-A companion computer gets no STATUSTEXT from PX4 (those go to ground stations only): why a mission
-is refused or arming denied reaches it as EVENT (message 410) with a number and packed arguments.
-The number is the FNV-1a hash of the event's name with the component in the top byte, so the table
-of names in `px4_event_words.toml` is all that is needed, also where the autopilot's own table of
-words cannot be fetched. Every check of the health and arming report comes as an event of its own
-between two summaries.
+PX4 sends STATUSTEXT to ground stations only. A companion computer receives the reason for a refused
+mission or a denied arming as an EVENT (message 410) with a number and packed arguments. The number
+is the FNV-1a hash of the event's name with the component in the top byte. So the table of names in
+`px4_event_words.toml` suffices if PX4's own table cannot be fetched. Each finding of the health and
+arming report is an event between two summaries.
 """
 
 import re
@@ -39,11 +38,11 @@ WORDS: Final[dict[str, str | tuple[str, str]]] = {
     for section in ("checks", "mission", "commander")
     for name, row in _TABLE[section].items()
 }
-"""By name: words, or words and the layout of the arguments."""
+"""By name: the text, or the text with the layout of the arguments."""
 
 
 def event_id(name: str) -> int:
-    """The number under which PX4 sends an event."""
+    """The number of an event."""
     value = FNV_OFFSET
     for byte in name.encode():
         value = (value ^ byte) * FNV_PRIME & 0xFFFFFFFF
@@ -55,7 +54,7 @@ _NAMES: Final = {event_id(name): name for name in (*WORDS, ARMING_SUMMARY, HEALT
 
 @dataclass(frozen=True, slots=True)
 class Px4Event:
-    """One EVENT.
+    """One EVENT message.
 
     Attributes:
         number: Its id on the wire.
@@ -75,24 +74,24 @@ class Px4Event:
 
     @property
     def name(self) -> str | None:
-        """PX4's name of it, None for one that we do not know."""
+        """PX4's name of the event; None: unknown."""
         return _NAMES.get(self.number)
 
     @property
     def is_check(self) -> bool:
-        """Whether it is one finding of the health and arming report."""
+        """Whether it is a finding of the health and arming report."""
         return (self.name or "").startswith("check_")
 
     @property
     def concerns_missions(self) -> bool:
-        """Whether it is more than a finding that keeps the vehicle from being flown by hand."""
+        """Whether the finding concerns missions, not only flight by hand."""
         if not self.is_check or len(self.arguments) < _CHECK_HEAD.size:
             return True
         return bool(_CHECK_HEAD.unpack_from(self.arguments)[0] & MISSION_MODE_BIT)
 
     @property
     def text(self) -> str:
-        """What it means and, where there is something, what to do."""
+        """The event's meaning, with a remedy if there is one."""
         name = self.name
         if name is None or name not in WORDS:
             return f"event {self.number:#010x} of PX4, explained in the ground station"
@@ -104,7 +103,7 @@ class Px4Event:
 
 
 def _unpacked(layout: str, data: bytes) -> tuple[object, ...] | None:
-    """Arguments as numbers and words; None where fewer came than belong to the event."""
+    """The arguments as numbers and texts; None if some are missing."""
     code = struct.Struct("<" + re.sub("[mac]", "B", layout))
     if len(data) < code.size:
         return None
@@ -115,15 +114,14 @@ def _unpacked(layout: str, data: bytes) -> tuple[object, ...] | None:
 
 
 class ArmingReports:
-    """Puts health and arming reports together from the events between two summaries.
+    """Assembles health and arming reports from the events between two summaries.
 
     Attributes:
-        problems: What stands in the way of arming, in words, by the newest complete report.
-        warnings: What does not, but was found.
-        mission_can_run: Whether Mission mode can run, by the newest complete report: PX4 has what
-            that needs, a mission on board that it found feasible among it. None: no report has
-            come, or it does not say.
-        count: Of complete reports.
+        problems: Findings of the newest complete report that prevent arming, as text.
+        warnings: Its other findings.
+        mission_can_run: Whether Mission mode can run, by the newest complete report; this requires
+            a feasible mission on board. None: no report, or it does not include this.
+        count: Number of complete reports.
     """
 
     def __init__(self) -> None:
@@ -131,16 +129,16 @@ class ArmingReports:
         self.warnings: tuple[str, ...] = ()
         self.mission_can_run: bool | None = None
         self.count = 0
-        self._findings: list[Px4Event] | None = None  # of the report under way
-        self._can_run: bool | None = None  # by the summary at its beginning
+        self._findings: list[Px4Event] | None = None  # of the current report
+        self._can_run: bool | None = None  # by the first summary
 
     @property
     def words(self) -> str:
-        """What stands in the way of arming, to add to an error; empty: nothing that it reports."""
+        """The findings that prevent arming, to append to an error; empty: none."""
         return f" ({'; '.join(self.problems)})" if self.problems else ""
 
     def take(self, event: Px4Event) -> None:
-        """Take the next event."""
+        """Handle the next event."""
         if event.name == ARMING_SUMMARY:
             self._findings = []
             self._can_run = _mission_can_run(event.arguments)
@@ -160,7 +158,7 @@ class ArmingReports:
 
 
 def _mission_can_run(arguments: bytes) -> bool | None:
-    """What the summary at the beginning of a report says of Mission mode."""
+    """Whether Mission mode can run, by the first summary of a report."""
     if len(arguments) < _SUMMARY.size:
         return None
     *_, can_run = _SUMMARY.unpack_from(arguments)

@@ -1,8 +1,8 @@
-"""The UDP end of the vehicle's link: one peer, learned once and kept.
+"""The UDP end of the vehicle's link, with one peer that is learned once and kept.
 
-MAVSDK takes datagrams from every address, whatever system they claim to be, and answers all of
-them. Here the first address that an autopilot's heartbeat of the wanted system comes from is the
-vehicle's: datagrams from elsewhere are counted and left out, and nothing is sent elsewhere.
+MAVSDK accepts datagrams from every address and answers all of them. Here the first address that
+sends an autopilot's heartbeat with the requested system id is the vehicle's. Datagrams from other
+addresses are counted and dropped, and nothing is sent there.
 """
 
 import contextlib
@@ -15,11 +15,11 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from air_router.vehicle.px4.limits import (
-    DATAGRAM_KEPT_BYTES,
+    DATAGRAM_BUFFER_BYTES,
     LINK_DATAGRAMS_HZ,
     PEER_PORT_ANEW_S,
     READ_BYTES,
-    SOCKET_KEPT_S,
+    SOCKET_BUFFER_S,
 )
 from air_router.vehicle.px4.mavlink_frame import Header, frames_of, header_of, is_signed
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
@@ -28,8 +28,8 @@ from air_router.vehicle.px4.mavlink_values import AUTOPILOT, SO_RCVBUFFORCE, Mes
 _log = logging.getLogger(__name__)
 
 
-RECEIVE_BYTES: Final = round(SOCKET_KEPT_S * LINK_DATAGRAMS_HZ * DATAGRAM_KEPT_BYTES)
-"""Of the receive buffer, as Linux counts them; half of that is asked for, which it doubles."""
+RECEIVE_BYTES: Final = round(SOCKET_BUFFER_S * LINK_DATAGRAMS_HZ * DATAGRAM_BUFFER_BYTES)
+"""Size of the receive buffer, as Linux counts it; half of it is requested, which Linux doubles."""
 
 
 Address = tuple[str, int]
@@ -41,35 +41,35 @@ def frames(datagram: bytes) -> Iterator[Header]:
 
 
 def widen(bound: socket.socket) -> float:
-    """Have a socket keep the datagrams of `SOCKET_KEPT_S`; returns for how many seconds it does.
+    """Enlarge a socket's buffer to `SOCKET_BUFFER_S` of datagrams; return the seconds it holds.
 
-    A socket that is full drops the newest, in which a pilot's mode may be. What the kernel does not
-    grant is logged: a flight asks for the mode before each order, and needs no buffer for that, but
-    what was announced in a long standstill may be lost.
+    A full socket drops the newest datagrams, perhaps with a pilot's mode. If the kernel does not
+    grant the size, this is logged. A flight requests the mode before each command and does not
+    depend on the buffer, but other messages of a long stall may be lost.
     """
     for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
         with contextlib.suppress(OSError):  # no permission, or not Linux
             bound.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BYTES // 2)
         granted = bound.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         if granted >= RECEIVE_BYTES // 2 * 2:
-            return SOCKET_KEPT_S
-    kept_s = granted / DATAGRAM_KEPT_BYTES / LINK_DATAGRAMS_HZ
+            return SOCKET_BUFFER_S
+    buffered_s = granted / DATAGRAM_BUFFER_BYTES / LINK_DATAGRAMS_HZ
     _log.warning(
         "the kernel keeps %.1f s of the vehicle's messages while this program stands still, not "
         "%.0f s: allow more with `sudo sysctl -w net.core.rmem_max=%d`",
-        kept_s,
-        SOCKET_KEPT_S,
+        buffered_s,
+        SOCKET_BUFFER_S,
         RECEIVE_BYTES // 2,
     )
-    return kept_s
+    return buffered_s
 
 
 class PeerFilter:
-    """Which datagrams are the vehicle's. Has no socket and no clock.
+    """Decides which datagrams are the vehicle's. Has no socket and no clock.
 
     Attributes:
-        peer: The vehicle's address, None before it was heard.
-        refused: How many datagrams from elsewhere were left out.
+        peer: The vehicle's address; None before its first heartbeat.
+        refused: Number of dropped datagrams from other addresses.
         signs: The vehicle signed its first heartbeat.
     """
 
@@ -78,16 +78,16 @@ class PeerFilter:
         self.refused = 0
         self.signs = False
         self._system_id = system_id
-        self._heard_s = 0.0  # when the peer was heard last
+        self._received_s = 0.0  # when the peer was last received
 
     def takes(self, datagram: bytes, source: Address, now_s: float) -> bool:
-        """Whether a datagram is listened to; before the vehicle is known all are."""
+        """Whether to accept a datagram; before the vehicle is known all are accepted."""
         if source == self.peer:
-            self._heard_s = now_s
+            self._received_s = now_s
             return True
         if (peer := self.peer) is None or self.may_be_at(source, now_s):
             if Header(self._system_id, AUTOPILOT, MessageId.HEARTBEAT) in frames(datagram):
-                self.peer, self._heard_s = source, now_s
+                self.peer, self._received_s = source, now_s
                 self.signs = any(map(is_signed, frames_of(datagram)))
                 _log.info("the vehicle is at %s:%d", *source)
                 return True
@@ -103,20 +103,20 @@ class PeerFilter:
         return False
 
     def may_be_at(self, source: Address, now_s: float) -> bool:
-        """Whether the vehicle may be at this address, if its heartbeat comes from there."""
+        """Whether the vehicle may be at this address, if it sends a heartbeat from there."""
         if self.peer is None or source == self.peer:
             return True
-        return source[0] == self.peer[0] and now_s - self._heard_s > PEER_PORT_ANEW_S
+        return source[0] == self.peer[0] and now_s - self._received_s > PEER_PORT_ANEW_S
 
 
 class Px4Link:
-    """A UDP port, and a thread that hands on what the vehicle sends there.
+    """A UDP port, and a thread that passes on what the vehicle sends to it.
 
     Args:
-        bound: The port; closed with the link.
+        bound: The bound socket; closed with the link.
         system_id: The vehicle's.
-        receive: Takes what it sends, on the link's thread.
-        signer: Signs what is sent; only what its key vouches for is the vehicle's.
+        receive: Called with the vehicle's datagrams, on the link's thread.
+        signer: Signs sent frames; only frames with a valid signature are the vehicle's.
     """
 
     def __init__(
@@ -130,22 +130,22 @@ class Px4Link:
         self._socket = bound
         self._filter = PeerFilter(system_id)
         self._receive, self._signer = receive, signer
-        self._sending = threading.Lock()  # signed frames leave in the order of their times
-        self._restarted: Address | None = None  # a vehicle whose signatures are old
+        self._sending = threading.Lock()  # signed frames are sent in the order of their timestamps
+        self._restarted: Address | None = None  # a vehicle with old signatures
         self._waker, self._woken = socket.socketpair()  # wake the thread to end it
         self._thread = threading.Thread(target=self._run, name="MAVLink", daemon=True)
         self._thread.start()
 
     @property
     def signed_unasked(self) -> bool:
-        """Whether the vehicle signs though the link has no key: it obeys nothing that is sent."""
+        """Whether the vehicle signs although the link has no key: it ignores everything sent."""
         return self._filter.signs
 
     def send(self, frame: bytes) -> None:
-        """Send to the vehicle; before it is known, and where the network is away, to no one.
+        """Send to the vehicle; does nothing before the vehicle is known or without a network.
 
-        A vehicle that has restarted signs with old times until it receives a newer one: our
-        heartbeats go there, and nothing else, for all that is known of it was sent before.
+        A restarted vehicle signs with old timestamps until it receives a newer one. It gets only
+        our heartbeats until then, because everything received from it may be a replay.
         """
         peer, restarted = self._filter.peer, self._restarted
         with self._sending:
@@ -167,7 +167,7 @@ class Px4Link:
             self._socket.sendto(signed, to)
 
     def _vouched_for(self, datagram: bytes, source: Address, now_s: float) -> bytes:
-        """What the key vouches for; datagrams from elsewhere are not worth a look."""
+        """The frames with a valid signature; datagrams from other addresses are not verified."""
         signer = self._signer
         if signer is None or not self._filter.may_be_at(source, now_s):
             return datagram

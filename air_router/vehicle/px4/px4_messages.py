@@ -1,4 +1,4 @@
-"""The messages of one PX4: what goes to it, when its own came, which of them are old, its words."""
+"""The messages of one PX4: sending, times of reception, detection of old ones, and its texts."""
 
 import asyncio
 import json
@@ -34,13 +34,13 @@ _log = logging.getLogger(__name__)
 
 Handler = Callable[[dict[str, Any]], None]
 Watcher = Callable[[str, Mapping[str, Any]], None]
-"""Takes name and fields of a message, after its handler."""
+"""Called with name and fields of a message, after its handler."""
 
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
 
 MODES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE"})
-"""The messages that tell the flight mode."""
+"""The messages that carry the flight mode."""
 
 _ONCE: Final = frozenset(
     {
@@ -48,39 +48,41 @@ _ONCE: Final = frozenset(
         *("MISSION_ITEM_REACHED", "AUTOPILOT_VERSION", "FLIGHT_INFORMATION", "HOME_POSITION"),
     }
 )
-"""What is taken in however old it is: it does not come again, or tells what a pilot chose."""
+"""Messages handled however old they are: not repeated, or showing a pilot's choice."""
 
 
 class Backlog:
-    """Finds messages of before a gap: a socket keeps them while this program stands still.
+    """Detects messages sent before a gap: a socket keeps them while this program stalls.
 
-    They tell of a vehicle that a pilot may have taken since. A gap is this program's if a message
-    after it tells a time that has not gone on as ours has; a long one counts as that. All that
-    follows is of before until one tells a time that has, they do not come all at once, or
-    `BACKLOG_S` have passed. The last alone does not prove that a mode is of now.
+    A pilot may have taken over since. A gap is a stall of this program if the next message's time
+    has not advanced as ours has; a long gap always counts as one. The messages after it are old
+    until one has a current time, they no longer arrive in one burst, or `BACKLOG_S` have passed.
+    The last condition alone does not prove that a mode is current.
 
     Attributes:
-        proven: A message has come that was sent since the latest gap.
+        proven: A message was received that was sent after the latest gap.
     """
 
     def __init__(self) -> None:
-        self._gap_s = 0.0  # how long the latest gap was, on our clock; 0 once it was reported
+        self._gap_s = 0.0  # latest gap, on our clock; 0 once it was reported
         self.proven = True
-        self._came_s: float | None = None  # when anything came last, monotonic
-        self._boot_s = 0.0  # the latest time that the vehicle told
-        self._boot_at_s: float | None = None  # when that came; None: it told none
-        self._suspected_s = 0.0  # a gap of so long, that may be ours
-        self._fresh_s = 0.0  # from this time of the vehicle on nothing is of before
-        self._first: tuple[float, float] | None = None  # time told first after it, and when
-        self._until_s = -math.inf  # monotonic; all that comes later is of now
+        self._came_s: float | None = None  # last reception, monotonic
+        self._boot_s = 0.0  # the vehicle's latest time
+        self._boot_at_s: float | None = None  # its reception; None: none received
+        self._suspected_s = 0.0  # length of a gap that may be our stall
+        self._fresh_s = 0.0  # messages from this vehicle time on are current
+        self._first: tuple[float, float] | None = (
+            None  # first vehicle time after the gap, reception
+        )
+        self._until_s = -math.inf  # monotonic; later messages are current
 
     def holds(self, fields: Mapping[str, Any], arrived_s: float, rate: float) -> bool:
-        """Whether a message is of before a gap.
+        """Whether a message was sent before a gap.
 
         Args:
-            fields: Of the message.
-            arrived_s: When it came.
-            rate: Of the vehicle's time against ours.
+            fields: The message's fields.
+            arrived_s: Time of reception.
+            rate: Rate of the vehicle's clock relative to ours.
         """
         gap_s = 0.0 if self._came_s is None else arrived_s - self._came_s
         self._came_s = arrived_s
@@ -94,42 +96,42 @@ class Backlog:
             boot_s, self._boot_at_s = boot_ms / 1e3, arrived_s
             self._boot_s = boot_s
             self._first = self._first or (boot_s, arrived_s)
-            told_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
-            if boot_s >= self._fresh_s or took_s >= BACKLOG_LIVE * told_s > 0.0:
+            elapsed_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
+            if boot_s >= self._fresh_s or took_s >= BACKLOG_LIVE * elapsed_s > 0.0:
                 self.is_read()
             elif self._suspected_s > 0.0:
                 self._begin(arrived_s)
         return arrived_s < self._until_s
 
     def _begin(self, arrived_s: float) -> None:
-        """What comes is of before the gap."""
+        """Messages are old from now on."""
         self._gap_s, self._suspected_s = self._suspected_s, 0.0
         self.proven, self._until_s = False, arrived_s + BACKLOG_S
 
     def new_gap_s(self) -> float:
-        """How long a gap was, on our clock, that was not reported before; 0: there is none."""
+        """Length of a gap not reported yet, on our clock; 0: none."""
         gap_s, self._gap_s = self._gap_s, 0.0
         return gap_s
 
     def is_read(self) -> None:
-        """What comes from now on was sent after the gap."""
+        """Messages from now on were sent after the gap."""
         self._suspected_s = 0.0
         self.proven, self._until_s = True, -math.inf
 
 
 class Px4Messages:
-    """Hands messages of the autopilot to their handlers, and wakes who waits for what they say.
+    """Passes PX4's messages to their handlers, and wakes waiting callers.
 
     Args:
-        clock: The vehicle's.
+        clock: The vehicle's clock.
 
     Attributes:
-        clock: The same, which any thread may read.
-        system_id: The vehicle's, and ours; 0 until `listen`.
-        reports: Its health and arming checks.
-        refusals: Why it did not take a plan, in its words, since `forget_words`.
-        parameters: Those heard so far, by name.
-        absent_parameters: Those of which the autopilot says that it does not have them.
+        clock: The same; any thread may read it.
+        system_id: The vehicle's and our system id; 0 until `listen`.
+        reports: PX4's health and arming reports.
+        refusals: PX4's reasons for refusing a plan, since `forget_texts`.
+        parameters: Parameters received so far, by name.
+        absent_parameters: Parameters that PX4 reports as absent.
     """
 
     def __init__(self, clock: VehicleClock) -> None:
@@ -140,16 +142,16 @@ class Px4Messages:
         self.parameters: dict[str, float] = {}
         self.absent_parameters: set[str] = set()
         self._direct: MavlinkDirect  # from `listen` on
-        self._news = asyncio.Event()  # set by every message, then replaced
-        self._heard_s = loop_s()  # when anything came last, loop's clock
-        self._arrived_s: dict[str, float] = {}  # by message, monotonic
-        self._watchers: list[Watcher] = []  # of all that is said, in order
+        self._arrival = asyncio.Event()  # set by every message, then replaced
+        self._received_s = loop_s()  # last reception, loop's clock
+        self._arrived_s: dict[str, float] = {}  # last reception by message, monotonic
+        self._watchers: list[Watcher] = []  # called with all messages, in order
         self._backlog = Backlog()
         self._boot_clock = BootClock()
         self._texts: deque[str] = deque(maxlen=TEXTS_KEPT)  # newest STATUSTEXTs
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
-        """Send through this, and take the words of the autopilot with this system id."""
+        """Start sending and receiving, for the autopilot with this system id."""
         self._direct, self.system_id = direct, system_id
         self.take(
             {
@@ -161,16 +163,16 @@ class Px4Messages:
         )
 
     def take(self, handlers: Mapping[str, Handler]) -> None:
-        """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
+        """Also pass messages of these names to handlers; waiting callers then check again."""
         for name, handler in handlers.items():
             subscribe(self._direct, name, self._only_autopilot(name, handler))
 
     def watch(self, watcher: Watcher) -> None:
-        """Hand all that is taken from the autopilot to this too, in the order of the link."""
+        """Also pass all accepted messages to this watcher, in the order of the link."""
         self._watchers.append(watcher)
 
     def send(self, name: str, fields: dict[str, Any], *, to_all: bool = False) -> str | None:
-        """Send a message once, to the autopilot or to all; why it did not leave, if so."""
+        """Send a message once, to PX4 or to all; return why it was not sent."""
         target = {"target_system": self.system_id, "target_component": AUTOPILOT}
         try:
             self._direct.send_message(message(name, fields if to_all else target | fields))
@@ -178,8 +180,8 @@ class Px4Messages:
             return str(error.result.name)
         return None
 
-    async def ask(self, command: int, *params: float, limit_s: float) -> int | None:
-        """Send a COMMAND_LONG, which MAVSDK repeats until it is answered.
+    async def request_result(self, command: int, *params: float, limit_s: float) -> int | None:
+        """Send a COMMAND_LONG, which MAVSDK repeats until it is acknowledged.
 
         Args:
             command: MAV_CMD.
@@ -197,43 +199,43 @@ class Px4Messages:
             "confirmation": 0,
             **{f"param{n}": value for n, value in enumerate(values, start=1)},
         }
-        asked = message("COMMAND_LONG", fields, self.system_id)
+        request = message("COMMAND_LONG", fields, self.system_id)
         try:
-            result, answer = await call(self._direct.send_command_async, asked, timeout_s=limit_s)
+            result, reply = await call(self._direct.send_command_async, request, timeout_s=limit_s)
         except TimeoutError:
             return None
         if result != MavlinkDirectResult.SUCCESS:
             return None
-        return int(json.loads(answer.fields_json)["result"])
+        return int(json.loads(reply.fields_json)["result"])
 
     def silent_s(self) -> float:
-        """Wall-clock seconds since anything was heard."""
-        return loop_s() - self._heard_s
+        """Wall-clock seconds since anything was received."""
+        return loop_s() - self._received_s
 
     def arrived_s(self, *names: str) -> float:
-        """When the newest message of these names came, on the monotonic clock; long ago if none."""
+        """Last reception of these messages, on the monotonic clock; long ago if none."""
         return max(self._arrived_s.get(name, -math.inf) for name in names)
 
-    def said(self) -> str:
-        """The autopilot's last words, to add to an error."""
-        return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
+    def texts(self) -> str:
+        """PX4's last texts, to append to an error."""
+        return f' (PX4 reports: "{"; ".join(self._texts)}")' if self._texts else ""
 
-    def forget_words(self) -> None:
-        """Something new is asked of the autopilot: what it said before is not about that."""
+    def forget_texts(self) -> None:
+        """Forget earlier texts: a new request is sent."""
         self._texts.clear()
         self.refusals.clear()
 
     def forget_parameters(self) -> None:
-        """They are read anew."""
+        """Forget all parameters, to read them again."""
         self.parameters.clear()
         self.absent_parameters.clear()
 
     async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
-        """Whether `condition`, looked at after every message, holds within so much wall time."""
+        """Wait until `condition`, checked after every message, holds; False on a time-out."""
         try:
             async with asyncio.timeout(limit_s):
                 while not condition():
-                    await self._news.wait()
+                    await self._arrival.wait()
         except TimeoutError:
             return False
         return True
@@ -242,27 +244,27 @@ class Px4Messages:
         def on_message(received: Received) -> None:
             if received.sender != (self.system_id, AUTOPILOT):
                 return
-            if (told_ms := received.fields.get("time_boot_ms")) is not None:
-                whole_ms = self._boot_clock.whole_ms(told_ms)
+            if (counted_ms := received.fields.get("time_boot_ms")) is not None:
+                whole_ms = self._boot_clock.whole_ms(counted_ms)
                 fields = {**received.fields, "time_boot_ms": whole_ms}
                 received = received._replace(fields=fields)
             old = self._is_old(name, received)
             if old and name not in _ONCE:
                 return
-            self._heard_s = loop_s()
+            self._received_s = loop_s()
             self._arrived_s[name] = received.arrived_s
             self._handed(name, received, handler, old=old)
             for watcher in self._watchers:
                 watcher(name, received.fields)
-            self._news.set()
-            self._news = asyncio.Event()
+            self._arrival.set()
+            self._arrival = asyncio.Event()
 
         return on_message
 
     def _is_old(self, name: str, received: Received) -> bool:
-        """Whether a message may be of before a gap: a socket kept it while this program stood."""
+        """Whether a message may have been sent before a stall of this program."""
         if self.clock.most_ahead_s < math.inf:
-            return False  # the vehicle's time stood still as well
+            return False  # the vehicle's time stopped as well
         backlog = self._backlog
         old = backlog.holds(received.fields, received.arrived_s, self.clock.rate)
         if (silent_s := backlog.new_gap_s()) > 0.0:
@@ -270,14 +272,14 @@ class Px4Messages:
         return old or (name in MODES and not backlog.proven)
 
     def up_to_date(self) -> None:
-        """What comes from now on was sent after the latest gap: an answer has shown it."""
+        """Messages from now on were sent after the latest gap: an answer has proven it."""
         self._backlog.is_read()
 
     def _came_back(self, silent_s: float) -> None:
-        """A message has come after so long."""
+        """Handle the first message after a silence."""
 
     def _handed(self, name: str, received: Received, handler: Handler, *, old: bool) -> None:
-        """Hand a message on; an old one tells what was, and makes nothing younger."""
+        """Pass a message on; an old one updates no age."""
         del name, old
         handler(received.fields)
 
@@ -300,7 +302,7 @@ class Px4Messages:
     def _on_parameter(self, fields: dict[str, Any]) -> None:
         value = fields["param_value"]
         if value is None:
-            return  # the bits of a negative whole number, which are no number as a float
+            return  # the bits of a negative integer are NaN as a float
         if fields["param_type"] == INT32:
             (value,) = struct.unpack("<i", struct.pack("<f", value))
         self.parameters[str(fields["param_id"]).rstrip("\0")] = float(value)

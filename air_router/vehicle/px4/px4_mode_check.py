@@ -1,10 +1,10 @@
-"""Which flight mode a PX4 has now: asked for, and known by an answer that was sent afterwards.
+"""Requests the current flight mode of a PX4, and waits for an answer sent after the request.
 
-HEARTBEAT tells the mode once a second, and a socket keeps what came while this program stood
-still: the oldest, until it is full. So a mode that was received says what the vehicle did, perhaps
-before a pilot chose. Here a HEARTBEAT is requested, and one counts that follows what can only have
-been sent after the request: the echo of a TIMESYNC that left with it, or else a message whose
-`time_boot_ms` is no earlier. A link keeps the order; what it loses is requested again.
+HEARTBEAT reports the mode once a second, and while this program stalls a socket keeps the oldest
+messages until it is full. So a received mode may predate a pilot's choice. Here a HEARTBEAT is
+requested. It counts if it follows a message that must have been sent after the request: the echo of
+a TIMESYNC sent with it, or a message with a `time_boot_ms` that is no earlier. The link keeps the
+order; lost requests are repeated.
 """
 
 from __future__ import annotations
@@ -17,114 +17,116 @@ from typing import Any
 from air_router.vehicle import loop_s
 from air_router.vehicle.px4.limits import (
     LINK_GAP_S,
-    MODE_ANSWER_S,
     MODE_REQUESTED_AGAIN_S,
-    STOOD_STILL_LOOK_S,
+    MODE_RESPONSE_S,
+    STOOD_STILL_CHECK_S,
 )
 from air_router.vehicle.px4.mavlink_values import MavCmd, MessageId
 from air_router.vehicle.px4.px4_messages import MODES, Px4Messages
 
 
 @dataclass(slots=True)
-class _Question:
-    """What proves that an answer was sent after it was asked for.
+class _ModeRequest:
+    """A pending request, and the proof that an answer was sent after it.
 
     Attributes:
-        first: The first TIMESYNC that left for it has this `ts1`, later ones a greater.
-        boot_s: The vehicle's time when it was asked, as far as it is known.
-        proven: Something came that was sent since.
-        answered: After that, a mode came.
+        first: `ts1` of the first TIMESYNC sent for it; later ones are greater.
+        boot_s: The vehicle's time at the request, as far as it is known.
+        proven: A message was received that was sent after the request.
+        acknowledged: After that, a mode was received.
     """
 
     first: int
     boot_s: float
     proven: bool = False
-    answered: bool = False
+    acknowledged: bool = False
 
-    def begin_anew(self, now: _Question) -> None:
-        """What was asked and answered before counts no more."""
+    def begin_anew(self, now: _ModeRequest) -> None:
+        """Earlier requests and replies do not count anymore."""
         self.first, self.boot_s = now.first, now.boot_s
-        self.proven = self.answered = False
+        self.proven = self.acknowledged = False
 
     def take(self, name: str, fields: Mapping[str, Any]) -> None:
-        """Any message came, in the order of the link."""
+        """Handle any message, in the order of the link."""
         if name == "TIMESYNC":
             self.proven |= fields["tc1"] != 0 and fields["ts1"] >= self.first
         elif name in MODES:
-            self.answered |= self.proven
+            self.acknowledged |= self.proven
         elif (boot_ms := fields.get("time_boot_ms")) is not None:
             self.proven |= boot_ms / 1e3 >= self.boot_s
 
 
 class ModeCheck:
-    """Asks a PX4 for its flight mode.
+    """Requests the flight mode of a PX4.
 
     Args:
-        messages: Takes them to it, and from it.
+        messages: The vehicle's messages in both directions.
     """
 
     def __init__(self, messages: Px4Messages) -> None:
         self._messages = messages
-        self._newest = 0  # `ts1` of the latest TIMESYNC that left
-        self._open: list[_Question] = []  # that are waited for
+        self._newest = 0  # `ts1` of the latest TIMESYNC sent
+        self._open: list[_ModeRequest] = []  # pending requests
 
     def listen(self) -> None:
-        """Take what the autopilot says, from now on."""
+        """Handle PX4's messages from now on."""
         self._messages.take({"TIMESYNC": self._on_timesync})
         self._messages.watch(self._on_message)
 
-    async def received(self, limit_s: float = MODE_ANSWER_S) -> bool:
-        """Whether a mode has come that the vehicle had after this was called.
+    async def received(self, limit_s: float = MODE_RESPONSE_S) -> bool:
+        """Whether a mode was received that the vehicle has had since this call.
 
-        When it returns True that mode was taken in a moment ago, and this program has not stood
-        still since it asked: what follows in the same turn of the loop rests on it.
+        If True, the mode was received a moment ago and this program has not stalled since the
+        request: the caller may rely on it in the same turn of the loop.
 
         Args:
             limit_s: Wall-clock limit.
         """
-        end_s, asked_s = loop_s() + limit_s, -math.inf
-        question = self._question()
-        self._open.append(question)
+        end_s, requested_s = loop_s() + limit_s, -math.inf
+        request = self._question()
+        self._open.append(request)
         try:
-            while (looked_s := loop_s()) < end_s:
-                if looked_s - asked_s >= MODE_REQUESTED_AGAIN_S:
-                    self._ask()
-                    asked_s = looked_s
-                answered = await self._messages.shows(lambda: question.answered, STOOD_STILL_LOOK_S)
-                if loop_s() - looked_s > LINK_GAP_S:  # it stood still, and the answer may be old
-                    question.begin_anew(self._question())
-                    asked_s = -math.inf
-                elif answered:
+            while (checked_s := loop_s()) < end_s:
+                if checked_s - requested_s >= MODE_REQUESTED_AGAIN_S:
+                    self._request_mode()
+                    requested_s = checked_s
+                acknowledged = await self._messages.shows(
+                    lambda: request.acknowledged, STOOD_STILL_CHECK_S
+                )
+                if loop_s() - checked_s > LINK_GAP_S:  # it stalled, and the answer may be old
+                    request.begin_anew(self._question())
+                    requested_s = -math.inf
+                elif acknowledged:
                     return True
         finally:
-            self._open.remove(question)
+            self._open.remove(request)
         return False
 
-    def _question(self) -> _Question:
-        return _Question(self._stamp(), self._messages.clock.boot_s())
+    def _question(self) -> _ModeRequest:
+        return _ModeRequest(self._stamp(), self._messages.clock.boot_s())
 
     def _stamp(self) -> int:
-        """A time in nanoseconds that no TIMESYNC of ours has had."""
+        """A time in nanoseconds, different from every earlier TIMESYNC of ours."""
         return max(self._newest + 1, round(loop_s() * 1e9))
 
-    def _ask(self) -> None:
-        """Request a HEARTBEAT, behind a TIMESYNC."""
+    def _request_mode(self) -> None:
+        """Request a HEARTBEAT after a TIMESYNC."""
         self._newest = self._stamp()
         self._messages.send("TIMESYNC", {"tc1": 0, "ts1": self._newest}, to_all=True)
         self.request()
 
     def request(self) -> None:
-        """Have the vehicle send a HEARTBEAT; what it says may be from before some order of ours."""
+        """Request a HEARTBEAT; its mode may predate an earlier command of ours."""
         params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(MessageId.HEARTBEAT)}
         self._messages.send(
             "COMMAND_LONG", {"command": MavCmd.REQUEST_MESSAGE, "confirmation": 0, **params}
         )
 
     def _on_timesync(self, fields: Mapping[str, Any]) -> None:
-        """An echo of ours, or a question of the vehicle's: looked at with all, in their order."""
+        """Handle a TIMESYNC (our echo, or a request), in order with all messages."""
 
     def _on_message(self, name: str, fields: Mapping[str, Any]) -> None:
-        for question in self._open:
-            question.take(name, fields)
-            if question.proven:
+        for request in self._open:
+            request.take(name, fields)
+            if request.proven:
                 self._messages.up_to_date()

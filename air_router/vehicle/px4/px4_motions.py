@@ -1,4 +1,4 @@
-"""The motions of a PX4: take off, fly to an item or a point, stop, land; and what shows each."""
+"""The motions of a PX4: take-off, flight to an item or a point, stop, landing, all confirmed."""
 
 import asyncio
 import logging
@@ -42,64 +42,64 @@ _log = logging.getLogger(__name__)
 _BEGIN_AT_ONCE: Final = frozenset(
     {FlightMode.MISSION, FlightMode.TAKEOFF, FlightMode.RETURN, FlightMode.LAND}
 )
-"""Modes in which a vehicle may take off as soon as it is armed; a flight before left it in one."""
+"""Modes in which a vehicle may take off as soon as it is armed, left by an earlier flight."""
 
 
 class Px4Motions:
-    """Verbs of `Vehicle` that move it; each returns when the vehicle follows.
+    """The commands of `Vehicle` that move it; each returns once the vehicle follows.
 
     Args:
-        mission: Its local frame and speed.
-        telemetry: What the vehicle says.
-        commands: What takes orders to it.
+        mission: The mission with its local frame and speed.
+        telemetry: The vehicle's messages.
+        commands: Sends commands.
     """
 
     def __init__(self, mission: Mission, telemetry: Px4Telemetry, commands: Px4Commands) -> None:
-        self._frame = mission.frame  # of the points flown to
-        self._speed_m_s = mission.speed_m_s  # of the cruise
+        self._frame = mission.frame  # the frame of points
+        self._speed_m_s = mission.speed_m_s  # cruise speed
         self._telemetry = telemetry
         self._commands = commands
-        self._armed_in: FlightMode | None = None  # any other was chosen by the pilot since
-        self._late: Point | None = None  # where it was sent and may yet begin to fly
-        self._speed_known = True  # the plan sets it
-        self._telling_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
+        self._armed_in: FlightMode | None = None  # the pilot chose any other mode
+        self._late: Point | None = None  # an unconfirmed destination that it may still fly to
+        self._speed_known = True  # the plan sets the speed
+        self._sending_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
 
     async def arm(self) -> None:
         """See `Vehicle.arm`.
 
-        HEARTBEAT tells every second whether it is armed: one that was disarmed before that has
-        acknowledged it and does not show it.
+        HEARTBEAT reports every second whether the vehicle is armed. A vehicle disarmed before that
+        has acknowledged the command, but never reports armed.
 
         Raises:
-            ArmingRefusedError: it was disarmed again at once.
-            NotConfirmedError: it does not arm, or says nothing.
+            ArmingRefusedError: It was disarmed again at once.
+            NotConfirmedError: It does not arm, or is silent.
         """
         telemetry = self._telemetry
         if telemetry.mode in _BEGIN_AT_ONCE:
             await self._choose(choose(FlightMode.HOLD), attempts=ORDER_ATTEMPTS)
 
         def shown(sent: SentOrder) -> bool:
-            told_s = telemetry.arrived_s("HEARTBEAT")
-            done = told_s > sent.acked_s + ORDER_DONE_S
-            return (telemetry.armed and told_s > sent.first_s) or done
+            reported_s = telemetry.arrived_s("HEARTBEAT")
+            done = reported_s > sent.acked_s + ORDER_DONE_S
+            return (telemetry.armed and reported_s > sent.first_s) or done
 
         self._armed_in = telemetry.mode
-        await self._tell(arm(telemetry.mode), shown)
+        await self._execute(arm(telemetry.mode), shown)
         self._check_armed()
 
     async def start(self) -> None:
         """See `Vehicle.start`.
 
-        Where nothing is heard of it any more it may climb: what it says next shows that.
+        If nothing is received anymore, the vehicle may climb: its next messages will show it.
 
         Raises:
-            PlanRefusedError: another plan came on board meanwhile, so it was not asked again.
-            NotConfirmedError: it does not start.
+            PlanRefusedError: Another plan was uploaded meanwhile, so the command was not repeated.
+            NotConfirmedError: It does not start.
         """
         telemetry = self._telemetry
         mode, plan = telemetry.mode, telemetry.plan.ids
         self._check_armed()
-        await self._commands.look("Mission mode", {mode})
+        await self._commands.recheck("Mission mode", {mode})
         self._check_armed()
         try:
             await self._choose(choose(FlightMode.MISSION), attempts=ORDER_ATTEMPTS)
@@ -111,7 +111,7 @@ class Px4Motions:
                 raise
             raise PlanRefusedError(
                 "the plan or fence on board was replaced as it took off; it is on the ground: "
-                "start the mission anew"
+                "start the mission again"
             ) from None
 
     def _check_armed(self) -> None:
@@ -119,7 +119,7 @@ class Px4Motions:
         if not telemetry.armed:
             raise ArmingRefusedError(
                 "it was armed, and disarmed again by the pilot, a ground station or the "
-                "autopilot; it is not armed once more"
+                "autopilot; it is not armed again"
             )
         if self._armed_in is not None and telemetry.mode not in {
             self._armed_in,
@@ -133,9 +133,9 @@ class Px4Motions:
     async def jump(
         self, item: int, objection: Objection = no_objection, *, out_of: Modes = None
     ) -> None:
-        """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to.
+        """See `Vehicle.jump`: first the item, then the mode, so it never flies to an old item.
 
-        Both leave once: a leg was checked from where the vehicle was when it was commanded.
+        Both are sent once: the leg was checked from the vehicle's position at that time.
         """
         telemetry = self._telemetry
         if 0 < telemetry.plan.item_total <= item:
@@ -143,8 +143,8 @@ class Px4Motions:
         words = f"the jump to item {item}"
         await self._commands.send(set_current(item), words, out_of=out_of, objection=objection)
         before = telemetry.mode
-        # PX4 drops the jump without an answer while a ground station downloads the plan. In a
-        # fast simulation it flies far within so many seconds of ours: its own end the wait as well.
+        # PX4 drops the jump without an answer while a ground station downloads the plan. In a fast
+        # simulation the vehicle flies far in this wall time, so vehicle time also limits the wait.
         end_s = telemetry.clock.boot_s() + ORDER_CONFIRM_S
         await telemetry.shows(
             lambda: telemetry.item == item or telemetry.time_s > end_s, ORDER_CONFIRM_S
@@ -153,18 +153,18 @@ class Px4Motions:
             raise NotConfirmedError(f"{words} did not show in MISSION_CURRENT")
         now = telemetry.mode
         if now is not FlightMode.MISSION:
-            # Out of our own hovering; any other mode, or a change meanwhile, is the pilot's.
+            # Only from our own Hold; the pilot chose any other mode.
             if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
                 if (taken := self._commands.taken({before})) is not None:
                     raise TakenOverError(f"the pilot chose {taken.value} mode", taken, sent=True)
                 raise NotConfirmedError(f"{words} was overtaken by an order from before")
-            # Until the item showed it may have flown on to the place that it was sent to before.
+            # Until the item is reported, it may have flown to its previous destination.
             mission = choose(FlightMode.MISSION)
             await self._choose(mission, out_of={FlightMode.HOLD}, objection=objection)
             self._speed_known = False
         self._late = None
         if not self._speed_known:
-            self._tell_speed()
+            self._send_speed()
 
     async def reposition(
         self,
@@ -174,13 +174,13 @@ class Px4Motions:
         *,
         out_of: Modes = None,
     ) -> None:
-        """See `Vehicle.reposition`; it leaves once, as a jump does.
+        """See `Vehicle.reposition`; sent once, like a jump.
 
-        DO_REPOSITION is always above mean sea level. PX4 corrects home's altitude in flight, so the
-        target is the present altitude corrected by what is missing, both of one message. A home
-        that a ground station moved changes neither: heights count from that of the take-off.
+        DO_REPOSITION uses altitudes above mean sea level. PX4 corrects home's altitude in flight,
+        so the target is the current altitude plus the missing difference, both from one message. A
+        home moved by a ground station changes neither: altitudes are relative to the take-off.
         """
-        await self._commands.look("a reposition", out_of, objection)
+        await self._commands.recheck("a reposition", out_of, objection)
         telemetry, before = self._telemetry, self._telemetry.target
         latitude_deg, longitude_deg = self._frame.to_geodetic(point)
         self._late = point
@@ -188,22 +188,22 @@ class Px4Motions:
 
         def shown(sent: SentOrder) -> bool:
             there = _near(telemetry.target, point)
-            new = there and (not _near(before, point) or self._told_after(sent))
+            new = there and (not _near(before, point) or self._reported_after(sent))
             return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
 
         place = latitude_deg, longitude_deg, amsl_m, self._speed_m_s
         in_hold = self._px4_decides()
-        await self._tell(reposition(*place, change_mode=not in_hold), shown, in_hold=in_hold)
+        await self._execute(reposition(*place, change_mode=not in_hold), shown, in_hold=in_hold)
         self._late = None
 
     async def hold(self, *, out_of: Modes = None) -> None:
         """See `Vehicle.hold`.
 
-        A vehicle that flies to a point is in Hold mode already: asked for again it changes nothing
-        (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all. So one that was
-        told to fly to a point, and has not shown it, is stopped: it may be about to begin.
+        A vehicle that flies to a point is in Hold mode already, and requesting that mode again has
+        no effect (PX4 1.17). A DO_REPOSITION without a place stops it. This is also sent if a
+        flight to a point was commanded but not confirmed: it may still start.
         """
-        await self._commands.look("a hold", out_of)
+        await self._commands.recheck("a hold", out_of)
         if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
             await self._stop_here()
         else:
@@ -214,10 +214,10 @@ class Px4Motions:
         """See `Vehicle.land`."""
         await self._choose(land(), attempts=ORDER_ATTEMPTS, out_of=out_of)
 
-    def stop_telling(self) -> None:
-        """The speed is told no more."""
-        if self._telling_speed is not None:
-            self._telling_speed.cancel()
+    def stop_sending_speed(self) -> None:
+        """Stop sending the speed."""
+        if self._sending_speed is not None:
+            self._sending_speed.cancel()
 
     async def _choose(
         self,
@@ -227,18 +227,18 @@ class Px4Motions:
         out_of: Modes = None,
         objection: Objection = no_objection,
     ) -> None:
-        """Have a mode; PX4 1.16 and 1.17 acknowledge one that they then refuse."""
+        """Command a mode; PX4 1.16 and 1.17 acknowledge a mode that they then refuse."""
         telemetry = self._telemetry
 
         def shown(sent: SentOrder) -> bool:
-            told_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
-            return telemetry.mode is order.leads_to and told_s > sent.first_s
+            reported_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
+            return telemetry.mode is order.leads_to and reported_s > sent.first_s
 
-        await self._commands.look(order.words, out_of, objection)
-        await self._tell(order, shown, attempts=attempts)
+        await self._commands.recheck(order.words, out_of, objection)
+        await self._execute(order, shown, attempts=attempts)
 
     async def _stop_here(self) -> None:
-        """Stop a vehicle that is in Hold mode, perhaps, already: only its target can show that."""
+        """Stop a vehicle that may be in Hold mode already: only its target confirms it."""
         telemetry, before = self._telemetry, self._telemetry.target
 
         def shown(sent: SentOrder) -> bool:
@@ -248,17 +248,19 @@ class Px4Motions:
             if sent.accepted or target is None or here is None:
                 return sent.accepted
             other = before is not None and not _near(target, before)
-            return math.dist(target, here) <= STOP_TARGET_M and (other or self._told_after(sent))
+            return math.dist(target, here) <= STOP_TARGET_M and (
+                other or self._reported_after(sent)
+            )
 
         in_hold = self._px4_decides()
         order = stop(change_mode=not in_hold)
-        await self._tell(order, shown, attempts=ORDER_ATTEMPTS, in_hold=in_hold)
+        await self._execute(order, shown, attempts=ORDER_ATTEMPTS, in_hold=in_hold)
 
     def _px4_decides(self) -> bool:
-        """Whether PX4 itself refuses a place to fly to once a pilot has chosen another mode.
+        """Whether PX4 itself refuses a reposition after a pilot has chosen another mode.
 
-        Not while an order of ours may yet take the vehicle out of Hold: what calls that off has to
-        bring it back.
+        False while an earlier command of ours may still take the vehicle out of Hold: then the new
+        command has to bring it back.
         """
         version = version_of(self._telemetry.identity.version or "")
         if version is None or REPOSITION_CHANGES_MODE.holds_in(version):
@@ -266,38 +268,38 @@ class Px4Motions:
         holds = self._telemetry.mode is FlightMode.HOLD
         return holds and self._commands.late_modes() <= {FlightMode.HOLD}
 
-    def _told_after(self, sent: SentOrder) -> bool:
-        """Whether the target was told since an acknowledgement, which may be of an order before.
+    def _reported_after(self, sent: SentOrder) -> bool:
+        """Whether the target was received after an acknowledgement that may be an older command's.
 
-        That order would show in the target then: it is done as soon as it is acknowledged.
+        An older command would already be visible in the target by then.
         """
         return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + ORDER_DONE_S
 
-    async def _tell(
+    async def _execute(
         self, order: Px4Order, shown: Shown, *, attempts: int = 1, in_hold: bool = False
     ) -> None:
-        """Send an order; `in_hold`: it changes no mode, and where it is refused the mode has."""
-        self.stop_telling()  # the speed was for what ends now
+        """Send a command; `in_hold`: it changes no mode, and a refusal shows another mode."""
+        self.stop_sending_speed()  # the speed was for the previous motion
         try:
-            await self._commands.tell(order, shown, attempts=attempts)
+            await self._commands.execute(order, shown, attempts=attempts)
         except NotConfirmedError:
-            if in_hold:  # raises for a pilot who chose another mode
-                await self._commands.look(order.words, {FlightMode.HOLD}, anew=True)
+            if in_hold:  # raises if a pilot chose another mode
+                await self._commands.recheck(order.words, {FlightMode.HOLD}, anew=True)
             raise
 
-    def _tell_speed(self) -> None:
-        """A mode change sets PX4's speed back to its parameter: say the mission's again.
+    def _send_speed(self) -> None:
+        """Send the mission's speed again: a mode change resets PX4's speed to its parameter.
 
-        Beside whatever is commanded next, which must not wait for it.
+        It is sent in parallel to the next command, which must not wait for it.
         """
-        self.stop_telling()
-        self._telling_speed = asyncio.create_task(self._set_speed())
+        self.stop_sending_speed()
+        self._sending_speed = asyncio.create_task(self._set_speed())
 
     async def _set_speed(self) -> None:
         order, mission = change_speed(self._speed_m_s), {FlightMode.MISSION}
         try:
-            await self._commands.look(order.words, mission)
-            await self._commands.tell(order, lambda sent: sent.accepted, attempts=ORDER_ATTEMPTS)
+            await self._commands.recheck(order.words, mission)
+            await self._commands.execute(order, lambda sent: sent.accepted, attempts=ORDER_ATTEMPTS)
         except NotConfirmedError as error:
             _log.warning("%s", error)
         else:

@@ -1,4 +1,4 @@
-"""What a PX4 can be told to do, as the commands of MAVLink that say it."""
+"""The MAVLink commands sent to a PX4."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ UNSAID: Final = math.nan
 
 
 class Target(NamedTuple):
-    """A place on Earth: degrees times ten million, altitude in metres above mean sea level."""
+    """A place on Earth: degrees times ten million, altitude in meters above mean sea level."""
 
     latitude_deg_e7: int
     longitude_deg_e7: int
@@ -31,11 +31,11 @@ class Px4Order:
     """One command.
 
     Attributes:
-        words: What is asked for, at the beginning of a message.
-        leads_to: The mode in which the vehicle is when it follows.
+        words: The command as text, for the beginning of a message.
+        leads_to: The vehicle's mode once it follows.
         command: MAV_CMD.
-        params: param1 to param4, and to param7 where it has no target.
-        target: Where it leads to; None for a command that is sent as COMMAND_LONG.
+        params: param1 to param4; to param7 without a target.
+        target: Its destination; None: sent as COMMAND_LONG.
     """
 
     words: str
@@ -46,11 +46,11 @@ class Px4Order:
 
     @property
     def moves(self) -> bool:
-        """Whether it changes the mode, or where the vehicle flies to."""
+        """Whether it changes the mode or the vehicle's destination."""
         return self.command not in {MavCmd.DO_CHANGE_SPEED, MavCmd.COMPONENT_ARM_DISARM}
 
     def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
-        """Name and fields of the message; `confirmation` is how often it has left before."""
+        """Name and fields of the message; `confirmation` counts earlier transmissions."""
         values = {f"param{n}": _plain(value) for n, value in enumerate(self.params, start=1)}
         fields = {"command": self.command, **values}
         if self.target is None:
@@ -61,7 +61,7 @@ class Px4Order:
 
 
 def set_current(item: int) -> tuple[str, dict[str, Any]]:
-    """The message, which is no command, that makes an item of the plan the one to be flown to."""
+    """The message (not a command) that sets the current plan item."""
     return "MISSION_SET_CURRENT", {"seq": item}
 
 
@@ -72,7 +72,7 @@ def choose(mode: FlightMode) -> Px4Order:
 
 
 def arm(mode: FlightMode) -> Px4Order:
-    """Arm, in the mode that the vehicle is in."""
+    """Arm in the current mode."""
     return Px4Order("arming", mode, MavCmd.COMPONENT_ARM_DISARM, (1.0, *(0.0,) * 6))
 
 
@@ -83,7 +83,7 @@ def land() -> Px4Order:
 
 
 def change_speed(speed_m_s: float) -> Px4Order:
-    """Fly so fast over the ground on missions, until the mode changes."""
+    """Set the ground speed of missions, until the mode changes."""
     params = (GROUND_SPEED, speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0)
     return Px4Order(
         f"a speed of {speed_m_s:.1f} m/s", FlightMode.MISSION, MavCmd.DO_CHANGE_SPEED, params
@@ -100,7 +100,7 @@ def reposition(
 ) -> Px4Order:
     """Fly straight to a place (WGS 84) and hover there in Hold mode; the heading stays.
 
-    Unless it changes the mode only a vehicle that is in Hold mode takes it.
+    Without a change of mode PX4 accepts it only in Hold mode.
     """
     target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
     params = (speed_m_s, float(change_mode), 0.0, UNSAID)
@@ -108,12 +108,12 @@ def reposition(
 
 
 def stop(*, change_mode: bool = True) -> Px4Order:
-    """Stop and hover here, in Hold mode also out of Hold mode: a reposition to no place."""
+    """Stop and hover here in Hold mode, also from Hold mode: a reposition without a place."""
     params = (-1.0, float(change_mode), 0.0, UNSAID)
     target = Target(NOWHERE, NOWHERE, UNSAID)
     return Px4Order("a stop", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 
 def _plain(value: float) -> float | None:
-    """As JSON has it: what is not a number is nothing."""
+    """A JSON number: None if it is not finite."""
     return None if math.isnan(value) else value

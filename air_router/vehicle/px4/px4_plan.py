@@ -1,11 +1,10 @@
-"""The plan on board of a PX4: put there, made sure that it is the one that flies, and watched.
+"""The plan on board of a PX4: uploads, verifies and monitors it.
 
-An accepted upload means *stored*: whether PX4 finds the mission feasible shows later, and only
-in MISSION_CURRENT.mission_state, or before PX4 1.17 in its arming checks. So what is on board is
-read back, compared, and waited for. When a ground station uploads another afterwards, it is read
-back again, to tell whether it flies as ours does. While we put ours there, PX4 is asked before each
-list whether what is on board is still what we know of: nothing of another station is written over
-that the operator does not want to be.
+An accepted upload means *stored*. PX4 reports later whether the mission is feasible, and only in
+MISSION_CURRENT.mission_state, or before PX4 1.17 in its arming checks. So the plan is read back and
+compared, and the report is awaited. If a ground station uploads another plan later, that is read
+back and compared, too. During an upload PX4 reports the plan on board before each list is sent:
+another station's plan is overwritten only if the operator requested it.
 """
 
 import asyncio
@@ -26,7 +25,7 @@ from air_router.vehicle.px4.limits import (
     PLAN_CHECKS_S,
     PLAN_FEASIBLE_S,
     PLAN_RELOAD_S,
-    PLAN_TOLD_S,
+    PLAN_REPORTED_S,
     PLAN_TRANSFER_S,
 )
 from air_router.vehicle.px4.mavlink_values import (
@@ -48,14 +47,14 @@ _log = logging.getLogger(__name__)
 REPLACED: Final = "another ground station has changed what is on board"
 
 _BUSY: Final = frozenset({MissionRawResult.BUSY, MissionRawResult.ERROR, MissionRawResult.DENIED})
-"""What PX4 answers while it takes, or gives, a list of another sender."""
+"""PX4's answers while it transfers a list with another sender."""
 
 _PASSING: Final = frozenset(
     {
         MissionRawResult.BUSY,
         MissionRawResult.ERROR,
         MissionRawResult.TIMEOUT,
-        # Over a slow link an item of the list before comes once more, and PX4 answers that.
+        # Over a slow link an item of the previous list is repeated, and PX4 answers that.
         MissionRawResult.PROTOCOL_ERROR,
     }
 )
@@ -66,26 +65,26 @@ def _none() -> str | None:
 
 
 class _ItemList(NamedTuple):
-    """One of the lists of items on board, and what transfers it."""
+    """One of the lists on board, and its transfer functions."""
 
-    what: str  # in words
+    what: str  # as text
     kind: int  # MAV_MISSION_TYPE
     upload: Callable[..., None]
     download: Callable[..., None]
 
 
 class OnboardPlan:
-    """What one PX4 has on board, one transfer at a time.
+    """The lists on board of one PX4, with one transfer at a time.
 
     Args:
-        plugins: Of MAVSDK; what they have no call for is sent as a message.
-        telemetry: What the vehicle says, and what sends to it.
-        received: Asks for the flight mode of now; whether it was received.
-        report: Told what is different each time that a plan of another sender was compared with
-            ours; None: it flies the same.
+        plugins: MAVSDK's plugins; other requests are sent as messages.
+        telemetry: The vehicle's messages in both directions.
+        received: Requests the current flight mode; returns whether it was received.
+        report: Called with the difference after another sender's plan was compared with ours; None:
+            it is equivalent.
 
     Attributes:
-        lock: Held during each transfer; also by what has PX4 begin the plan.
+        lock: Held during each transfer, and while PX4 is commanded to start the plan.
         mission, fence, rally: The three lists of items on board.
     """
 
@@ -100,10 +99,10 @@ class OnboardPlan:
         self._plugins, self._telemetry, self._report = plugins, telemetry, report
         self._received = received
         self.lock = asyncio.Lock()
-        self._plan: FlightPlan | None = None  # what we put, or found, on board last
-        self._objection: Callable[[], str | None] = _none  # why nothing more is put on board
-        self._kept: dict[int, Sequence[PlanItem]] = {}  # what we put on board last, by list
-        self._once_more = False  # it changed while it was compared
+        self._plan: FlightPlan | None = None  # last uploaded or verified plan
+        self._objection: Callable[[], str | None] = _none  # why nothing may be uploaded anymore
+        self._uploaded: dict[int, Sequence[PlanItem]] = {}  # last uploaded items by list
+        self._once_more = False  # changed during the comparison
         self._comparing: asyncio.Task[None] | None = None  # reads and compares
         self.mission = _ItemList(
             "the mission", MISSION, raw.upload_mission_async, raw.download_mission_async
@@ -119,9 +118,9 @@ class OnboardPlan:
         )
 
     async def upload(self, plan: FlightPlan) -> None:
-        """Put a plan on board, and notice from now on when it is another. See `Vehicle.upload`."""
+        """Upload a plan, and report changes by others from now on. See `Vehicle.upload`."""
         async with self.lock:
-            self._kept.clear()  # whatever is on board, we replace it
+            self._uploaded.clear()  # the plan on board is replaced in any case
             self._telemetry.plan.guard.begin(self._telemetry.plan.ids)
             try:
                 await self.put(plan)
@@ -132,18 +131,18 @@ class OnboardPlan:
             self._telemetry.plan.watch()
 
     async def recognise(self, plan: FlightPlan) -> None:
-        """Make sure that a plan is on board, and notice when it is another."""
+        """Verify that a plan is on board, and report changes by others from now on."""
         async with self.lock:
             self._guard(plan, await self.compare(plan))
 
     async def renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> None:
-        """Put a changed fence on board, and what it makes of the items. See `Vehicle.renew`."""
+        """Upload a changed fence, and the items that change with it. See `Vehicle.renew`."""
         async with self.lock:
             if (why := objection()) is not None:
                 raise PlanRefusedError(why)
             if self._telemetry.plan.guard.changed:
-                # Known, and told, by now: what is there is replaced because the operator wants it.
-                self._kept.clear()
+                # Changes were announced by now: the operator wants them replaced.
+                self._uploaded.clear()
                 self._telemetry.guard_plan(self._telemetry.plan.ids)
             self._objection = objection
             try:
@@ -154,16 +153,16 @@ class OnboardPlan:
                 self._telemetry.plan.guard.transfer_ends()
 
     def replaced(self) -> None:
-        """It changed: compare; once more if that is under way, which may have read the one before.
+        """Compare a changed plan; once more after a running comparison.
 
-        Reports what is different.
+        Reports the difference.
         """
         self._once_more = True
         if self._comparing is None or self._comparing.done():
             self._comparing = asyncio.get_running_loop().create_task(self._compare_until_same())
 
     def close(self) -> None:
-        """Nothing is compared any more."""
+        """Stop comparing."""
         if self._comparing is not None:
             self._comparing.cancel()
 
@@ -173,7 +172,7 @@ class OnboardPlan:
 
     def _keep(self, plan: FlightPlan) -> None:
         self._plan = plan
-        self._kept = dict(zip(LISTS, (plan.items, plan.fence, plan.rally), strict=True))
+        self._uploaded = dict(zip(LISTS, (plan.items, plan.fence, plan.rally), strict=True))
 
     async def _compare_until_same(self) -> None:
         difference: str | None = "no plan is ours"
@@ -191,19 +190,20 @@ class OnboardPlan:
     async def put(self, plan: FlightPlan) -> PlanIds | None:
         """Upload the plan, wait until PX4 finds the mission feasible, and read all of it back.
 
-        Fence first, so that the mission is judged against it. Returns as `compare` does.
+        The fence is sent first, so that PX4 checks the mission against it. Returns as `compare`
+        does.
 
         Raises:
-            PlanRefusedError: not taken, not the same when read back, or judged infeasible.
+            PlanRefusedError: PX4 refused it, it differs when read back, or it is infeasible.
         """
         if not plan.fence:
             await self._clear_fence()
         if not plan.rally:
             await self._clear_rally_points()
-        if self._telemetry.plan.count > 0 and not self._tells_state:
-            # What its arming checks say next is of this mission, and not of the one before.
+        if self._telemetry.plan.count > 0 and not self._reports_state:
+            # The next arming checks concern this mission, not the previous one.
             await self._clear_mission()
-        self._telemetry.forget_words()
+        self._telemetry.forget_texts()
         for places, items in ((self.fence, plan.fence), (self.rally, plan.rally)):
             if items:
                 await self._upload(places, items)
@@ -211,27 +211,27 @@ class OnboardPlan:
         try:
             await self._feasible(len(plan.items), cleared=True)
         except PlanRefusedError:
-            if self._telemetry.refusals or not self._tells_state:
+            if self._telemetry.refusals or not self._reports_state:
                 raise
-            await self.compare(plan)  # it has all that was sent
-            # The same mission was on board before, and PX4 keeps to what it thought of it when it
-            # was switched on: it judges a mission anew only if it is another.
+            await self.compare(plan)  # PX4 has everything that was sent
+            # The same mission was on board before, and PX4 keeps its verdict from boot: it checks a
+            # mission again only if it has changed.
             await self._clear_mission()
             await self._upload(self.mission, plan.items)
             await self._feasible(len(plan.items))
-        return await self.compare(plan)  # last: reports have come that tell which plan is read
+        return await self.compare(plan)  # last: by now reports show which plan is read
 
     async def _renew(self, plan: FlightPlan) -> PlanIds | None:
-        """PX4 judges the mission after each transfer.
+        """PX4 checks the mission after each transfer.
 
-        New items might lie in the fence before, and those before in the new one: between the two
-        there is none.
+        New items might violate the old fence, and old items the new one. So the fence is cleared in
+        between.
         """
         telemetry = self._telemetry
         flies_it = bool(telemetry.in_air) and telemetry.mode is FlightMode.MISSION
         if not plan.rally:
             await self._clear_rally_points()
-        self._telemetry.forget_words()
+        self._telemetry.forget_texts()
         items = await self.download(self.mission)
         if len(items) != len(plan.items) or not all(map(PlanItem.same_as, plan.items, items)):
             if flies_it:
@@ -249,11 +249,10 @@ class OnboardPlan:
         return await self.compare(plan)
 
     async def verify(self, plan: FlightPlan) -> None:
-        """Make sure that what is on board flies as the plan does, without changing it.
+        """Verify that the plan on board is equivalent to a plan, without changing it.
 
         Raises:
-            PlanRefusedError: it is another plan, cannot be read, or PX4 finds that it cannot be
-                flown.
+            PlanRefusedError: It is another plan, cannot be read, or PX4 finds it infeasible.
         """
         await self.compare(plan)
         await self._feasible(len(plan.items))
@@ -261,28 +260,28 @@ class OnboardPlan:
     async def compare(self, plan: FlightPlan) -> PlanIds | None:
         """Read fence, rally points and items back.
 
-        Returns which plan the vehicle said that it had before: what comes on board while it is read
-        is another. Raises PlanRefusedError: it is another plan.
+        Returns the ids reported before the transfer, so an upload meanwhile is detected. Raises
+        PlanRefusedError if it is another plan.
         """
-        said = self._telemetry.plan.ids
+        ids = self._telemetry.plan.ids
         for places, sent in ((self.fence, plan.fence), (self.rally, plan.rally)):
             found = await self.download(places)
             _compare(places.what, [_place(v) for v in sent], [_place(v) for v in found])
         items = await self.download(self.mission)
         _compare(self.mission.what, list(plan.items), items)
-        return said
+        return ids
 
     async def _clear_mission(self) -> None:
-        """Take the mission off board, so that the one that follows is judged anew."""
+        """Clear the mission on board, so that PX4 checks the next one again."""
         await self._may_change(MISSION)
         result, *_ = await _transfer("no mission", self._plugins.raw.clear_mission_async)
         cleared = result == MissionRawResult.SUCCESS
-        if not cleared:  # what follows replaces it
+        if not cleared:  # the next upload replaces it
             self._telemetry.plan.guard.clear_refused(MISSION)
         self._put(MISSION, () if cleared else None)
 
     async def _clear_fence(self) -> None:
-        """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""
+        """Clear the fence of an earlier mission. Raises PlanRefusedError if it stays."""
         await self._may_change(FENCE)
         clear = self._plugins.geofence.clear_geofence_async
         (result,) = await _transfer("no fence", clear)
@@ -290,13 +289,13 @@ class OnboardPlan:
             self._telemetry.plan.guard.clear_refused(FENCE)
         self._put(FENCE, () if result == GeofenceResult.SUCCESS else None)
         if result != GeofenceResult.SUCCESS:
-            said = self._telemetry.said()
-            raise PlanRefusedError(f"the fence on board stays: {result.name}{said}")
+            texts = self._telemetry.texts()
+            raise PlanRefusedError(f"the fence on board stays: {result.name}{texts}")
 
     async def _clear_rally_points(self) -> None:
-        """Take rally points of an earlier mission off board: a return would go there.
+        """Clear rally points of an earlier mission: PX4's Return would fly there.
 
-        MAVSDK has no call for it. Raises PlanRefusedError: they stay.
+        MAVSDK has no call for it. Raises PlanRefusedError if they stay.
         """
         for _ in range(PLAN_BUSY_ATTEMPTS):
             if not await self.download(self.rally):
@@ -307,25 +306,25 @@ class OnboardPlan:
             if fault is not None:
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
         if await self.download(self.rally):
-            said = self._telemetry.said()
-            raise PlanRefusedError(f"rally points of another mission stay on board{said}")
+            texts = self._telemetry.texts()
+            raise PlanRefusedError(f"rally points of another mission stay on board{texts}")
 
     async def _may_change(self, kind: int) -> None:
-        """Have PX4 say what is on board, and begin to change a list if that is what we know of.
+        """Start to change a list, if PX4 reports the known plan on board.
 
         Raises:
-            PlanRefusedError: it is not, or PX4 does not say so, or nothing more is to be put there.
+            PlanRefusedError: It is another, PX4 does not report it, or no transfer is allowed.
         """
         self._object()
         telemetry = self._telemetry
         fresh = telemetry.plan.count + 1
-        if not await telemetry.shows(lambda: telemetry.plan.count >= fresh, PLAN_TOLD_S):
-            raise PlanRefusedError("PX4 does not say which plan is on board")
+        if not await telemetry.shows(lambda: telemetry.plan.count >= fresh, PLAN_REPORTED_S):
+            raise PlanRefusedError("PX4 does not report which plan is on board")
         ids = telemetry.plan.ids
-        if ids is None or not ids.told:  # an older PX4, or an empty one
-            await self._look_whether_kept()
-        if not await self._received():  # of what a pilot flies nothing is changed
-            raise PlanRefusedError("nothing is put on board: no flight mode of now was received")
+        if ids is None or not ids.reported:  # an older PX4, or nothing on board
+            await self._check_still_stored()
+        if not await self._received():  # nothing is changed while a pilot flies
+            raise PlanRefusedError("nothing is uploaded: no current flight mode was received")
         self._object()
         telemetry.plan.guard.transfer_begins(kind)
 
@@ -335,24 +334,24 @@ class OnboardPlan:
         if self._telemetry.plan.guard.changed:
             raise PlanRefusedError(REPLACED)
 
-    async def _look_whether_kept(self) -> None:
-        """Read back what we have put there. Raises PlanRefusedError: it is another now."""
+    async def _check_still_stored(self) -> None:
+        """Read back our lists. Raises PlanRefusedError if one has changed."""
         for of in (self.mission, self.fence, self.rally):
-            if of.kind not in self._kept:
+            if of.kind not in self._uploaded:
                 continue
-            kept, found = list(self._kept[of.kind]), await self.download(of)
+            uploaded, found = list(self._uploaded[of.kind]), await self.download(of)
             if of.kind != MISSION:
-                kept, found = [*map(_place, kept)], [*map(_place, found)]
-            _compare(of.what, kept, found)
+                uploaded, found = [*map(_place, uploaded)], [*map(_place, found)]
+            _compare(of.what, uploaded, found)
 
     def _put(self, kind: int, items: Sequence[PlanItem] | None, *, lost: bool = False) -> None:
-        """A transfer of ours is over; None: PX4 has not taken it; `lost`: it may have."""
+        """End a transfer; None: PX4 has not stored it; `lost`: it may have."""
         if items is not None:
-            self._kept[kind] = items
+            self._uploaded[kind] = items
         self._telemetry.plan.guard.transfer_ends(perhaps_stored=lost or items is not None)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
-        """Send a list, again where PX4 is busy with one of another sender."""
+        """Send a list; retry while PX4 is busy with another sender's."""
         raw_items = [to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
         for attempt in range(PLAN_BUSY_ATTEMPTS):
             if attempt:
@@ -372,36 +371,36 @@ class OnboardPlan:
         if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and to.kind == FENCE:
             count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
             hint = f"; {count}: draw it simpler"
-        said = self._telemetry.said()
-        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{said}{hint}")
+        texts = self._telemetry.texts()
+        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{texts}{hint}")
 
     async def download(self, of: _ItemList) -> list[PlanItem]:
-        """What is on board of one list. Raises PlanRefusedError: it cannot be read."""
+        """Read one list. Raises PlanRefusedError if it cannot be read."""
         result, items = await _patiently(of.what, of.download)
         if result == MissionRawResult.NO_MISSION_AVAILABLE:
             return []
         if result != MissionRawResult.SUCCESS:
-            said = self._telemetry.said()
-            raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{said}")
+            texts = self._telemetry.texts()
+            raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{texts}")
         return [from_raw(of.what, item) for item in items]
 
     @property
-    def _tells_state(self) -> bool:
-        """Whether MISSION_CURRENT says whether the mission can be flown: from PX4 1.17 on."""
+    def _reports_state(self) -> bool:
+        """Whether MISSION_CURRENT reports the mission's feasibility: from PX4 1.17 on."""
         return self._telemetry.plan.mission_state != MISSION_UNKNOWN
 
     async def _feasible(self, total: int, *, cleared: bool = False) -> None:
         """Wait until PX4 finds the mission on board feasible.
 
         Args:
-            total: Its items.
-            cleared: No mission was on board before it.
+            total: Number of its items.
+            cleared: No mission was on board before.
 
         Raises:
-            PlanRefusedError: it finds that it is not, or does not say.
+            PlanRefusedError: It is infeasible, or PX4 does not report it.
         """
         telemetry = self._telemetry
-        # What was said last may be of the plan before; the next report may have been on its way.
+        # The last report, and the next one under way, may concern the previous plan.
         fresh = telemetry.plan.count + 2
 
         def judged() -> bool:
@@ -413,24 +412,24 @@ class OnboardPlan:
         if telemetry.plan.item_total == total:
             if telemetry.plan.mission_state > MISSION_INVALID:
                 return
-            if not self._tells_state and await self._can_run(cleared=cleared):
+            if not self._reports_state and await self._can_run(cleared=cleared):
                 return
         reasons = "; ".join(dict.fromkeys(telemetry.refusals))
-        why = f": {reasons}" if reasons else telemetry.said()
+        why = f": {reasons}" if reasons else telemetry.texts()
         raise PlanRefusedError(
             f"PX4 stored the mission but finds that it cannot be flown{why}"
             + ("" if why else "; its reason is in the ground station's messages")
         )
 
     async def _can_run(self, *, cleared: bool) -> bool:
-        """Whether Mission mode can run, where MISSION_CURRENT does not say it (before 1.17).
+        """Whether Mission mode can run, if MISSION_CURRENT does not report it (before 1.17).
 
-        PX4 judges a mission only once it has read the fence on board.
+        PX4 checks a mission only after it has read the fence on board.
 
-        Raises PlanRefusedError: PX4 does not say that either.
+        Raises PlanRefusedError if PX4 does not report this either.
         """
         telemetry, reports = self._telemetry, self._telemetry.reports
-        if not cleared:  # until then they may be of the plan before
+        if not cleared:  # until then they may concern the previous plan
             reloaded_s = telemetry.time_s + PLAN_RELOAD_S
             await telemetry.shows(lambda: telemetry.time_s >= reloaded_s, PLAN_CHECKS_S)
         before, end_s = reports.count, loop_s() + PLAN_CHECKS_S
@@ -447,17 +446,17 @@ class OnboardPlan:
         version = telemetry.identity.version or ""
         raise PlanRefusedError(
             f"PX4 {version} stored the mission, and neither MISSION_CURRENT "
-            "nor a report of its arming checks says whether it can be flown: try again; if that "
-            "does not help, look whether the link drops EVENT messages"
+            "nor a report of its arming checks shows whether it can be flown: try again; if that "
+            "does not help, check whether the link drops EVENT messages"
         )
 
 
 async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
-    """A transfer that is begun again where another is under way, or too many packets were lost."""
+    """Run a transfer; retry if another is under way, or too many packets were lost."""
     for _ in range(PLAN_BUSY_ATTEMPTS - 1):
-        answer = await _transfer(what, method, *arguments)
-        if answer[0] not in _PASSING:
-            return answer
+        reply = await _transfer(what, method, *arguments)
+        if reply[0] not in _PASSING:
+            return reply
         await asyncio.sleep(PLAN_BUSY_S)
     return await _transfer(what, method, *arguments)
 
@@ -482,7 +481,7 @@ def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:
 
 
 def _place(item: PlanItem) -> PlanItem:
-    # PX4 gives what is a place only back in a global frame of its choice.
+    # PX4 returns places in a global frame of its choice.
     return PlanItem(
         item.command, Frame.GLOBAL_INT, (item.params[0], 0, 0, 0), item.x_deg_e7, item.y_deg_e7
     )

@@ -1,7 +1,7 @@
-"""What a PX4 reports of itself, by noun: where it is, its target, its plan, its GPS, its charge.
+"""The reports of a PX4, by subject: position, target, plan, GPS, charge and health, identity.
 
-Each part is written by the messages that its methods take, and by nothing else; `Px4Telemetry`
-hands these on, and reads the parts. Pure: time comes with the message.
+Each part is updated only by the messages that its methods handle. `Px4Telemetry` passes the
+messages on and reads the parts. Pure: time is part of the message.
 """
 
 import logging
@@ -28,26 +28,26 @@ _Fields = Mapping[str, Any]
 
 
 class PositionReport:
-    """Where it is, and its home: GLOBAL_POSITION_INT and HOME_POSITION.
+    """Position and home: GLOBAL_POSITION_INT and HOME_POSITION.
 
     Args:
-        frame: The mission's.
+        frame: The mission's frame.
 
     Attributes:
         point: In the mission frame; None before the first.
-        time_s: Since boot, of the newest position.
-        altitude_m: Above the home of the take-off.
-        altitude_amsl_m: As the autopilot says.
+        time_s: Time of the newest position, since boot.
+        altitude_m: Altitude above the home of the take-off.
+        altitude_amsl_m: Altitude above mean sea level, as PX4 reports it.
         velocity_m_s: East, north.
         heading_deg: Clockwise from north; None: unknown.
-        home: Of the autopilot, in the mission frame; None before it said so.
-        home_altitude_amsl_m: The same, its altitude.
+        home: PX4's home in the mission frame; None before it was received.
+        home_altitude_amsl_m: Its altitude.
     """
 
     def __init__(self, frame: LocalFrame) -> None:
         self._frame = frame
         self._continuity = Continuity()
-        self._heights = HeightFrame()  # home of the take-off
+        self._heights = HeightFrame()  # relative to the home of the take-off
         self.point: Point | None = None
         self.time_s = 0.0
         self.altitude_m = 0.0
@@ -59,34 +59,34 @@ class PositionReport:
 
     @property
     def home_moved(self) -> HomeMove | None:
-        """How far the autopilot's home is from that of the take-off; None: it is the same."""
+        """Offset of PX4's home from the home of the take-off; None: the same."""
         return self._heights.moved
 
     def point_of(self, fields: _Fields) -> Point | None:
-        """The place of a position, in the mission frame; None where that does not reach."""
+        """The point of a position in the mission frame; None outside the frame's range."""
         try:
             return self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
         except FrameError as error:
-            _log.warning("a position of the vehicle is left out: %s", error)
+            _log.warning("a position of the vehicle is ignored: %s", error)
             return None
 
     def believes(self, reported: ReportedPosition, now_s: float, rate: float) -> bool:
-        """Whether a position follows from those before; see `Continuity.believes`."""
+        """Whether a position is plausible after the previous ones; see `Continuity.believes`."""
         if self._continuity.believes(reported, now_s, rate):
             return True
-        _log.info("a position that does not follow from the one before waits for others")
+        _log.info("an implausible position is ignored until others confirm it")
         return False
 
     def take(
         self, fields: _Fields, reported: ReportedPosition, *, armed: bool, in_air: bool
     ) -> None:
-        """Take a position that is believed.
+        """Handle a plausible position.
 
         Args:
-            fields: Of the message.
-            reported: Its time and place.
-            armed: Whether its motors may turn.
-            in_air: Whether it may fly.
+            fields: The message's fields.
+            reported: Its time and point.
+            armed: Whether the vehicle is armed.
+            in_air: Whether it may be in the air.
         """
         self.time_s, self.point = reported
         self.altitude_amsl_m = fields["alt"] / 1e3
@@ -98,16 +98,16 @@ class PositionReport:
         self.heading_deg = None if fields["hdg"] == UNKNOWN_16 else fields["hdg"] / 100
 
     def take_home(self, fields: _Fields) -> None:
-        """Take a HOME_POSITION."""
+        """Handle a HOME_POSITION."""
         try:
             self.home = self._frame.to_local(fields["latitude"] / 1e7, fields["longitude"] / 1e7)
         except FrameError as error:
-            _log.warning("the vehicle's home is left out: %s", error)
+            _log.warning("the vehicle's home is ignored: %s", error)
             return
         self.home_altitude_amsl_m = fields["altitude"] / 1e3
 
     def count_heights_from(self, home_amsl_m: float) -> bool:
-        """See `Vehicle.count_heights_from`; whether that changes the altitude of now."""
+        """See `Vehicle.count_heights_from`; return whether the current altitude changes."""
         altitude_m = self._heights.took_off_from(home_amsl_m)
         if altitude_m is None:
             return False
@@ -115,19 +115,19 @@ class PositionReport:
         return True
 
     def above_m(self, amsl_m: float | None) -> float | None:
-        """How high above the home of the take-off another height is; None: unknown."""
+        """Convert an altitude above sea level to one above the take-off's home; None: unknown."""
         return self._heights.above_m(amsl_m)
 
 
 class TargetReport:
-    """Where it flies to or hovers: POSITION_TARGET_GLOBAL_INT.
+    """Destination or hover position: POSITION_TARGET_GLOBAL_INT.
 
     Args:
-        frame: The mission's.
+        frame: The mission's frame.
 
     Attributes:
-        point: In the mission frame; None: it reports none.
-        amsl_m: Its height; None: not reported.
+        point: In the mission frame; None: not reported.
+        amsl_m: Its altitude; None: not reported.
     """
 
     def __init__(self, frame: LocalFrame) -> None:
@@ -136,7 +136,7 @@ class TargetReport:
         self.amsl_m: float | None = None
 
     def take(self, fields: _Fields) -> None:
-        """Take a POSITION_TARGET_GLOBAL_INT."""
+        """Handle a POSITION_TARGET_GLOBAL_INT."""
         self.amsl_m = fields["alt"]
         place = fields["lat_int"] / 1e7, fields["lon_int"] / 1e7
         try:
@@ -145,21 +145,21 @@ class TargetReport:
             self.point = None
 
     def mode_changed(self) -> None:
-        """It was the other mode's."""
+        """Forget the target: it was the previous mode's."""
         self.point = None
 
 
 class PlanReport:
-    """What is on board, and how far it is flown: MISSION_CURRENT, _ACK and _ITEM_REACHED.
+    """The plan on board and its progress: MISSION_CURRENT, _ACK and _ITEM_REACHED.
 
     Attributes:
-        guard: Whose changes those of the plan are.
+        guard: Detects who changed the plan.
         guarding: Changes by others are reported.
-        ids: As reported last; None before.
-        item: Of the plan, current; None before.
-        item_total: Items on board.
+        ids: The last reported ids; None before the first.
+        item: The current plan item; None before the first report.
+        item_total: Number of items on board.
         mission_state: MISSION_CURRENT.mission_state.
-        count: MISSION_CURRENT so far.
+        count: Number of MISSION_CURRENT received.
     """
 
     def __init__(self) -> None:
@@ -170,32 +170,32 @@ class PlanReport:
         self.item_total = 0
         self.mission_state = 0
         self.count = 0
-        self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
+        self._last_reached: tuple[int, int | None] | None = None  # seq, current item then
 
     def watch(self) -> None:
-        """From now on report changes of what the guard knows of."""
+        """Report changes by others from now on."""
         self.guarding = True
 
     def take(self, fields: _Fields) -> frozenset[int]:
-        """Take a MISSION_CURRENT; which lists another sender has changed since the last."""
+        """Handle a MISSION_CURRENT; return the lists that another sender has changed since."""
         total = fields.get("total", UNKNOWN_16)
         self.item_total = 0 if total == UNKNOWN_16 else total
         self.mission_state = fields.get("mission_state", 0)
         self.count += 1
         self.item = fields["seq"]
         self.ids = PlanIds(*(fields.get(name, 0) for name in PlanIds._fields))
-        return self.guard.told(self.ids)
+        return self.guard.reported(self.ids)
 
-    def take_answer(self, fields: _Fields) -> None:
-        """Take a MISSION_ACK that is addressed to us."""
+    def take_ack(self, fields: _Fields) -> None:
+        """Handle a MISSION_ACK addressed to us."""
         stored = fields["type"] == MISSION_ACCEPTED
         take = self.guard.stored if stored else self.guard.refused
         take(fields.get("mission_type", 0), fields.get("opaque_id"))
 
     def take_reached(self, fields: _Fields) -> bool:
-        """Take a MISSION_ITEM_REACHED; whether it is the first of its item.
+        """Handle a MISSION_ITEM_REACHED; return whether it is the first for its item.
 
-        PX4 repeats the report once or twice a second while it holds; once is enough.
+        PX4 repeats the report once or twice a second while it holds.
         """
         reached = (fields["seq"], self.item)
         first = reached != self._last_reached
@@ -204,10 +204,10 @@ class PlanReport:
 
 
 class GpsReport:
-    """Its satellite receiver: GPS_RAW_INT.
+    """The satellite receiver: GPS_RAW_INT.
 
     Attributes:
-        fix: None until it was heard.
+        fix: The last fix; None until it was received.
     """
 
     def __init__(self) -> None:
@@ -215,7 +215,7 @@ class GpsReport:
         self._height: tuple[float, float] | None = None  # metres AMSL, receiver's time
 
     def take(self, fields: _Fields) -> None:
-        """Take a GPS_RAW_INT."""
+        """Handle a GPS_RAW_INT."""
         satellites = fields["satellites_visible"]
         accuracy_mm = fields.get("h_acc") or 0
         self.fix = GpsFix(
@@ -226,10 +226,10 @@ class GpsReport:
         self._height = (fields["alt"] / 1e3, fields["time_usec"] / 1e6)
 
     def amsl_m(self, now_s: float) -> float | None:
-        """The receiver's own altitude, if it has a fix and the message is not old.
+        """The receiver's altitude, with a fix and a recent message.
 
         Args:
-            now_s: Since the vehicle's boot.
+            now_s: Time since the vehicle's boot.
         """
         if self._height is None or self.fix is None or not self.fix.good:
             return None
@@ -238,11 +238,11 @@ class GpsReport:
 
 
 class SystemStatus:
-    """Its charge and health: SYS_STATUS.
+    """Charge and health: SYS_STATUS.
 
     Attributes:
-        battery: 0 to 1; None: unknown.
-        voltage_v: None: unknown.
+        battery: Charge, 0 to 1; None: unknown.
+        voltage_v: Voltage; None: unknown.
         health_good: PX4's pre-arm checks pass.
     """
 
@@ -252,7 +252,7 @@ class SystemStatus:
         self.health_good = False
 
     def take(self, fields: _Fields) -> bool:
-        """Take a SYS_STATUS; whether a charge that was known is still reported."""
+        """Handle a SYS_STATUS; return whether a known charge is still reported."""
         voltage_mv = fields["voltage_battery"]
         self.voltage_v = None if voltage_mv in {None, UNKNOWN_16} else voltage_mv / 1e3
         self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)
@@ -264,32 +264,32 @@ class SystemStatus:
 
 
 class Identity:
-    """Which vehicle it is, and whether it is one: AUTOPILOT_VERSION, HEARTBEAT, clocks.
+    """Type and number of vehicles on the link: AUTOPILOT_VERSION, HEARTBEAT, clocks.
 
     Attributes:
-        airframes: Which vehicle it says that it is.
-        version: Of PX4, once it was asked.
+        airframes: The reported type.
+        version: PX4's version, once received.
     """
 
     def __init__(self) -> None:
         self.airframes = AirframeWatch()
         self.version: str | None = None
-        self._twins = TwinWatch()  # of positions
-        self._uids: set[int] = set()  # of the autopilots that answered
-        self._disarmed_once = False  # by the latest HEARTBEAT, which may be another's
+        self._twins = TwinWatch()  # by the clocks of positions
+        self._uids: set[int] = set()  # of the autopilots received
+        self._disarmed_once = False  # a single HEARTBEAT, perhaps another vehicle's
 
     @property
     def are_twins(self) -> bool:
-        """Whether two autopilots answer with one system id."""
+        """Whether two autopilots use one system id."""
         return self._twins.apart_s is not None or len(self._uids) > 1
 
     def wrong_vehicle(self, time_s: float) -> WrongVehicle:
-        """Whether something stands against what is on the link; two autopilots before a wrong one.
+        """Why no mission is flown with the vehicle on the link: two autopilots, or a wrong type.
 
-        A vehicle among two of one system id may be any of them, whatever is announced of it.
+        With two vehicles of one system id the reported type may be either's.
 
         Args:
-            time_s: Now, since the vehicle's boot.
+            time_s: Current time since the vehicle's boot.
         """
         if not self.are_twins:
             return WrongVehicle(time_s, self.airframes.why_not)
@@ -302,11 +302,11 @@ class Identity:
         )
 
     def take_clock(self, boot_s: float, arrived_s: float, rate: float) -> bool:
-        """Take the time of a position; whether there are two autopilots is other than before."""
+        """Handle a position's time; return whether the number of autopilots has changed."""
         return self._twins.take(boot_s, arrived_s, rate)
 
     def take_version(self, fields: _Fields) -> bool:
-        """Take an AUTOPILOT_VERSION; whether it is of another autopilot than the one before."""
+        """Handle an AUTOPILOT_VERSION; return whether it comes from a further autopilot."""
         number = fields["flight_sw_version"]
         self.version = ".".join(str((number >> shift) & 0xFF) for shift in (24, 16, 8))
         uid = fields.get("uid") or 0
@@ -315,14 +315,14 @@ class Identity:
         return another
 
     def may_be_a_twins(self, fields: _Fields, *, armed: bool, height_m: float) -> bool:
-        """Whether a HEARTBEAT may be of another vehicle, which stands on the ground.
+        """Whether a HEARTBEAT may come from another vehicle on the ground.
 
-        One that flies high and is disarmed says so in every HEARTBEAT; two that take turns do not.
+        A vehicle disarmed in the air reports it in every HEARTBEAT; two vehicles alternate.
 
         Args:
-            fields: Of the HEARTBEAT.
-            armed: As the one before said.
-            height_m: Above the autopilot's home.
+            fields: The HEARTBEAT's fields.
+            armed: As the previous one reported.
+            height_m: Altitude above PX4's home.
         """
         disarmed = not fields["base_mode"] & ARMED and fields["system_status"] != TERMINATED
         waits = armed and disarmed and height_m >= SURELY_FLIES_M and not self._disarmed_once

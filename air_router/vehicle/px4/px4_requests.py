@@ -1,6 +1,6 @@
-"""What a PX4 is asked: to send what a flight rests on, and on the ground for a pre-flight check.
+"""Requests to a PX4: the messages that a flight needs, and those of a pre-flight check.
 
-Without an answer things go on, only less well.
+A missing answer is not fatal.
 """
 
 import asyncio
@@ -11,11 +11,11 @@ from typing import Final
 from air_router.vehicle import Inspection
 from air_router.vehicle.px4.limits import (
     ARMING_REPORT_S,
-    FIRST_ANSWER_S,
+    FIRST_RESPONSE_S,
     FLIGHT_INFORMATION_ATTEMPTS,
     INSPECTION_HEALTH_S,
-    PARAMETER_ANSWER_S,
     PARAMETER_ATTEMPTS,
+    PARAMETER_RESPONSE_S,
     PARAMETERS_ABSENT,
     PARAMETERS_ABSENT_ATTEMPTS,
     STREAM_MISSING_S,
@@ -41,14 +41,14 @@ STREAMS: Final[Mapping[str, int]] = {
         MessageId.EXTENDED_SYS_STATE,
     )
 }
-"""What a flight rests on, or would like to know, and its message ids."""
+"""The messages that a flight needs or uses, with their ids."""
 
 ONCE: Final = (MessageId.HOME_POSITION, MessageId.AUTOPILOT_VERSION, MessageId.FLIGHT_INFORMATION)
-"""What is asked for on connecting."""
+"""Requested once on connecting."""
 
 
 async def begin(telemetry: Px4Telemetry) -> None:
-    """Ask for everything that a flight wants to hear."""
+    """Request all messages that a flight uses."""
     requests = [
         (MavCmd.SET_MESSAGE_INTERVAL, STREAMS[name], 1e6 / hz)
         for name, hz in STREAM_RATES_HZ.items()
@@ -57,39 +57,39 @@ async def begin(telemetry: Px4Telemetry) -> None:
     await asyncio.gather(*(_request(telemetry, *request) for request in requests))
 
 
-async def ask_since_when_it_flies(telemetry: Px4Telemetry) -> None:
-    """Ask a vehicle in the air again: one lost datagram must not cost the flight its duration."""
+async def request_flight_information(telemetry: Px4Telemetry) -> None:
+    """Request FLIGHT_INFORMATION again: a lost datagram must not cost the flight its duration."""
     for _ in range(FLIGHT_INFORMATION_ATTEMPTS):
         await _request(telemetry, MavCmd.REQUEST_MESSAGE, MessageId.FLIGHT_INFORMATION)
-        if await telemetry.shows(lambda: telemetry.told_flight, PARAMETER_ANSWER_S):
+        if await telemetry.shows(lambda: telemetry.flight_info_received, PARAMETER_RESPONSE_S):
             return
 
 
 async def keep_streams(telemetry: Px4Telemetry) -> None:
-    """Ask now and then for streams that are missing; until it is cancelled."""
+    """Request missing streams at intervals, until canceled."""
     while True:
         await asyncio.sleep(STREAM_REQUESTED_EVERY_S)
-        await ask_again(telemetry)
+        await request_again(telemetry)
 
 
-async def ask_again(telemetry: Px4Telemetry) -> None:
-    """Ask for streams that are missing, at our rate or the autopilot's own."""
+async def request_again(telemetry: Px4Telemetry) -> None:
+    """Request missing streams, at our rate or PX4's default."""
     for name in telemetry.missing(STREAM_MISSING_S):
         interval_us = 1e6 / STREAM_RATES_HZ[name] if name in STREAM_RATES_HZ else 0.0
         await _request(telemetry, MavCmd.SET_MESSAGE_INTERVAL, STREAMS[name], interval_us)
 
 
 async def _request(telemetry: Px4Telemetry, command: int, *params: float) -> None:
-    if await telemetry.ask(command, *params, limit_s=FIRST_ANSWER_S) is None:
+    if await telemetry.request_result(command, *params, limit_s=FIRST_RESPONSE_S) is None:
         _log.info("command %d %s was not answered", command, params)
 
 
 async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspection:
-    """Ask, wait a little where it is worth it, and put together what came.
+    """Request the data of an inspection, wait briefly, and assemble it.
 
     Args:
-        telemetry: Of a PX4 on the ground.
-        parameters: Their names.
+        telemetry: Messages of a PX4 on the ground.
+        parameters: Names of the parameters to read.
     """
     reports = telemetry.reports
     await asyncio.gather(
@@ -112,19 +112,19 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
 
 
 async def arming_report(telemetry: Px4Telemetry) -> bool:
-    """Have PX4 run its health and arming checks now; whether their report has come."""
+    """Request PX4's health and arming checks; return whether the report was received."""
     before = telemetry.reports.count
-    if await telemetry.ask(MavCmd.RUN_PREARM_CHECKS, limit_s=ARMING_REPORT_S) != 0:
+    if await telemetry.request_result(MavCmd.RUN_PREARM_CHECKS, limit_s=ARMING_REPORT_S) != 0:
         return False
     return await telemetry.shows(lambda: telemetry.reports.count > before, ARMING_REPORT_S)
 
 
 async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> None:
-    """Read parameters, those again of which nothing came.
+    """Read parameters, and repeat requests without an answer.
 
-    PX4 1.18 says of one that it does not have it; before that it answers nothing.
+    PX4 1.18 reports an absent parameter; before that it does not answer.
 
-    MAVSDK asks for one after the other and waits three seconds for each that is missing.
+    MAVSDK requests one after another, and waits three seconds for each absent one.
     """
     telemetry.forget_parameters()
 
@@ -141,4 +141,4 @@ async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> Non
             fault = telemetry.send("PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
             if fault is not None:
                 _log.info("the request for %s was not sent: %s", name, fault)
-        await telemetry.shows(lambda: not missing(), PARAMETER_ANSWER_S)
+        await telemetry.shows(lambda: not missing(), PARAMETER_RESPONSE_S)

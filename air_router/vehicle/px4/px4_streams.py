@@ -1,7 +1,8 @@
-"""Which of a PX4's messages are believed, and how old each is. Pure.
+"""Plausibility and age of a PX4's messages. Pure.
 
-Modes are put together from two messages that contradict each other for a moment, a position has
-to go on from the one before, and a stream that repeats itself, or ended while others come, ages.
+The mode is combined from two messages that may contradict each other for a moment. A position has
+to be plausible after the previous one. A stream ages if it repeats itself, or stops while others
+continue.
 """
 
 import math
@@ -42,7 +43,7 @@ _SUB_MODES: Final = MappingProxyType({mode: sub for sub, mode in _AUTO_MODES.ite
 
 
 def flight_mode(custom_mode: int) -> FlightMode:
-    """The mode in HEARTBEAT.custom_mode or CURRENT_MODE.custom_mode: main and sub mode bytes."""
+    """The mode in custom_mode of HEARTBEAT or CURRENT_MODE: main and sub mode bytes."""
     main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
     if main != MAIN_AUTO:
         return FlightMode.OTHER if sub else _MANUAL_MODES.get(main, FlightMode.OTHER)
@@ -50,65 +51,65 @@ def flight_mode(custom_mode: int) -> FlightMode:
 
 
 def sub_mode(mode: FlightMode) -> int:
-    """The sub mode of one of the automatic modes, main mode `MAIN_AUTO`. Raises KeyError."""
+    """The sub mode of an automatic mode (main mode `MAIN_AUTO`). Raises KeyError."""
     return _SUB_MODES[mode]
 
 
 @dataclass(slots=True)
 class ModeState:
-    """Mode, arming and failsafe, from HEARTBEAT and CURRENT_MODE as they come.
+    """Mode, arming and failsafe, from HEARTBEAT and CURRENT_MODE.
 
-    PX4 falls back to the mode from before a landing when it disarms. CURRENT_MODE, which knows
-    nothing of arming, may tell that up to a second before HEARTBEAT: until then `told` stays Land,
-    and another mode intended than Land is no failsafe.
+    PX4 returns to the mode before a landing when it disarms. CURRENT_MODE, which does not include
+    arming, may report that up to a second before HEARTBEAT. Until then `reported` stays Land, and
+    an intended mode other than Land is no failsafe.
 
     Attributes:
-        mode: As told last by either.
-        told: The same, but Land until it is known whether it was left by disarming.
-        armed, terminated: As HEARTBEAT said last.
-        failsafe: As the newer of the two says: critical, or in another mode than intended.
-        known: Whether a HEARTBEAT came.
+        mode: The last mode of either message.
+        reported: The same, but Land until it is known whether disarming ended it.
+        armed, terminated: By the last HEARTBEAT.
+        failsafe: By the newer message: critical, or in another mode than intended.
+        known: Whether a HEARTBEAT was received.
     """
 
     mode: FlightMode = FlightMode.OTHER
-    told: FlightMode = FlightMode.OTHER
+    reported: FlightMode = FlightMode.OTHER
     armed: bool = False
     terminated: bool = False
     failsafe: bool = False
     known: bool = False
-    _landing_left_s: float | None = None  # LAND showed its end; PX4 may disarm
-    _overruled: bool = False  # it flies another mode than intended
+    _landing_left_s: float | None = None  # Land has ended; PX4 may disarm
+    _overruled: bool = False  # in another mode than intended
 
     def heartbeat(self, fields: _Fields) -> bool:
-        """Take a HEARTBEAT; whether the mode is another."""
+        """Handle a HEARTBEAT; return whether the mode has changed."""
         self.known = True
         self.armed = bool(fields["base_mode"] & ARMED)
         self.failsafe = fields["system_status"] >= CRITICAL
         self.terminated = fields["system_status"] == TERMINATED
         before, self.mode = self.mode, flight_mode(fields["custom_mode"])
         self._landing_left_s, self._overruled = None, False
-        self.told = self.mode
+        self.reported = self.mode
         return self.mode is not before
 
     def current_mode(self, fields: _Fields, now_s: float) -> bool:
-        """Take a CURRENT_MODE; whether the mode is another."""
+        """Handle a CURRENT_MODE; return whether the mode has changed."""
         custom, intended = fields["custom_mode"], fields.get("intended_custom_mode", 0)
         before, self.mode = self.mode, flight_mode(custom)
         self._overruled = self.armed and intended not in {0, custom}
         landed = before is FlightMode.LAND and (self._overruled or self.mode is not before)
         if landed and self._landing_left_s is None:
             self._landing_left_s = now_s
-        self.settle(now_s)
+        self.expire(now_s)
         return self.mode is not before
 
-    def settle(self, now_s: float) -> None:
-        """Time goes on: a mode whose HEARTBEAT does not come is told all the same."""
+    def expire(self, now_s: float) -> None:
+        """After a time-out, report a new mode even without a HEARTBEAT."""
         since_s = self._landing_left_s
-        in_doubt = self._overruled or self.mode is not self.told
+        in_doubt = self._overruled or self.mode is not self.reported
         if since_s is not None and now_s - since_s < MODE_SETTLED_S and in_doubt:
             return
         self._landing_left_s = None
-        self.told = self.mode
+        self.reported = self.mode
         self.failsafe = self.failsafe or self._overruled
 
 
@@ -124,61 +125,61 @@ _AGES: Final[Mapping[str, str]] = {
 
 
 class Streams:
-    """Counts the vehicle's time while anything is heard of it.
+    """Measures the ages of all streams, in vehicle time while anything is received.
 
     Attributes:
-        heard_s: How long that was.
+        received_s: Vehicle time with reception.
     """
 
     def __init__(self) -> None:
-        self.heard_s = 0.0
-        self._targets_from_s = 0.0  # earlier ones, on the vehicle's clock, are another mode's
-        self._last_s: float | None = None  # when anything came last, monotonic
-        self._at_s: dict[str, tuple[float, float]] = {}  # by message: newest, and the one before
-        self._position: _Fields | None = None  # the newest, believed or not
-        self._believed: _Fields | None = None  # the newest that counts
-        self._gps_us = 0  # stamp of the newest fix
+        self.received_s = 0.0
+        self._targets_from_s = 0.0  # earlier targets, on the vehicle's clock, are another mode's
+        self._last_s: float | None = None  # last reception, monotonic
+        self._at_s: dict[str, tuple[float, float]] = {}  # by message: newest and previous
+        self._position: _Fields | None = None  # the newest, plausible or not
+        self._believed: _Fields | None = None  # the newest plausible one
+        self._gps_us = 0  # timestamp of the newest fix
 
     def message(self, arrived_s: float, rate: float, most_s: float = STREAM_PAUSE_S) -> None:
-        """Anything came, at this time on our clock.
+        """Note the reception of any message.
 
         Args:
-            arrived_s: When.
-            rate: Of the vehicle's time against ours.
-            most_s: The vehicle's time went on by no more since the message before.
+            arrived_s: Time of reception on our clock.
+            rate: Rate of the vehicle's clock relative to ours.
+            most_s: Largest advance of the vehicle's time since the previous message.
         """
         if self._last_s is not None:
             passed_s = max(0.0, arrived_s - self._last_s) * rate
-            self.heard_s += min(passed_s, most_s, STREAM_PAUSE_S)
+            self.received_s += min(passed_s, most_s, STREAM_PAUSE_S)
         self._last_s = max(arrived_s, self._last_s or arrived_s)
 
-    def news(self, name: str, fields: _Fields, *, armed: bool) -> bool:
-        """Whether a message says anything: it is not late, frozen, or against all appearance."""
+    def is_new(self, name: str, fields: _Fields, *, armed: bool) -> bool:
+        """Whether a message counts: not late, frozen, or contradicted by the motion."""
         match name:
             case "GLOBAL_POSITION_INT":
-                news = self._is_position(fields)
+                is_new = self._is_position(fields)
             case "GPS_RAW_INT":
                 before_us, self._gps_us = self._gps_us, fields.get("time_usec", 0)
-                news = self._gps_us == 0 or self._gps_us != before_us
+                is_new = self._gps_us == 0 or self._gps_us != before_us
             case "EXTENDED_SYS_STATE":
-                news = not (
+                is_new = not (
                     fields["landed_state"] == ON_GROUND and armed and self.moves_above(FLYING_M)
                 )
             case "POSITION_TARGET_GLOBAL_INT":
-                news = fields["time_boot_ms"] / 1e3 >= self._targets_from_s
+                is_new = fields["time_boot_ms"] / 1e3 >= self._targets_from_s
             case _:
-                news = True
-        if news:
-            before_s, _ = self._at_s.get(name, (self.heard_s, 0.0))
-            self._at_s[name] = (self.heard_s, before_s)
-        return news
+                is_new = True
+        if is_new:
+            before_s, _ = self._at_s.get(name, (self.received_s, 0.0))
+            self._at_s[name] = (self.received_s, before_s)
+        return is_new
 
     def void_targets_before(self, time_s: float) -> None:
-        """A target that was reported before this time of the vehicle is another mode's."""
+        """Ignore targets reported before this vehicle time: they are another mode's."""
         self._targets_from_s = time_s
 
     def void(self, name: str) -> None:
-        """The message of this name that came last says nothing that can be used."""
+        """Ignore the last message of this name: it has no usable content."""
         if name in self._at_s:
             _, before_s = self._at_s[name]
             self._at_s[name] = (before_s, before_s)
@@ -186,23 +187,23 @@ class Streams:
                 self._position = self._believed
 
     def ages(self) -> Ages:
-        """Now; rounded, because records keep them."""
+        """The current ages, rounded for records."""
         ages = {age: self._age_s(name) for name, age in _AGES.items()}
         return Ages(**ages, mode_s=min(self._age_s("HEARTBEAT"), self._mode_age_s()))
 
     def missing(self, age_s: float) -> list[str]:
-        """Streams that came and have not for so long, while others do."""
+        """Streams that have been missing for this long while others are received."""
         return [name for name in _AGES if self._age_s(name) >= age_s]
 
     def _mode_age_s(self) -> float:
         return self._age_s("CURRENT_MODE") if "CURRENT_MODE" in self._at_s else math.inf
 
     def _age_s(self, name: str) -> float:
-        at_s, _ = self._at_s.get(name, (self.heard_s, 0.0))
-        return round(self.heard_s - at_s, 1)
+        at_s, _ = self._at_s.get(name, (self.received_s, 0.0))
+        return round(self.received_s - at_s, 1)
 
     def _is_position(self, fields: _Fields) -> bool:
-        """No late one, nor one that repeats the last although its velocity is not zero."""
+        """Whether a position is not late, and no repetition in spite of a velocity."""
         last = self._believed = self._position
         if last is None:
             self._position = fields
@@ -218,55 +219,55 @@ class Streams:
         )
 
     def moves_above(self, height_m: float) -> bool:
-        """Whether it moves so high above home, by its last position."""
+        """Whether the vehicle moves above this altitude, by its last position."""
         last = self._position
         if last is None or last["relative_alt"] < height_m * 1e3:
             return False
         return math.hypot(last["vx"], last["vy"], last["vz"]) >= MOVING_CM_S
 
     def height_m(self) -> float:
-        """Above the autopilot's home, by its last position; 0 before the first."""
+        """Altitude above PX4's home, by the last position; 0 before the first."""
         return 0.0 if self._position is None else float(self._position["relative_alt"]) / 1e3
 
-    def in_air(self, word: bool, *, armed: bool) -> bool:
-        """Whether it is in the air: as it reports, and by its height where that is missing."""
+    def in_air(self, landed_state: bool, *, armed: bool) -> bool:
+        """Whether the vehicle is in the air, by its landed state or (if missing) altitude."""
         if self._age_s("EXTENDED_SYS_STATE") <= LANDED_STATE_S:
-            return word
+            return landed_state
         high = self._position is not None and self._position["relative_alt"] >= FLYING_M * 1e3
-        return armed and (word or high)
+        return armed and (landed_state or high)
 
 
 class ReportedPosition(NamedTuple):
-    """What a position message says: seconds since boot; metres east/north of the origin."""
+    """A position message: seconds since boot; meters east/north of the origin."""
 
     boot_s: float
     position: Point
 
 
 class Continuity:
-    """Says of each position in turn whether it is believed. Has no clock of its own."""
+    """Decides for each position whether it is plausible. Has no clock of its own."""
 
     def __init__(self) -> None:
-        self._last: ReportedPosition | None = None  # the newest believed
-        self._last_s = -math.inf  # when it came
-        self._doubted: ReportedPosition | None = None  # the newest that was not
-        self._count = 0  # of these that agree
+        self._last: ReportedPosition | None = None  # the newest accepted one
+        self._last_s = -math.inf  # its reception
+        self._doubted: ReportedPosition | None = None  # the newest rejected one
+        self._count = 0  # consistent rejected ones
 
-    def believes(self, heard: ReportedPosition, now_s: float, rate: float) -> bool:
-        """Whether a message is believed that came at `now_s` of our monotonic clock.
+    def believes(self, position: ReportedPosition, now_s: float, rate: float) -> bool:
+        """Whether to accept a position received at `now_s` of our monotonic clock.
 
-        `rate` is how many seconds of the vehicle a second of ours is: 1 outside of simulations.
+        `rate` is the vehicle's seconds per second of ours: 1 outside of simulations.
         """
         rate = max(rate, 1.0)
-        if self._last is None or _follows(self._last, heard, rate):
+        if self._last is None or _follows(self._last, position, rate):
             self._doubted, self._count = None, 0
         else:
-            agrees = self._doubted is not None and _follows(self._doubted, heard, rate)
-            self._doubted, self._count = heard, self._count + 1 if agrees else 1
+            agrees = self._doubted is not None and _follows(self._doubted, position, rate)
+            self._doubted, self._count = position, self._count + 1 if agrees else 1
             if self._count < POSITIONS_AGREEING or now_s - self._last_s < POSITIONS_QUIET_S / rate:
                 return False
             self._doubted, self._count = None, 0
-        self._last, self._last_s = heard, now_s
+        self._last, self._last_s = position, now_s
         return True
 
 

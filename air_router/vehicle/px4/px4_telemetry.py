@@ -1,4 +1,4 @@
-"""What a PX4 says of itself, put together from its messages into `Telemetry` and events."""
+"""Combines a PX4's messages into `Telemetry` and events."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -39,27 +39,27 @@ TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
 
 
 class Px4Telemetry(Px4Messages):
-    """Listens to a PX4 and keeps what it said last; all of it on the event loop.
+    """Receives a PX4's messages and stores its last reports, on the event loop.
 
     Args:
-        frame: The mission's.
-        clock: The vehicle's.
+        frame: The mission's frame.
+        clock: The vehicle's clock.
 
     Attributes:
-        place: Where it is, and its home.
-        plan: What is on board.
-        gps: Its satellite receiver.
-        status: Its charge and health.
-        identity: Which vehicle it is.
-        in_air: As its landed state says; None until it was heard.
+        place: Position and home.
+        plan: The plan on board.
+        gps: The satellite receiver.
+        status: Charge and health.
+        identity: Type and number of vehicles.
+        in_air: By the landed state; None until it was received.
         wind_m_s: East, north; None: unknown.
-        told_flight: FLIGHT_INFORMATION has come.
-        took_off_s: Since boot, as it says; None: it does not fly, or has not said so.
+        flight_info_received: FLIGHT_INFORMATION was received.
+        took_off_s: Reported time of the take-off, since boot; None: not flying, or not reported.
     """
 
     def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
         super().__init__(clock)
-        self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
+        self._callbacks: list[Callable[[VehicleEvent], None]] = []  # receive all events
         self.place = PositionReport(frame)
         self.plan = PlanReport()
         self.gps = GpsReport()
@@ -68,15 +68,15 @@ class Px4Telemetry(Px4Messages):
         self._target = TargetReport(frame)
         self._mode = ModeState()
         self._streams = Streams()
-        self._told_s = 0.0  # vehicle time of the latest telemetry
-        self._unix: tuple[float, float] | None = None  # Unix time, when heard
+        self._snapshot_s = 0.0  # vehicle time of the latest telemetry
+        self._unix: tuple[float, float] | None = None  # Unix time, its reception
         self.in_air: bool | None = None
         self.wind_m_s: tuple[float, float] | None = None
-        self.told_flight = False
+        self.flight_info_received = False
         self.took_off_s: float | None = None
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
-        """Take all that the autopilot with this system id says."""
+        """Handle all messages of the autopilot with this system id."""
         super().listen(direct, system_id)
         handlers: dict[str, Handler] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -98,39 +98,39 @@ class Px4Telemetry(Px4Messages):
         self.take(handlers)
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
-        """Hand every event to `callback`; what stands against the vehicle already, at once."""
+        """Pass every event to `callback`; a known `WrongVehicle` at once."""
         self._callbacks.append(callback)
         if self.identity.are_twins:
             callback(self._wrong_vehicle())
 
     def complete(self) -> bool:
-        """Whether everything that a flight rests on was heard once."""
+        """Whether every message that a flight needs was received once."""
         return self.place.point is not None and self._mode.known and self.in_air is not None
 
     def introduced(self) -> bool:
-        """Whether what is asked for once has come: version, home, since when it flies."""
+        """Whether one-time requests were answered: version, home, flight information."""
         home, version = self.place.home, self.identity.version
-        return version is not None and home is not None and self.told_flight
+        return version is not None and home is not None and self.flight_info_received
 
     def missing(self, age_s: float) -> list[str]:
-        """Messages that have not come for so long while others do, seconds of the vehicle's."""
+        """Messages missing for this long, in vehicle seconds, while others are received."""
         return self._streams.missing(age_s)
 
     def unix_s(self) -> float | None:
-        """The vehicle's own Unix time now, None until it told it."""
+        """The vehicle's current Unix time; None until it was received."""
         if self._unix is None:
             return None
-        unix_s, heard_s = self._unix
-        return unix_s + loop_s() - heard_s
+        unix_s, received_s = self._unix
+        return unix_s + loop_s() - received_s
 
     @property
     def time_s(self) -> float:
-        """Since boot, of the newest position."""
+        """Time of the newest position, since boot."""
         return self.place.time_s
 
     @property
     def mode(self) -> FlightMode:
-        """From HEARTBEAT and CURRENT_MODE."""
+        """The flight mode, from HEARTBEAT and CURRENT_MODE."""
         return self._mode.mode
 
     @property
@@ -140,25 +140,25 @@ class Px4Telemetry(Px4Messages):
 
     @property
     def failsafe(self) -> bool:
-        """Whether the autopilot flies by itself."""
+        """Whether PX4 is in a failsafe."""
         return self._mode.failsafe
 
     @property
     def item(self) -> int | None:
-        """Of the plan, current."""
+        """The current plan item."""
         return self.plan.item
 
     @property
     def target(self) -> Point | None:
-        """Where it flies to or hovers in its present mode, as it reports."""
+        """The reported destination or hover position in the current mode."""
         return self._target.point if self.mode in TARGETED else None
 
     def plan_refused(self) -> None:
-        """PX4 takes no list of ours: it is busy with one of another sender."""
+        """Note that PX4 refuses our list because it is busy with another sender's."""
         self._emit(PlanTried(self.time_s, "another ground station"))
 
     def guard_plan(self, ids: PlanIds | None) -> None:
-        """From now on report when the plan on board is another; None: than the one said next."""
+        """Report changes of the plan relative to these ids; None: to the next reported ones."""
         self.plan.guard.begin(ids)
         self.plan.watch()
 
@@ -168,7 +168,7 @@ class Px4Telemetry(Px4Messages):
             self._emit_snapshot()
 
     def snapshot(self) -> Telemetry | None:
-        """The telemetry of this moment, None before the first position."""
+        """The current telemetry; None before the first position."""
         place, gps = self.place, self.gps.fix
         if place.point is None or not self._mode.known:
             return None
@@ -180,7 +180,7 @@ class Px4Telemetry(Px4Messages):
             heading_deg=place.heading_deg,
             armed=self.armed,
             in_air=self._streams.in_air(bool(self.in_air), armed=self.armed),
-            mode=self._mode.told,
+            mode=self._mode.reported,
             failsafe=self.failsafe,
             battery=self.status.battery,
             item=self.item,
@@ -199,26 +199,26 @@ class Px4Telemetry(Px4Messages):
         )
 
     def _came_back(self, silent_s: float) -> None:
-        """Tell of a silence that is over, also if this program stood still in it.
+        """Report the end of a silence, also after a stall of this program.
 
-        A mode that came just before may have waited in the socket.
+        A mode received just before may have waited in the socket.
         """
         for name in MODES:
             self._streams.void(name)
         self._emit(LinkSilent(self.time_s, silent_s, over=True))
 
     def _handed(self, name: str, received: Received, handler: Handler, *, old: bool) -> None:
-        """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""
-        if old:  # a mode that a pilot chose is told at once all the same
+        """Pass a usable message on, and emit telemetry at intervals."""
+        if old:  # a pilot's mode is reported at once in any case
             handler(received.fields)
             return
         self.clock.alive()
         clock = self.clock
         self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)
-        if self._streams.news(name, received.fields, armed=self.armed):
+        if self._streams.is_new(name, received.fields, armed=self.armed):
             handler(received.fields)
-        self._mode.settle(received.arrived_s)
-        if self._streams.heard_s - self._told_s >= TELEMETRY_EVERY_S:
+        self._mode.expire(received.arrived_s)
+        if self._streams.received_s - self._snapshot_s >= TELEMETRY_EVERY_S:
             self._emit_snapshot()
 
     def _emit(self, event: VehicleEvent) -> None:
@@ -227,7 +227,7 @@ class Px4Telemetry(Px4Messages):
 
     def _emit_snapshot(self) -> None:
         snapshot = self.snapshot()
-        self._told_s = self._streams.heard_s
+        self._snapshot_s = self._streams.received_s
         if snapshot is not None:
             self._emit(snapshot)
 
@@ -236,7 +236,7 @@ class Px4Telemetry(Px4Messages):
 
     def _on_heartbeat(self, fields: dict[str, Any]) -> None:
         identity = self.identity
-        if identity.airframes.heartbeat(fields):  # before its mode, whose numbers may be another's
+        if identity.airframes.heartbeat(fields):  # before its mode, perhaps another autopilot's
             self._emit(self._wrong_vehicle())
         height_m = self._streams.height_m()
         if not identity.may_be_a_twins(fields, armed=self.armed, height_m=height_m):
@@ -249,8 +249,8 @@ class Px4Telemetry(Px4Messages):
     def _note_mode(self, *, changed: bool) -> None:
         if changed:
             self._target.mode_changed()
-            self._streams.void_targets_before(self.time_s)  # that are still on their way
-            self._emit_snapshot()  # at once: it may be the pilot's, and a command about to leave
+            self._streams.void_targets_before(self.time_s)  # targets still under way
+            self._emit_snapshot()  # at once: it may be the pilot's, and a command may be due
 
     def _on_position(self, fields: dict[str, Any]) -> None:
         boot_s, rate = fields["time_boot_ms"] / 1e3, self.clock.rate
@@ -264,9 +264,9 @@ class Px4Telemetry(Px4Messages):
         if not self.place.believes(reported, loop_s(), rate):
             self._streams.void("GLOBAL_POSITION_INT")
             return
-        self.clock.heard(boot_s)
-        lifted = self._streams.moves_above(LIFTED_M)  # or falls, disarmed, which counts as landed
-        in_air = self.in_air is not False or lifted  # it may be met in the air
+        self.clock.received(boot_s)
+        lifted = self._streams.moves_above(LIFTED_M)  # or falls disarmed: PX4 reports landed
+        in_air = self.in_air is not False or lifted  # the flight may begin in the air
         self.place.take(fields, reported, armed=self.armed, in_air=in_air)
         self._emit_snapshot()
 
@@ -276,16 +276,16 @@ class Px4Telemetry(Px4Messages):
             self.in_air = fields["landed_state"] in IN_AIR
 
     def _on_sys_status(self, fields: dict[str, Any]) -> None:
-        if not self.status.take(fields):  # what is not told any more grows old
+        if not self.status.take(fields):  # a charge no longer reported ages
             self._streams.void("SYS_STATUS")
 
     def _on_system_time(self, fields: dict[str, Any]) -> None:
         boot_s = fields["time_boot_ms"] / 1e3
         near = -REBOOT_S <= boot_s - self.clock.boot_s() <= SYSTEM_TIME_NEAR_S
-        if near:  # else it is another's: by positions
-            self.clock.heard(boot_s)
+        if near:  # else another vehicle's: positions count
+            self.clock.received(boot_s)
         if fields["time_unix_usec"] > 0:
-            self.clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
+            self.clock.received_unix(fields["time_unix_usec"] / 1e6, boot_s)
             self._unix = (fields["time_unix_usec"] / 1e6, loop_s())
 
     def _on_mission_current(self, fields: dict[str, Any]) -> None:
@@ -296,7 +296,7 @@ class Px4Telemetry(Px4Messages):
     def _on_mission_ack(self, fields: dict[str, Any]) -> None:
         sender = fields["target_system"], fields["target_component"]
         if sender in {(self.system_id, COMPANION_COMPONENT), (0, 0)}:
-            self.plan.take_answer(fields)
+            self.plan.take_ack(fields)
         elif fields["type"] != MISSION_ACCEPTED:
             self._emit(PlanTried(self.time_s, f"ground station {sender[0]}"))
 
@@ -306,7 +306,7 @@ class Px4Telemetry(Px4Messages):
 
     def _on_wind(self, fields: dict[str, Any]) -> None:
         north_m_s, east_m_s = fields["wind_x"], fields["wind_y"]
-        known = north_m_s is not None and east_m_s is not None  # what is no number is nothing
+        known = north_m_s is not None and east_m_s is not None  # NaN: unknown
         self.wind_m_s = (east_m_s, north_m_s) if known else None
 
     def _on_flight_information(self, fields: dict[str, Any]) -> None:
@@ -314,7 +314,7 @@ class Px4Telemetry(Px4Messages):
         since_boot_s = fields["takeoff_time_utc"] / 1e6
         flies = 0.0 < since_boot_s <= fields["time_boot_ms"] / 1e3
         self.took_off_s = since_boot_s if flies else None
-        self.told_flight = True
+        self.flight_info_received = True
 
     def _on_version(self, fields: dict[str, Any]) -> None:
         if self.identity.take_version(fields):

@@ -1,6 +1,6 @@
-"""The secret with which MAVLink is signed, in a file, and the time of the last signature beside it.
+"""The MAVLink signing key in its file, and the time of the last signature in a file beside it.
 
-The key is never shown: not in a log, a record, an error or the words of a command line.
+The key never appears in a log, a record, an error or a command line.
 """
 
 import contextlib
@@ -20,14 +20,14 @@ _log = logging.getLogger(__name__)
 
 
 class SigningKeyError(AirRouterError):
-    """A file of a signing key that is missing, is none, or that others can read."""
+    """A signing key file is missing, invalid, or readable by others."""
 
     exit_code: ClassVar[ExitCode] = ExitCode.INVALID_FILE
 
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """The secret that the vehicle and all who talk to it share.
+    """The secret shared by the vehicle and all its communication partners.
 
     Attributes:
         secret: 32 bytes, not all 0.
@@ -45,10 +45,10 @@ class SigningKey:
         """Read a key file: 32 bytes, or 64 hexadecimal digits.
 
         Raises:
-            SigningKeyError: it cannot be read, others can read it, or it has no key.
+            SigningKeyError: The file cannot be read, is readable by others, or has no key.
         """
         try:
-            # A FIFO would be waited for.
+            # Opening a FIFO would block.
             place = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
             with os.fdopen(place, "rb") as file:
                 mode = os.fstat(place).st_mode
@@ -65,7 +65,7 @@ class SigningKey:
                 f"{path}: others can read or change the signing key; run: chmod 600 '{path}'"
             )
         secret = data if len(data) == KEY_BYTES else b""
-        with contextlib.suppress(ValueError):  # no text, or no digits
+        with contextlib.suppress(ValueError):  # not hexadecimal
             text = data.decode("ascii").strip()
             if len(text) == 2 * KEY_BYTES:
                 secret = bytes.fromhex(text)
@@ -84,7 +84,7 @@ class SigningKey:
         """Write a new key file that only its owner can read.
 
         Raises:
-            SigningKeyError: there is something of that name, or it cannot be written.
+            SigningKeyError: The file exists, or cannot be written.
         """
         try:
             place = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600)
@@ -104,13 +104,13 @@ class SigningKey:
 
 
 class TimestampFile:
-    """Keeps the time of the last signature, so that times never go back after a restart.
+    """Stores the time of the last signature, so times never decrease after a restart.
 
-    A vehicle takes a message whose time is not later than that of the one before for a replay, and
-    a companion whose clock has no battery begins in the past. The file is beside that of the key.
+    A vehicle rejects a message as a replay if its time is not later than the previous one's, and a
+    companion without a real-time clock starts in the past. The file is next to the key file.
 
     Args:
-        key: The key's file.
+        key: The key file.
     """
 
     def __init__(self, key: Path) -> None:
@@ -118,7 +118,7 @@ class TimestampFile:
         self._failed = False  # the operator was warned
 
     def load(self) -> int:
-        """The latest that may have been used; 0 if none is known.
+        """The latest timestamp that may have been used; 0: none is known.
 
         In units of 10 microseconds since 2015.
         """
@@ -140,7 +140,7 @@ class TimestampFile:
         return 0
 
     def store(self, timestamp: int) -> None:
-        """Remember that no later one was used, also if another program has used later ones."""
+        """Store an upper bound of the used timestamps; a later one of another program is kept."""
         latest = max(timestamp, self.load())
         try:
             with new_file(self._path) as file:

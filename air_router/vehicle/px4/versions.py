@@ -1,8 +1,8 @@
-"""What differs among PX4's versions, as far as a flight rests on it: one table.
+"""The differences among PX4's versions that matter to a flight, as one table.
 
-A flight goes by what a PX4 says and not by its number wherever it can: with one acknowledgement of
-a mode and with two, with a MISSION_CURRENT that says whether the mission can be flown and without.
-The number decides which parameters are looked at, and what the pre-flight card says.
+A flight relies on PX4's messages rather than its version number wherever possible: it handles one
+and two acknowledgements of a mode, and a MISSION_CURRENT with and without feasibility. The number
+decides which parameters are checked, and what the pre-flight card shows.
 """
 
 import re
@@ -13,8 +13,8 @@ Version = tuple[int, int]
 """Major and minor number: (1, 18)."""
 
 FLOWN: Final[tuple[Version, ...]] = ((1, 15), (1, 16), (1, 17), (1, 18))
-"""Versions that were flown, each as a real binary: 1.15.4, 1.16.2, 1.17.0, and 1.18 before its
-release."""
+"""Versions that were flown, each with a real binary: 1.15.4, 1.16.2, 1.17.0, and a pre-release of
+1.18."""
 
 OLDEST: Final = FLOWN[0]
 NEWEST: Final = FLOWN[-1]
@@ -22,15 +22,15 @@ NEWEST: Final = FLOWN[-1]
 
 @dataclass(frozen=True, slots=True)
 class VersionFact:
-    """Something that a flight rests on, or has a way around, in some versions of PX4.
+    """A behavior that a flight needs or works around, in some versions of PX4.
 
     Attributes:
         fact: What PX4 does.
-        source: Where that is written: PX4's release notes, or a file of its source.
-        conversation: One of `sitl conform` that shows it on a PX4 of any of these versions.
-        since: First version in which it is so; None: in all that were flown.
-        before: First version in which it is so no more; None: in all since.
-        instead: What the flight does in the other versions; empty: it does the same in all.
+        source: Its source: PX4's release notes, or a source file.
+        conversation: The conversation of `sitl conform` that shows it on a PX4 of these versions.
+        since: First version with it; None: all flown versions.
+        before: First version without it again; None: all since.
+        instead: What the flight does with the other versions; empty: the same in all.
     """
 
     fact: str
@@ -41,7 +41,7 @@ class VersionFact:
     instead: str = ""
 
     def holds_in(self, version: Version) -> bool:
-        """Whether it is so in this version."""
+        """Whether this version has it."""
         return (self.since is None or self.since <= version) and (
             self.before is None or version < self.before
         )
@@ -55,18 +55,18 @@ REPOSITION_CHANGES_MODE: Final = VersionFact(
     instead="a vehicle in Hold is sent it without the flag: PX4 refuses it once a pilot has "
     "chosen another mode",
 )
-"""What decides whether an order in Hold mode can end another mode."""
+"""Decides whether a command in Hold mode can end another mode."""
 
 FACTS: Final = (
     VersionFact(
-        "MISSION_CURRENT.mission_state says whether the mission on board can be flown",
+        "MISSION_CURRENT.mission_state reports whether the mission on board is feasible",
         "mavlink_mission.cpp, update_mission_state",
         "mission-from-the-ground",
         since=(1, 17),
-        instead="its arming checks are run until they say that Mission mode can run",
+        instead="the arming checks are requested until they report that Mission mode can run",
     ),
     VersionFact(
-        "the summary of the arming checks (EVENT) says whether Mission mode can run",
+        "the summary of the arming checks (EVENT) reports whether Mission mode can run",
         "HealthAndArmingChecks/Common.cpp, commander_arming_check_summary",
         "checks-asked-for",
     ),
@@ -76,12 +76,12 @@ FACTS: Final = (
         "same-plan-again",
     ),
     VersionFact(
-        "DO_SET_MODE is acknowledged twice, ACCEPTED first whatever becomes of it",
+        "DO_SET_MODE is acknowledged twice, first with ACCEPTED in any case",
         "mavlink_receiver.cpp, handle_message_command_both",
         "every-mode-on-the-ground",
         since=(1, 16),
         before=(1, 18),
-        instead="HEARTBEAT and CURRENT_MODE are believed in all versions, no acknowledgement is",
+        instead="HEARTBEAT and CURRENT_MODE confirm a mode in all versions, not an acknowledgement",
     ),
     REPOSITION_CHANGES_MODE,
     VersionFact(
@@ -94,53 +94,53 @@ FACTS: Final = (
         "UserModeIntention.cpp, change",
         "termination-in-the-air",
         since=(1, 16),
-        instead="no command leaves out of a mode that another party chose",
+        instead="no command is sent while the vehicle is in a mode that another party chose",
     ),
     VersionFact(
-        "the items of an upload are requested by MISSION_REQUEST until a MISSION_ITEM_INT came",
+        "an upload's items are requested by MISSION_REQUEST until a MISSION_ITEM_INT is received",
         "mavlink_mission.h, _int_mode",
         "mission-upload-and-download",
         before=(1, 17),
         instead="MAVSDK answers MISSION_ACK UNSUPPORTED, and PX4 requests by MISSION_REQUEST_INT",
     ),
     VersionFact(
-        "a param that means nothing to a command or to a mission item is passed over",
+        "a param that a command or a mission item does not use is ignored",
         "mavlink_command_params.hpp, check_params_for_vehicle",
         "refused-param-that-means-nothing",
         before=(1, 18),
         instead="no such param is sent in any version",
     ),
     VersionFact(
-        "a parameter that it does not have is answered by PARAM_ERROR",
+        "a request for an absent parameter is answered by PARAM_ERROR",
         "mavlink_parameters.cpp, send_error",
         "parameter-refusals-are-silent",
         since=(1, 18),
-        instead="it is requested up to five times, and named as not told",
+        instead="it is requested up to five times, and listed as not reported",
     ),
     VersionFact(
-        "moved sticks take an automatic mode over by their deflection (COM_RC_OVERRIDE)",
+        "moved sticks take over from an automatic mode by their deflection (COM_RC_OVERRIDE)",
         "release notes of 1.18; ManualControl.cpp",
         "moved-sticks-take-over",
         before=(1, 18),
-        instead="the card looks at MAN_OVERRIDE_SPD: the speed of a stick takes over",
+        instead="the card checks MAN_OVERRIDE_SPD: the speed of a stick takes over",
     ),
     VersionFact(
-        "it reports a lost companion after COM_OBC_LOSS_T, not after 5 s in any case",
+        "PX4 reports a lost companion after COM_OBC_LOSS_T, not always after 5 s",
         "release notes of 1.18",
         "companion-lost",
         before=(1, 18),
-        instead="the card does not look at that parameter",
+        instead="the card does not check that parameter",
     ),
 )
 """Each has a conversation that shows it."""
 
 
 def version_of(words: str) -> Version | None:
-    """From "1.17.0"; None where no version is told."""
+    """Parse "1.17.0"; None if there is no version."""
     match = re.match(r"(\d+)\.(\d+)", words)
     return None if match is None else (int(match[1]), int(match[2]))
 
 
 def name_of(version: Version) -> str:
-    """As people write it: "1.18"."""
+    """The version as text: "1.18"."""
     return ".".join(map(str, version))

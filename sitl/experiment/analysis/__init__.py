@@ -7,5 +7,6 @@ __getattr__, __dir__, __all__ = door(
     {
         "figures": ("draw_all",),
         "report": ("Report", "differences", "fill", "text_of"),
+        "statistics": ("student_t",),
     },
 )

@@ -5,3 +5,4 @@ from sitl.experiment.analysis.report import Report as Report
 from sitl.experiment.analysis.report import differences as differences
 from sitl.experiment.analysis.report import fill as fill
 from sitl.experiment.analysis.report import text_of as text_of
+from sitl.experiment.analysis.statistics import student_t as student_t

@@ -57,6 +57,8 @@ _LEAST_SIZES: Final = 4
 _MOST_EXAMPLES: Final = 4
 _MOST_LINES: Final = 9
 _LEAST_SCENARIOS: Final = 2
+_LEAST_FACTOR: Final = 0.3
+"""Factors below are told in numbers."""
 _STEP_S: Final = 15.0
 
 
@@ -216,7 +218,11 @@ def draw_outcome(experiment: Experiment, records: Sequence[Record]) -> Figure | 
         if outcome.factor:
             value, low, high = np.exp(value), np.exp(low), np.exp(high)
             one.set_xscale("log")
+            one.set_xlim(_LEAST_FACTOR, max(1 / _LEAST_FACTOR, 1.1 * float(np.nanmax(high))))
             _label_log(one.xaxis)
+            for place in np.flatnonzero(value < _LEAST_FACTOR):
+                beyond = f"◂ {value[place]:.2g}"
+                one.text(_LEAST_FACTOR * 1.02, height[place], beyond, va="center", fontsize=7.5)
         one.axvline(1.0 if outcome.factor else 0.0, color=FAINT, lw=0.8)
         one.hlines(height, low, high, colors=COLOURS[0], lw=1.6)
         one.scatter(value, height, color=COLOURS[0], s=25, zorder=3)

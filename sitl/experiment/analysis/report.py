@@ -1,6 +1,7 @@
 """What the runs of an experiment amount to, and the files and documents that say it.
 
 results.csv     a line per run, a column per number, units in the names
+results.parquet the same with types, if pyarrow is there
 ages.csv        ages of information: a line per run, topic, robot that makes it, robot that uses it
 table.txt       the table with intervals
 summary.json    the table and the verdicts on the claims, for programs
@@ -16,6 +17,7 @@ settings that were fitted, what they predict, and policies compared over scenari
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import hashlib
@@ -24,6 +26,7 @@ import json
 import math
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +35,7 @@ from typing import Any, Final
 from air_router.errors import UsageError
 from air_router.files import write_whole
 from air_router.words import counted
+from mocha_link.errors import MissingExtraError
 from mocha_link.path_safety import new_file
 from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
 from sitl.experiment.analysis import tables
@@ -39,6 +43,7 @@ from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
 from sitl.experiment.analysis.link_prediction import links_text
 from sitl.experiment.analysis.outcome import Scenarios, is_of_scenarios, standings, strata, told
+from sitl.experiment.analysis.parquet import write_parquet
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.campaign import duration_text
 
@@ -46,7 +51,7 @@ _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "po
 """Settings that have a column even where all rows agree."""
 
 _IDS: Final = ("experiment", "row", "phase", "number", "seed")
-_ORIGIN: Final = ("peak_memory_MB", "digest", "program", "machine")
+_ORIGIN: Final = ("peak_memory_MB", "digest", "program", "commit", "machine")
 _AGE_HEADS: Final = ("row", "seed_number", "topic", "maker", "user", "age_mean_s", "age_peak_s")
 _IMAGES: Final = Path("images")
 _END: Final = "<!-- end -->"
@@ -105,8 +110,20 @@ class Report:
 
     @cached_property
     def text(self) -> str:
-        """The table for a terminal."""
-        return tables.as_text(self.experiment, self.lines, seeds_of(self.records))
+        """The table for a terminal, and the rows whose policies failed."""
+        table = tables.as_text(self.experiment, self.lines, seeds_of(self.records))
+        return "\n".join([table, *(f"{row}: {text}" for row, text in self.faults.items())])
+
+    @cached_property
+    def faults(self) -> dict[str, str]:
+        """Of rows whose policy failed in some runs: in how many, and the first fault."""
+        runs = [(record["row"], fault_of(record)) for record in self.records]
+        counts = Counter(row for row, fault in runs if fault)
+        first = {row: fault for row, fault in reversed(runs) if fault}
+        return {
+            row: f"policies failed in {counted(counts[row], 'runs')}, and defaults decided: {fault}"
+            for row, fault in first.items()
+        }
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -118,6 +135,7 @@ class Report:
                 "seeds": sorted({record["number"] for record in self.records}),
                 "runs": len(self.records),
                 "rows": tables.as_plain(self.lines),
+                "faults": self.faults,
                 "claims": [
                     {**dataclasses.asdict(claim), "verdict": claim.verdict} for claim in self.claims
                 ],
@@ -141,6 +159,14 @@ class Report:
         for name, text in files.items():
             with new_file(folder / name) as file:
                 file.write(text.encode())
+        with contextlib.suppress(MissingExtraError):
+            write_parquet(folder / "results.parquet", _tidy(self.records))
+
+
+def fault_of(record: Record) -> str:
+    """What went wrong in policies of other packages in a run; empty: nothing."""
+    faults: Mapping[str, str] = record.get("faults", {})
+    return "; ".join(f"{name}: {fault}" for name, fault in faults.items())
 
 
 def _tidy(records: Sequence[Record]) -> list[Sequence[Any]]:
@@ -148,13 +174,14 @@ def _tidy(records: Sequence[Record]) -> list[Sequence[Any]]:
     settings = [flat(record["settings"]) for record in records]
     keys = dict.fromkeys((*_ALWAYS, *(key for row in settings for key in row)))
     measures = dict.fromkeys(key for record in records for key in record["measures"])
-    heads = (*_IDS, *keys, *measures, *_ORIGIN)
+    heads = (*_IDS, *keys, *measures, "policy_fault", *_ORIGIN)
     rows: list[Sequence[Any]] = [
         [
             *(record[key] for key in _IDS),
             *(value_of(row, key) for key in keys),
             *(record["measures"].get(key) for key in measures),
-            *(record[key] for key in _ORIGIN),
+            fault_of(record),
+            *(record.get(key) for key in _ORIGIN),
         ]
         for record, row in zip(records, settings, strict=True)
     ]
@@ -278,14 +305,18 @@ def _claims(document: Path, report: Report) -> str:
 def _archive(archive: Path, document: Path, report: Report) -> str:
     """Where the runs are, and what tells them from others."""
     path = archive.absolute().relative_to(document.absolute().parent).as_posix()
-    programs, rules = (
-        ", ".join(sorted({record[key] for record in report.records}))
-        for key in ("program", "rules")
+    programs, rules, commits = (
+        ", ".join(sorted({record[key] for record in report.records if key in record}))
+        for key in ("program", "rules", "commit")
     )
+    locks = sorted(
+        {record.get("dependencies", {}).get("constraints", "") for record in report.records}
+    )
+    made_by = f"commit {commits}, constraints {', '.join(locks)}, " if commits else ""
     content = archive.read_bytes()
     return (
         f"Remade from [{path}]({path}): {len(content) / 1e6:.2f} MB, SHA-256 "
-        f"`{hashlib.sha256(content).hexdigest()}`, program {programs}, claims {rules}."
+        f"`{hashlib.sha256(content).hexdigest()}`, {made_by}program {programs}, claims {rules}."
     )
 
 

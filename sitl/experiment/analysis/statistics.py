@@ -211,3 +211,8 @@ class Runs:
                     sample = sample + weight * (np.log(values) if ratio else values)
             samples.append(sample)
         return contrast(samples)
+
+
+def student_t(share: float, freedom: int) -> float:
+    """The quantile of Student's t distribution."""
+    return float(_stats().t.ppf(share, freedom))

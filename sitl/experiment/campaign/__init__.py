@@ -6,8 +6,11 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
+        "cluster": ("Cluster", "cluster_at"),
         "journal": ("Journal", "StopClock", "stamp", "utc_now"),
-        "running": ("make_run", "put_together"),
-        "runs": ("ARCHIVE_ENDING", "RunLog", "program", "read_archive", "run_log", "write_archive"),
+        "provenance": ("program",),
+        "remaking": ("Remade", "remade", "remakeable"),
+        "running": ("make_run", "put_together", "settings_of"),
+        "runs": ("ARCHIVE_ENDING", "RunLog", "read_archive", "run_log", "write_archive"),
     },
 )

@@ -127,11 +127,11 @@ class Campaign:
                         self._take(outcome, keep, status)
                     status.show(partial(progress, done, count, time.monotonic() - began_s))
                     if len(self.failed) == done >= _MOST_FAILURES:
-                        status.say("every run fails; the rest is not begun")
+                        status.print_line("every run fails; the rest is not begun")
                         break
             finally:
                 status.end()
-        status.say(f"{counted(done, 'runs')} in {duration_text(time.monotonic() - began_s)}")
+        status.print_line(f"{counted(done, 'runs')} in {duration_text(time.monotonic() - began_s)}")
 
     def _take(
         self, outcome: RunOutcome, keep: Callable[[Record], None], status: StatusLine
@@ -145,7 +145,7 @@ class Campaign:
             text += "; it is begun again"
         else:
             self.failed.append(outcome)
-        status.say(text)
+        status.print_line(text)
 
 
 def progress(done: int, count: int, elapsed_s: float) -> str:
@@ -270,7 +270,7 @@ def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record |
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(_attempt, work, task)
+        return pool.submit(attempt, work, task)
     except BrokenProcessPool as error:  # before the results of the others said so
         broken: Future[Record | str] = Future()
         broken.set_exception(error)
@@ -279,7 +279,7 @@ def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record |
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _attempt(work: Work, task: Task) -> Record | str:
+def attempt(work: Work, task: Task) -> Record | str:
     """The run, or what went wrong in it: not every error travels."""
     try:
         return work(task)

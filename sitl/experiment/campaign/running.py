@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
+from air_router.seek_policies import policy_of
 from sitl.experiment import OFF_BOARD, Record, RunSettings, Task, files_of, sources
 from sitl.experiment.campaign.journal import stamp, utc_now
-from sitl.experiment.campaign.runs import program
+from sitl.experiment.campaign.provenance import commit, dependencies, program
 from sitl.experiment.engine import Run, curves, flown_here, flown_in_processes, measured
 
 
@@ -33,7 +34,7 @@ def put_together(task: Task) -> None:
         AirRouterError, DocumentError: a file that the row names is not what it should be.
         UnfitSettingsError: settings that no run can be made of.
     """
-    settings = run_settings(task)
+    settings = settings_of(task)
     try:
         if settings.world == "town":
             Run(settings, task.seed)
@@ -49,29 +50,30 @@ def make_run(task: Task) -> Record:
     Raises:
         OtherFilesError: a file that the experiment names has another content by now.
     """
-    settings = run_settings(task)
+    settings = settings_of(task)
     if settings.world == "town":
         run = Run(settings, task.seed)
         run.finish()
         return recorded(task, run)
     mission, policy = _mission_and_policy(settings)
     if settings.world == "mission":
-        measures, digest = flown_here(mission, task.seed, policy)
+        flown = flown_here(mission, task.seed, policy)
     else:
         px4 = settings.world == "px4"
-        measures, digest = flown_in_processes(mission, task.seed, policy, px4=px4)
-    return _record(task, measures, {}, digest)
+        flown = flown_in_processes(mission, task.seed, policy, px4=px4)
+    return _record(task, flown.measures, {}, flown.digest, flown.faults)
 
 
 def _mission_and_policy(settings: RunSettings) -> tuple[Path, str]:
-    """What is flown in a mission's own world. Raises ValueError."""
+    """What is flown in a mission's own world. Raises ValueError, SeekPolicyError."""
     mission, policy = settings.mission, settings.policy
     if mission is None or policy in OFF_BOARD:
         raise ValueError("a world of its own needs a mission, and a policy that flies")
+    policy_of(policy)
     return mission, policy
 
 
-def run_settings(task: Task) -> RunSettings:
+def settings_of(task: Task) -> RunSettings:
     """A task's plain settings as the engine takes them. Raises OtherFilesError."""
     values, folder = dict(task.row.settings), Path(task.folder)
     paths, here = files_of(values, folder), sources(values, folder)
@@ -86,11 +88,15 @@ def run_settings(task: Task) -> RunSettings:
 
 def recorded(task: Task, run: Run) -> Record:
     """What is kept of a run that is over."""
-    return _record(task, measured(run), curves(run), run.log.digest)
+    return _record(task, measured(run), curves(run), run.log.digest, run.faults)
 
 
 def _record(
-    task: Task, measures: Mapping[str, float | None], kept: Mapping[str, Any], digest: str
+    task: Task,
+    measures: Mapping[str, float | None],
+    kept: Mapping[str, Any],
+    digest: str,
+    faults: Mapping[str, str],
 ) -> Record:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
@@ -101,7 +107,10 @@ def _record(
         "measures": measures,
         "curves": kept,
         "digest": digest,
+        "faults": dict(faults),
         "program": program(),
+        "commit": commit(),
+        "dependencies": dict(dependencies()),
         "machine": platform.node(),
         "ended": stamp(utc_now()),
         "peak_memory_MB": round(peak / (1e6 if sys.platform == "darwin" else 1e3)),

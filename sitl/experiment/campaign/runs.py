@@ -12,14 +12,11 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import functools
-import hashlib
 import json
 import lzma
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -30,8 +27,6 @@ from sitl.experiment import Experiment, Record, experiment_of
 
 FILE_NAME: Final = "runs.jsonl"
 ARCHIVE_ENDING: Final = ".jsonl.xz"
-_ROOT: Final = Path(__file__).parents[3]
-_PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
 _KEYS: Final = frozenset(
     {"experiment", "row", "number", "phase", "rules", "seed", "fingerprint", "measures"}
 )
@@ -135,18 +130,3 @@ def _run(line: bytes, path: Path, number: int) -> Record:
             f"{path}:{number}: not a run; remove the line, or begin anew with --fresh"
         )
     return record
-
-
-@functools.cache
-def program() -> str:
-    """The version and a hash of the program's own sources: other code may make other runs."""
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((_ROOT / package).rglob("*.py")):
-            digest.update(path.relative_to(_ROOT).as_posix().encode())
-            digest.update(path.read_bytes())
-    try:
-        number = version("air-router")
-    except PackageNotFoundError:
-        number = "unknown"
-    return f"{number} {digest.hexdigest()[:12]}"

@@ -2,7 +2,7 @@
 
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.engine.flights import flown_here, flown_in_processes
-from sitl.experiment.engine.result import BIN_S, curves, measured
+from sitl.experiment.engine.result import BIN_S, curves, measured, service_age_s
 
 __all__ = [
     "BIN_S",
@@ -11,4 +11,5 @@ __all__ = [
     "flown_here",
     "flown_in_processes",
     "measured",
+    "service_age_s",
 ]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -22,6 +22,7 @@ import numpy as np
 
 from air_router.controller.motion import REACTION_S
 from air_router.messages import MAP_TOPIC
+from air_router.seek_policies import Policy
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.links import LinkEvent, MessageStored
@@ -39,6 +40,7 @@ from sitl.experiment.engine.link_scores import LinkScores
 from sitl.experiment.robots import (
     CAMERA,
     COMMAND_S,
+    NO_POLICIES,
     MapPainter,
     Node,
     Uav,
@@ -73,6 +75,11 @@ MOST_TELEMETRY_S: Final = REACTION_S - COMMAND_S
 class Run:
     """A run: put together by its settings and a seed, carried out by `finish`.
 
+    Args:
+        settings: The team, the channel, the protocol.
+        seed: Makes all that is random.
+        policies: Of UAVs, by name, in the place of that of the settings.
+
     Raises:
         AirRouterError: files of the settings are not what they should be.
         ValueError: settings that no run can be made of; the message has them.
@@ -101,7 +108,9 @@ class Run:
     cpu_s: float
     goal_bound_share: float
 
-    def __init__(self, settings: RunSettings, seed: int) -> None:
+    def __init__(
+        self, settings: RunSettings, seed: int, policies: Mapping[str, Policy] = NO_POLICIES
+    ) -> None:
         self._began = time.perf_counter(), time.process_time()  # wall, CPU seconds
         _check(settings)
         self.settings = settings
@@ -124,12 +133,13 @@ class Run:
         origin, raster = self.town.frame.origin, self.town.raster
         painters = {name: MapPainter(origin, raster, CAMERA) for name in self.fleet.uavs}
         maps = {name: painter.grid for name, painter in painters.items()}
+        made = controllers_of(self.fleet, settings, scenery, policies, maps)
         self.uavs = [
             Uav(
                 *(name, scenery.mission, scenery.plan, settings, self.queue, self.log, controller),
                 painters[name],
             )
-            for name, controller in controllers_of(self.fleet, settings, scenery, maps).items()
+            for name, controller in made.items()
         ]
         self.ages = Ages(self.queue)
         for uav in self.uavs:
@@ -180,6 +190,13 @@ class Run:
     def goals(self) -> list[Visit]:
         """The goals that were reached, in order of time."""
         return sorted(self._goals.values(), key=lambda visit: (visit.time_s, visit.goal))
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """What went wrong in policies of other packages, by whose policy it was."""
+        found = {uav.name: uav.controller.seek_fault for uav in self.uavs}
+        found |= {name: robot.policy_fault for name, robot in self.robots.items()}
+        return {name: fault for name, fault in found.items() if fault is not None}
 
     @property
     def contacts(self) -> list[ContactInterval]:

@@ -13,6 +13,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -20,12 +21,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from air_router.controller import Controller
-from air_router.controller.model import FlightSetup
+from air_router.controller.model import Announce, FlightSetup
 from air_router.errors import AirRouterError, UsageError
 from air_router.gossip import MAP_INTERVAL_S
 from air_router.mission import FlightPlan, load_mission
@@ -155,6 +157,11 @@ class WorldRun:
         """What exploring robots have found."""
         return Goals(self._world.goals_total, [visit.time_s for visit in self._world.goals])
 
+    @property
+    def policy_faults(self) -> dict[str, str]:
+        """What went wrong in policies of exploring robots, by robot."""
+        return self._world.policy_faults
+
     def _hear(self, name: str, event: LinkEvent) -> None:
         """Something has happened on a ground robot's links."""
         if isinstance(event, MessageStored) and event.robot != name:
@@ -176,19 +183,32 @@ class WorldRun:
         self._sim.update(_NOWHERE)
 
 
-def flown_here(mission: Path, seed: int, policy: str) -> tuple[Measures, str]:
-    """A mission by the experiments' simulation: what it came to, and the digest of its log."""
+class Flown(NamedTuple):
+    """What a flight came to.
+
+    Attributes:
+        measures: By columns.
+        digest: Of its log, or of its record.
+        faults: What went wrong in policies of other packages, by whose policy it was.
+    """
+
+    measures: Measures
+    digest: str
+    faults: Mapping[str, str] = MappingProxyType({})
+
+
+def flown_here(mission: Path, seed: int, policy: str) -> Flown:
+    """A mission by the experiments' simulation."""
     began, queue = os.times(), EventQueue()
     meter = Meter(queue)
     run = WorldRun(mission, seed, queue, meter, policy)
     arrived_bytes = run.finish()
     measures = meter.measures(run.nodes.keys() - {run.uav.name}, arrived_bytes, run.goals)
-    return measures | _cost(began, os.times(), queue.now_s), meter.digest
+    faults = _faults(run.uav.name, run.uav.controller.seek_fault, run.policy_faults)
+    return Flown(measures | _cost(began, os.times(), queue.now_s), meter.digest, faults)
 
 
-def flown_in_processes(
-    mission: Path, seed: int, policy: str, *, px4: bool = False
-) -> tuple[Measures, str]:
+def flown_in_processes(mission: Path, seed: int, policy: str, *, px4: bool = False) -> Flown:
     """The same mission by `air-router sim`; the digest is of its record.
 
     Args:
@@ -211,25 +231,45 @@ def flown_in_processes(
             raise AirRouterError(f"air-router sim, seed {seed}: {done.stderr.strip()[-500:]}")
         ended, report = os.times(), json.loads(done.stdout)
         record = Path(report["record"])
-        measures, simulated_s = _recorded(record, report["world"])
+        measures, simulated_s, fault = _recorded(record, report["world"])
         digest = hashlib.sha256(record.read_bytes()).hexdigest()
-    return measures | _cost(began, ended, simulated_s), digest
+    robots = {
+        name: robot["policy_fault"]
+        for name, robot in report["world"]["robots"].items()
+        if robot["policy_fault"] is not None
+    }
+    faults = _faults("uav", fault, robots)
+    return Flown(measures | _cost(began, ended, simulated_s), digest, faults)
 
 
-def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float]:
-    """What a record and the world's report came to, and how long the flight was."""
+def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float, str | None]:
+    """What a record and the world's report came to, how long it took, and its policy's fault."""
     meter, arrived_bytes, now_s = Meter(EventQueue()), dict[str, int](), 0.0
+    fault: str | None = None
     for entry in Log(record):
         now_s = entry.t
         if entry.kind in {"event", "action"}:
             meter.take(now_s, entry.value)
+            if isinstance(entry.value, Announce) and fault is None:
+                fault = fault_in(entry.value.text)
         elif entry.kind == "link":
             arrived_bytes[entry.value.peer] = entry.value.bytes_in
     robots, goals = world["robots"], world["goals"]
     syncs = [each for robot in robots.values() for each in robot["syncs"].items()]
     there = [link["bytes_in"] for peer, link in syncs if peer not in robots]
     found = Goals(goals["total"], [each["at_s"] for each in goals["found"]])
-    return meter.measures(robots.keys(), [*arrived_bytes.values(), *there], found), now_s
+    measures = meter.measures(robots.keys(), [*arrived_bytes.values(), *there], found)
+    return measures, now_s, fault
+
+
+def _faults(uav: str, fault: str | None, robots: Mapping[str, str]) -> dict[str, str]:
+    return dict(robots) if fault is None else {uav: fault, **robots}
+
+
+def fault_in(announcement: str) -> str | None:
+    """What an announcement says of a policy that failed (`GuardedPolicy`); None: nothing."""
+    found = re.search(r"seek policy '.*?' failed \((.*)\), in turn", announcement)
+    return None if found is None else found[1]
 
 
 def _cost(began: os.times_result, ended: os.times_result, simulated_s: float) -> Measures:

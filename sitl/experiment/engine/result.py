@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from sitl.experiment.engine.ages import USES, mean_age_s, mean_value, peak_age_s
+from sitl.experiment.engine.ages import USES, Held, Pair, mean_age_s, mean_value, peak_age_s
 from sitl.experiment.engine.channel import Stage
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.engine.exchange import Transmission
@@ -39,7 +39,7 @@ def measured(run: Run) -> dict[str, float | int | None]:
         "goal_rate_area_percent": area_percent,
         "goal_bound_gap_percent": 100 * run.goal_bound_share - area_percent,
         "goal_value_percent": _share_percent(area_percent / 100, run.goal_bound_share),
-        "service_age_mean_s": _service_age_s(run),
+        "service_age_mean_s": service_age_s(run, run.held, duration_s),
         "service_value_percent": _service_value_percent(run),
         **_of_waits(rows),
         "wait_median_s": _or_none(np.median, waits_s),
@@ -162,13 +162,19 @@ def _ages(run: Run) -> dict[str, float | None]:
     return found
 
 
-def _service_age_s(run: Run) -> float | None:
-    """The mean age of poses at UAVs and of UAVs' maps, robots weighted by their values."""
+def service_age_s(run: Run, held_by: Mapping[Pair, Held], end_s: float) -> float | None:
+    """The mean age of poses at UAVs and of UAVs' maps, robots weighted by their values.
+
+    Args:
+        run: It need not be over.
+        held_by: What its robots have held of each other so far.
+        end_s: From the beginning until then.
+    """
     values = dict(zip(run.fleet.ugvs, cycle(run.settings.values or (1.0,)), strict=False))
     ages_s, weights = [], []
-    for (topic, maker, user), held in run.held.items():
+    for (topic, maker, user), held in held_by.items():
         if topic in {"pose", "map"}:
-            ages_s.append(mean_age_s(held, run.settings.duration_s))
+            ages_s.append(mean_age_s(held, end_s))
             weights.append(values[maker if topic == "pose" else user])
     return float(np.average(ages_s, weights=weights)) if ages_s else None
 

@@ -1,12 +1,13 @@
 """The robots of a run: base station, UAVs, and all gossip nodes."""
 
-from sitl.experiment.robots.controllers import controllers_of, scenery_of
+from sitl.experiment.robots.controllers import NO_POLICIES, controllers_of, scenery_of
 from sitl.experiment.robots.node import Node, base_says, fleet_of
 from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav
 
 __all__ = [
     "CAMERA",
     "COMMAND_S",
+    "NO_POLICIES",
     "MapPainter",
     "Node",
     "Uav",

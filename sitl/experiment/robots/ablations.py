@@ -5,13 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from air_router.controller.targets import PredictedPath, SeekContext, Stop, TargetList, Tour, rate
+from air_router.controller.targets import (
+    PredictedPath,
+    SeekContext,
+    TargetList,
+    Tour,
+    TourStop,
+    rate,
+)
 
 
 class TourOfOne(Tour):
     """One robot in each search: ages, chances and paths count, other robots on the way do not."""
 
-    def _best(self, stops: Sequence[Stop], context: SeekContext) -> tuple[Stop, ...]:
+    def _best(self, stops: Sequence[TourStop], context: SeekContext) -> tuple[TourStop, ...]:
         worth = [stop for stop in stops if stop.gain_s > 0]
         best = max(worth, key=lambda stop: rate((stop,), context), default=None)
         return () if best is None else (best,)
@@ -20,7 +27,7 @@ class TourOfOne(Tour):
 class TourWithoutAges(Tour):
     """All robots weigh the same, however old their data are; the chances to find them count."""
 
-    def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
+    def _stops(self, targets: TargetList, context: SeekContext) -> list[TourStop]:
         found = []
         for stop in super()._stops(targets, context):
             weight = self.ages_s(stop.robot, targets, context) * self.value(stop.robot)

@@ -16,9 +16,9 @@ from air_router.controller.targets import (
     PredictedPath,
     SearchPlace,
     SeekContext,
-    Stop,
     TargetList,
     Tour,
+    TourStop,
     meet,
     rate,
 )
@@ -115,16 +115,16 @@ class PlannedRendezvous(Tour):
     def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
         return (course.place(meet(course, context)[0]),)
 
-    def _best(self, stops: Sequence[Stop], context: SeekContext) -> tuple[Stop, ...]:
+    def _best(self, stops: Sequence[TourStop], context: SeekContext) -> tuple[TourStop, ...]:
         stops = sorted(stops, key=lambda stop: -stop.gain_s)[:MOST_PLANNED]
-        best: tuple[Stop, ...] = ()
+        best: tuple[TourStop, ...] = ()
         price = 0.0
         while (tour := _priced(stops, context, price)) and rate(tour, context) > price + 1e-9:
             best, price = tour, rate(tour, context)
         return best
 
 
-def _priced(stops: Sequence[Stop], context: SeekContext, price: float) -> tuple[Stop, ...]:
+def _priced(stops: Sequence[TourStop], context: SeekContext, price: float) -> tuple[TourStop, ...]:
     """The tour with the greatest gain less the price of each second; none: no stop pays.
 
     Arcs lead from the vehicle (0) and each stop (1 ...) to each stop and the end (n + 1).

@@ -20,7 +20,7 @@ from air_router.controller import Controller
 from air_router.controller.model import FlightSetup
 from air_router.controller.targets import Policy, Rendezvous, Tour
 from air_router.files import Timers
-from air_router.mission import FlightPlan, Mission, checked, read_draft
+from air_router.mission import FlightPlan, Mission, checked, read_placed
 from air_router.routing import Router, WaypointGraph
 from geo.grid import SemanticGrid
 from sitl.experiment import OFF_BOARD, RunSettings
@@ -110,26 +110,32 @@ def _seek_policy(settings: RunSettings) -> str:
 
 def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     """A mission at another speed and altitude, on a day that is always the same."""
-    draft = read_draft(path)
-    draft.start = _DAY
-    draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
-    draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
-    return checked(draft)
+    placed, findings = read_placed(path)
+    placed = placed.with_settings(speed_m_s=speed_m_s, altitude_m=altitude_m)
+    waypoints = tuple(dataclasses.replace(spot, altitude_m=None) for spot in placed.waypoints)
+    placed = dataclasses.replace(placed, waypoints=waypoints)
+    return checked(placed, findings, start=_DAY)
+
+
+NO_POLICIES: Final[Mapping[str, Policy]] = MappingProxyType({})
+NO_MAPS: Final[Mapping[str, SemanticGrid]] = MappingProxyType({})
 
 
 def controllers_of(
     fleet: Fleet,
     settings: RunSettings,
     scenery: Scenery,
-    maps: Mapping[str, SemanticGrid] = MappingProxyType({}),
+    own: Mapping[str, Policy] = NO_POLICIES,
+    maps: Mapping[str, SemanticGrid] = NO_MAPS,
 ) -> dict[str, Controller]:
     """The controllers of a run's UAVs: the first explores and searches, the others only search.
 
     Args:
         fleet: Who takes part.
         settings: Of the run.
-        scenery: Of the run.
-        maps: What each UAV maps, by its name; painted as it flies.
+        scenery: Where it flies.
+        own: Policies of UAVs, by name, in the place of that of the settings.
+        maps: What each UAV maps, by name; painted as it flies.
     """
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
@@ -159,7 +165,7 @@ def controllers_of(
             setup,
             scenery.router,
             scenery.plan,
-            policy=made(),  # each UAV its own: some remember whose turn it is
+            policy=own[setup.name] if setup.name in own else made(),  # each UAV has its own
             waypoints=waypoints,
             ground=maps.get(setup.name),
         )

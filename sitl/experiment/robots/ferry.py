@@ -23,9 +23,9 @@ from air_router.controller.targets import (
     PredictedPath,
     SearchPlace,
     SeekContext,
-    Stop,
     TargetList,
     Tour,
+    TourStop,
 )
 from geo.frame import Point
 
@@ -146,7 +146,7 @@ class Ferry(Tour):
         why = f"it may be there by {100 * chance:.0f} %"
         return SearchPlace(robot, way[-1], why, along=way[:-1])
 
-    def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
+    def _stops(self, targets: TargetList, context: SeekContext) -> list[TourStop]:
         found = []
         for stop in super()._stops(targets, context):
             belief = self._belief(stop.robot, targets)

@@ -104,7 +104,7 @@ class StandIn(Px4Connection):
             async with asyncio.timeout(FIND_S):
                 await self._heard.wait()
         except TimeoutError:
-            raise NoVehicleError(f"nothing heard within {FIND_S:.0f} s") from None
+            raise NoVehicleError(f"nothing received within {FIND_S:.0f} s") from None
         return Plugins(
             cast("MavlinkDirect", _Direct(self)),
             cast("MissionRaw", _Raw(self)),

@@ -200,7 +200,7 @@ ACCEPTED: Final = MappingProxyType(
         "DOUBTED": _row(End.LANDED, End.PILOT, height_m=9.0),
         "DOUBTED_AMONG": _row(End.LANDED, height_m=9.0, announcement="altitude is in doubt"),
         "DOUBTED_WALLED": _row(
-            End.LANDED, height_m=9.0, announcement="clear at the autopilot's altitude alone"
+            End.LANDED, height_m=9.0, announcement="clear of zones by PX4's altitude alone"
         ),
         "DIVERTED_CLOSE": _row(End.PILOT, End.FAILSAFE, End.LANDED, notice_s=2.0),
         "DIVERTED_WAITING": _row(End.PILOT, End.LANDED, End.FAILSAFE, notice_s=2.0),

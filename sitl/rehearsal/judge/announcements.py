@@ -41,7 +41,7 @@ _BY_REQUEST: Final = {
     ("", "HOLD"): "it stops and hovers",
     ("", "GOTO"): "it flies",
     ("HOLD", "SEARCH"): "it seeks",
-    ("HOLD", "EXPL"): "it goes on|it explores",
+    ("HOLD", "EXPL"): "it resumes|it explores",
     ("HOLD", "LAND"): "it lands where it hovers",
 }
 """What begins on request only, from any state or from this one, and the reply to the request."""
@@ -66,7 +66,7 @@ _NO_WAY: Final = "no way|left out|no clear way|no robot"
 _CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "IDLE", "LANDED_HERE", "ALTITUDES"})
 """Faults in which nothing keeps the vehicle from its mission."""
 
-_UNCLEAR: Final = "no longer clear in its turn"
+_UNCLEAR: Final = "no longer clear when it was due"
 """A leg was decided on, and then kept back: it had been checked for another place, or speed."""
 
 _RECORD_S, _TAKE_OFF_S = 60.0, 8.0
@@ -136,7 +136,7 @@ def states_last_as_in_the_file(case: Case) -> Iterator[Violation]:
         if interval.state == "HOLD":
             continue
         on = interval.before == "HOLD" and _was_accepted(
-            case, interval.begin_s, "it goes on|that are left"
+            case, interval.begin_s, "it resumes|remaining points"
         )
         limit_s = held_s if on and held_s is not None else _limit_s(case, interval)
         from_s = _from_s(case, interval)

@@ -73,7 +73,7 @@ _STATE: Final = re.compile(r"\b[A-Z_]+ -> ([A-Z_]+)$")
 _DOUBTED: Final = re.compile(
     r"coming home: the altitude is in doubt|the altitude is in doubt: .*(: holding|cannot)"
 )
-_TRUSTED: Final = "coming home clear at the autopilot's altitude alone"
+_TRUSTED: Final = "coming home, clear of zones by PX4's altitude alone"
 _LABEL: Final = re.compile(r"^( *[0-9.]+ s  )?(WARNING|ALARM): ")
 _INSTRUCTION: Final = re.compile(r"\. ((?:Pilot|Operator): .+)$")
 """How a warning or alarm begins, and the instruction at its end."""

@@ -160,11 +160,11 @@ def silence_is_announced(case: Case) -> Iterator[Violation]:
         due_s = before_s + _SILENT_S * case.evidence.speed + case.reacts_s
         if after_s > due_s and case.could_react(before_s, due_s, ours=False):
             incident = Incident(before_s, "nothing was heard any more")
-            yield from announces(case, incident, "nothing heard|silent", due_s)
+            yield from announces(case, incident, "nothing received|silent", due_s)
             again_s = due_s + _AGAIN_S * case.evidence.speed + case.reacts_s
             if after_s > again_s and case.could_react(before_s, again_s, ours=False):
                 more = Incident(due_s + 0.1, "nothing was heard for long")
-                yield from announces(case, more, "nothing heard|silent", again_s, 0.0)
+                yield from announces(case, more, "nothing received|silent", again_s, 0.0)
 
 
 def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:

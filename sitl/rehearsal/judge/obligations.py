@@ -147,7 +147,7 @@ def points_that_were_flown_to_are_not_again(case: Case) -> Iterator[Violation]:
     """
     obligations = [*_obligations(case)]
     for number, obligation in enumerate(obligations):
-        if obligation.verb != "resume" or "points that are left" not in obligation.reply.text:
+        if obligation.verb != "resume" or "remaining points" not in obligation.reply.text:
             continue
         tours = [d for d in obligations[:number] if d.verb == "goto"]
         places = places_of(case, tours[-1].request) if tours else []
@@ -278,9 +278,7 @@ def points_that_wait_are_answered(case: Case) -> Iterator[Violation]:
         due_s = request.time_s + _WAITS_S
         states = {case.state(request.time_s + seconds) for seconds in range(0, 100, 5)}
         open_to = states <= {"INIT", "SEARCH", "COMM", "EXPL"}
-        replied = case.has_announced(
-            "accepted: |refused: |its time was", request.time_s + 0.1, due_s
-        )
+        replied = case.has_announced("accepted: |refused: |it expired", request.time_s + 0.1, due_s)
         if open_to and case.could_react(request.time_s, due_s) and not replied:
             yield Violation(due_s, "request", "points that were to wait are forgotten")
 

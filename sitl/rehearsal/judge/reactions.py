@@ -51,11 +51,11 @@ _SECOND: Final = 25
 """Samples of a second, about."""
 
 _REPLY: Final = re.compile(
-    r"the operator: (accepted|refused): (?!a newer request came|its time was)(.*)$"
+    r"the operator: (accepted|refused): (?!replaced by a newer request|it expired)(.*)$"
     r"|points from the operator (wait) until the vehicle flies on"
 )
 _REPLY_S: Final = 1.0
-_NO_MORE: Final = re.compile("already|as soon as|once the changed|before it begins|on the ground")
+_NO_MORE: Final = re.compile("already|as soon as|once the changed|before take-off|on the ground")
 """A reply that matches commits to nothing more, or not yet."""
 
 _TURNS_S: Final = 1.0
@@ -88,7 +88,7 @@ _ENDS: Final = re.compile("coming home|hands off|leaving ")
 _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HOLD"})
 
 _ANNOUNCED: Final = re.compile(
-    r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z_]+ -> )(.+)"
+    r" *[0-9.]+ s  (?!nothing received|.*: (?:accepted|refused): |[A-Z_]+ -> )(.+)"
 )
 _AGAIN: Final = re.compile(r"^ *[0-9.]+ s  again( [0-9]+ times)?: ")
 """The terminal counts what was announced before; the ground station reads each."""

@@ -242,7 +242,7 @@ def _nearest(case: Case, rooms: Rooms, *, new: bool) -> Iterator[Violation]:
         _, index, room_m, allowed_m = worst
         side = "outside" if area.fence else "inside"
         where = f"{room_m:.2f} m from" if room_m > 0 else f"{-room_m:.2f} m {side} of"
-        text = f"{where} {area.name}, {allowed_m:.2f} m are to be kept"
+        text = f"{where} {area.name}, {allowed_m:.2f} m are required"
         yield Violation(float(case.time_s[index]), "room", text)
 
 

@@ -114,6 +114,11 @@ class GroundRobot:
         self._received: dict[tuple[str, str], Received] = {}  # for its policy, by robot and topic
         self._began_s = 0.0  # the first step
 
+    @property
+    def policy_fault(self) -> str | None:
+        """What went wrong in its policy; None: nothing did."""
+        return None if self.policy is None else self.policy.fault
+
     def step(self, now_s: float) -> None:
         """Drive, observe and decide up to this time; the first call only observes.
 

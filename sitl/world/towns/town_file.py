@@ -12,7 +12,7 @@ import shapely
 import yaml
 from pydantic import BaseModel, Field
 
-from air_router.files.missions import read_mission
+from air_router.files.missions import place, read_mission
 from air_router.mission import Mission, checked
 from geo.airspace import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
@@ -151,8 +151,8 @@ class _Reader:
         if not standing[0]:
             return
         ways = Ways(town.lattice, town.ground, town.lattice.cell(town.starts[0]))
-        for index, place in enumerate(town.starts):
-            if standing[index] and math.isinf(ways.costs[town.lattice.cell(place)]):
+        for index, start in enumerate(town.starts):
+            if standing[index] and math.isinf(ways.costs[town.lattice.cell(start)]):
                 message = "no way leads from the first start to this one; open one, or move it"
                 self._report(("starts", index), message, "start-unreachable")
         for goal in town.goals:
@@ -216,8 +216,9 @@ def mission_over(town: Town, *, altitude_m: float = 60.0, speed_m_s: float = 5.0
         speed_m_s: Cruise speed.
     """
     text = mission_text(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
-    draft = read_mission(Document.from_text(text, Path(f"(mission over {town.name})")))
-    return checked(draft)
+    path = Path(f"(mission over {town.name})")
+    form, findings = read_mission(Document.from_text(text, path))
+    return checked(place(form, findings), findings)
 
 
 def mission_text(town: Town, *, altitude_m: float = 60.0, speed_m_s: float = 5.0) -> str:

@@ -76,7 +76,7 @@ OF_THE_MACHINE = [
     ("preflight mission.yaml --connect udp://:14540", 4, "write udpin://127.0.0.1:14540"),
     ("preflight mission.yaml --connect udpin://127.0.0.1:99999", 4, "a number from 1 to 65535"),
     ("preflight mission.yaml --connect udpin://192.0.2.7:14540", 4, "no address 192.0.2.7; udpin"),
-    ("preflight mission.yaml --connect udpin://[::1]:14540", 4, "IPv6 is not spoken here: write"),
+    ("preflight mission.yaml --connect udpin://[::1]:14540", 4, "IPv6 is not supported: write"),
     ("preflight mission.yaml --connect serial:///dev/ttyXYZ9:57600", 4, "ttyXYZ9 is not there"),
     ("preflight mission.yaml --connect serial:///etc/passwd:57600", 4, "is no serial device"),
     ("preflight mission.yaml --connect serial:///dev/null:57600", 4, "another program using it?"),

@@ -51,9 +51,9 @@ def test_a_terminal_that_takes_nothing_keeps_nothing_waiting(terminal):
     _, keyboard = terminal
     with os.fdopen(os.dup(keyboard.fileno()), "w") as screen:
         status = StatusLine(screen)
-        status.say(os.fsdecode(b"fl\xfcge.mcap"))  # a path need not be UTF-8
+        status.print_line(os.fsdecode(b"fl\xfcge.mcap"))  # a path need not be UTF-8
         for number in range(2_000):  # far more than it buffers, and nothing reads it
-            status.say(f"line {number} {'x' * 60}")
+            status.print_line(f"line {number} {'x' * 60}")
 
 
 def test_a_pipe_that_is_not_read_keeps_nothing_waiting():
@@ -62,7 +62,9 @@ def test_a_pipe_that_is_not_read_keeps_nothing_waiting():
     with os.fdopen(read, "rb") as reader, os.fdopen(write, "w") as pipe:
         status = StatusLine(pipe)
         lines = [f"line {number} {'x' * 60}" for number in range(2_000)]
-        saying = threading.Thread(target=lambda: [status.say(line) for line in lines], daemon=True)
+        saying = threading.Thread(
+            target=lambda: [status.print_line(line) for line in lines], daemon=True
+        )
         saying.start()
         saying.join(20.0)
         waits, first = saying.is_alive(), reader.read(8)

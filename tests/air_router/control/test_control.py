@@ -7,6 +7,7 @@ import random
 import re
 import stat
 import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 
 from air_router.cli.cli import main
 from air_router.control.command_request import (
-    COSTLY_PER_S,
+    COSTLY_AT_ONCE,
     MAX_BYTES,
     MODELS,
     Budget,
@@ -54,6 +55,7 @@ class Served:
         self.deeds = []
         self.failures = []
         self.readings = []
+        self.clock = time.monotonic
         self.endpoint = endpoint
         self._ready = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()))
@@ -65,7 +67,7 @@ class Served:
             self._deliver,
             lambda: self.readings.pop(0) if self.readings else None,
         )
-        self.server = server = ControlServer(self.endpoint, command_service.execute)
+        server = ControlServer(self.endpoint, command_service.execute, monotonic=self._now_s)
         server.open()
         self.endpoint = server.endpoint
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
@@ -77,6 +79,9 @@ class Served:
             self.failures.append(running.exception())
         running.cancel()
         server.close()
+
+    def _now_s(self):
+        return self.clock()
 
     def _deliver(self, request):
         self.deeds.append(request)
@@ -122,7 +127,7 @@ def test_every_verb_of_the_client(served, client):
     assert client.status()["points_left"] == 1
     answer = client.goto([place(flight, near), place(flight, outside)])
     assert (answer.accepted, answer.code) == (False, "outside-fence")
-    assert answer.why == "point 2 lies outside of the fence"
+    assert answer.why == "point 2 lies outside the fence"
     assert client.seek("phantom").code == "unknown-robot"
     assert client.seek("io").state == "SEARCH"
     assert client.hold().state == "HOLD"
@@ -148,22 +153,23 @@ def test_what_cannot_be_asked_is_an_error_and_the_client_goes_on(client):
 
 def test_ways_are_not_planned_without_end_but_a_hold_is_always_heard(served, client):
     point = place(served.flight, Point(75.0, -150.0))
-    now_s = [0.0]
-    served.server._costly = Budget(COSTLY_PER_S, 3.0, lambda: now_s[0])
-    for _ in range(3):
+    now_s = 0.0
+    served.clock = lambda: now_s
+    for _ in range(int(COSTLY_AT_ONCE)):
         assert client.goto([point]).accepted
     with pytest.raises(ControlError, match="too many requests") as caught:
         client.goto([point])
     assert caught.value.again
     assert client.hold().accepted
-    now_s[0] = 1.0
+    now_s = 1.0
     assert client.goto([point]).accepted
 
 
 def test_many_points_count_as_many_requests(served, client):
     points = [place(served.flight, Point(75.0, -150.0))] * 40
-    served.server._costly = Budget(COSTLY_PER_S, 7.0, lambda: 0.0)
-    assert client.goto(points).accepted
+    served.clock = lambda: 0.0
+    for _ in range(2):
+        assert client.goto(points).accepted
     with pytest.raises(ControlError, match="too many requests"):
         client.goto(points)
     assert client.goto(points[:3]).accepted
@@ -285,7 +291,7 @@ def test_of_several_simulated_uavs_each_has_its_own_endpoints():
         arguments = options_for(sim.run, "m.yaml", *more)
         seats = [SimVehicle(name, "udp://x", 1, "tcp://y") for name in ("titan", "atlas")]
         world = SimpleNamespace(team=Path("t"), pace=None)
-        commands = [sim._command(seat, n, world, arguments) for n, seat in enumerate(seats)]
+        commands = [sim.command_of(seat, n, world, arguments) for n, seat in enumerate(seats)]
         names = ("--metrics", "--control", "--web", "--web-host")
         return [
             [command[command.index(name) + 1] for name in names if name in command]
@@ -430,5 +436,5 @@ def test_an_answer_to_another_request_of_the_same_number_is_not_taken_for_its_ow
         flight.controller.status,
         lambda request: flight.controller.handle(request, flight.now_s),
     )
-    answer = service.ask(ComeHome())
+    answer = service.submit(ComeHome())
     assert (answer.by, answer.accepted) == ("the operator", True)

@@ -370,7 +370,7 @@ def does(found):
     if not found.stood:
         return "-"
     if not (found.ours and found.ours_at_end):
-        return "released" if found.ours else "not ours"
+        return "released" if found.ours else "hands off"
     kinds = {*found.held_back, *found.motions}
     if found.then is not found.state and found.interlock != "none":
         return f"then {found.then.name}"

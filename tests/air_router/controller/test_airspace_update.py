@@ -274,7 +274,7 @@ def test_nothing_more_is_put_on_board_once_the_pilot_has_it(pretend, mode, ready
     objection = flight.controller.airspace_update.objection
     assert objection() is None
     flight.take_off_halfway(mode) if ready else flight.pilot_chooses(mode)
-    assert objection() == "the vehicle is not flown by us any more"
+    assert objection() == "this program no longer commands the vehicle"
 
 
 @pytest.mark.parametrize("asked", [False, True])
@@ -646,7 +646,7 @@ def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
     assert flight.controller.state is State.INIT  # it is told to hold first
     commanded = len(flight.motions)
     change(flight, box(ahead(flight, 60.0)))
-    assert "'new' is new; they go on board when the mission is resumed" in flight.said[-1]
+    assert "'new' is new; they are uploaded when the mission is resumed" in flight.said[-1]
     assert "new" in {zone.name for zone in flight.controller.context.airspace.mission.zones}
     assert (boarding(flight), flight.motions[commanded:]) == (0, [])
     flight.deaf = False
@@ -707,4 +707,4 @@ def test_while_another_plan_is_read_ours_is_not_put_over_it_on_request(pretend):
 def test_every_try_of_another_station_that_shows_is_told(pretend):
     flight = cruising(pretend)
     flight.give(PlanTried(flight.now_s, "ground station 255"))
-    assert any("ground station 255 tries to put a plan on board" in text for text in flight.said)
+    assert any("ground station 255 tries to upload a plan" in text for text in flight.said)

@@ -12,7 +12,7 @@ from air_router.controller.model.actions import (
     Refusal,
 )
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.requests import ChangeAltitude, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
@@ -71,7 +71,7 @@ def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
     assert math.dist(holding.position, holding.target) > UNDERSPEED_LEG_M
     holding.wanted = moves
     holding.fly_for(5.0)
-    assert not [said for said in holding.said if "it flies only" in said]
+    assert not [said for said in holding.said if "it flies only at" in said]
 
 
 def test_hold_stops_a_climb_and_land_ends_it(holding):
@@ -122,8 +122,8 @@ def test_what_a_button_says_of_altitude_and_landing(holding, hovering, pretend, 
 
     assert not {"altitude", "land"} & refused(holding).keys()
     assert holding.operator_asks(GoOn()).accepted
-    assert refused(holding)["altitude"].endswith("have it hold first")
-    assert refused(holding)["land"].endswith("have it hold first")
+    assert refused(holding)["altitude"].endswith("request 'hold' first")
+    assert refused(holding)["land"].endswith("request 'hold' first")
     for flight in (hovering(pennovation), pretend(pennovation)):  # in the air and on the ground
         assert refused(flight)["altitude"].startswith("only 40 m above home is flown")
 
@@ -157,10 +157,10 @@ def test_while_another_order_seems_to_show_no_other_altitude_is_taken(holding):
     """It hovers at the end of its leg in Mission mode, and one report is of another item."""
     holding.shown["item"] = holding.plan.item_of(holding.motions[-1].node) + 1
     holding.step()
-    assert holding.controller.context.interlocks.up(Doubt.FOREIGN_ORDER)
+    assert holding.controller.context.interlocks.is_raised(Anomaly.FOREIGN_ORDER)
     refused = holding.operator_asks(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
-    assert refused.why == "another's order seems to show; ask again in a moment"
+    assert refused.why == "it may be following a foreign command; request it again in a moment"
     del holding.shown["item"]
     holding.step()
     assert holding.operator_asks(ChangeAltitude(60.0)).accepted
@@ -171,10 +171,10 @@ def test_while_its_altitude_has_jumped_no_other_one_is_taken(holding):
     before_m = holding.altitude_m
     holding.altitude_m = 90.0
     holding.step()
-    assert holding.controller.context.interlocks.up(Doubt.ALTITUDE_JUMP)
+    assert holding.controller.context.interlocks.is_raised(Anomaly.ALTITUDE_JUMP)
     refused = holding.operator_asks(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
-    assert refused.why == "the altitude has jumped; ask again once that is over"
+    assert refused.why == "the altitude has jumped; request it again once that is over"
     holding.altitude_m = before_m
     holding.fly_for(3.0)
     assert holding.operator_asks(ChangeAltitude(60.0)).accepted
@@ -203,7 +203,7 @@ def test_a_climb_that_is_not_followed_is_told_to_be_over(holding):
     holding.fly_for(4.0)
     assert holding.said[-2:] == [
         "the vehicle did not follow: deaf",
-        "it holds at 40 m above home: the order to 60 m was not followed, and is over",
+        "it holds at 40 m above home: it did not follow the command to 60 m",
     ]
     assert isinstance(holding.motions[-1], HoldHere)
     said = len(holding.said)

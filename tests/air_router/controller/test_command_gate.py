@@ -87,8 +87,8 @@ def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(
 ):
     jump = FlyToNode(1, HERE)
     gate.send(jump)
-    gate.failed(CommandFailed(jump, "the leg was no longer clear in its turn", sent=sent))
-    assert context.actions[-1].text == f"{said}: the leg was no longer clear in its turn"
+    gate.failed(CommandFailed(jump, "the leg was no longer clear when it was due", sent=sent))
+    assert context.actions[-1].text == f"{said}: the leg was no longer clear when it was due"
     assert context.task.retry_at_s == context.now_s + pause_s
 
 

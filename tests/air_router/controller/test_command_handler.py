@@ -262,7 +262,7 @@ def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(
     left_s = flight.controller.context.left_s
     answer, commanded = ask(flight, HoldNow(by="the tower"))
     assert [type(m) for m in commanded] == [HoldHere]
-    assert any("holding, as the tower asked" in text for text in flight.said)
+    assert any("holding, requested by the tower" in text for text in flight.said)
     flight.fly_for(10.0)
     place, moved = flight.position, len(flight.motions)
     flight.fly_for(500.0)
@@ -457,8 +457,8 @@ def test_a_point_in_a_zone_is_hovered_beside_and_one_outside_of_the_fence_refuse
     assert flight.mission.planning_airspace.point_clear(hover)
     flight.fly_until(lambda: math.dist(flight.position, hover) < 2.0, 300.0)
     for points, why in (
-        ((Point(0.0, 5000.0),), "the point lies outside of the fence"),
-        ((FAR[0], Point(0.0, 5000.0)), "point 2 lies outside of the fence"),
+        ((Point(0.0, 5000.0),), "the point lies outside the fence"),
+        ((FAR[0], Point(0.0, 5000.0)), "point 2 lies outside the fence"),
         ((Point(1e6, 0.0),), "the point is more than 10 km away"),
         ((Point(math.nan, 0.0),), "the point is more than 10 km away"),
     ):
@@ -481,10 +481,10 @@ def test_without_a_fix_or_a_word_from_it_the_vehicle_is_only_told_to_hold(in_sta
     flight = in_state(State.INIT)
     for request in (SeekNow("io"), GoTo(FAR)):
         answer = flight.controller.handle(request, flight.now_s + 5.0)[-1]
-        assert (answer.code, answer.why) == (Refusal.NOT_HEARD, "nothing heard from it for 5 s")
+        assert (answer.code, answer.why) == (Refusal.NOT_HEARD, "nothing received from it for 5 s")
     flight = in_state(State.INIT)
     flight.give(LinkSilent(flight.now_s, 3.5))  # the vehicle's clock, which we read, stands still
-    assert ask(flight, GoTo(FAR))[0].why == "nothing heard from it for 4 s"
+    assert ask(flight, GoTo(FAR))[0].why == "nothing received from it for 4 s"
     flight.step()
     flight.fix = False
     flight.step()
@@ -501,7 +501,7 @@ def test_without_a_fix_or_a_word_from_it_the_vehicle_is_only_told_to_hold(in_sta
 
 def silent(flight):
     flight.give(LinkSilent(flight.now_s, 4.0))
-    return "nothing heard from it for 4 s"
+    return "nothing received from it for 4 s"
 
 
 def without_fix(flight):
@@ -512,7 +512,7 @@ def without_fix(flight):
 
 def without_positions(flight):
     flight.give(dataclasses.replace(flight.telemetry(), ages=Ages(position_s=2.5)))
-    return "position not heard"
+    return "position not received"
 
 
 @pytest.mark.parametrize("lose", [silent, without_fix, without_positions])
@@ -522,7 +522,7 @@ def test_home_without_a_position_is_promised_for_when_it_is_known_again(in_state
     answer, _ = ask(flight, ComeHome())
     assert (answer.accepted, answer.why) == (
         True,
-        f"it comes home as soon as it is known where it is: {why}",
+        f"it comes home as soon as its position is known: {why}",
     )
     flight.fix = True
     flight.fly_to_state(State.DONE)
@@ -551,7 +551,7 @@ def test_what_waits_for_changed_zones_is_answered_so(in_state):
 
 def test_home_before_the_vehicle_was_heard_promises_nothing_about_it(pretend):
     answer, _ = ask(pretend(), ComeHome())
-    assert answer.why == "the mission ends before it begins; the vehicle is left as it is"
+    assert answer.why == "the mission ends before take-off; nothing is sent to the vehicle"
 
 
 def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(pretend):

@@ -6,14 +6,14 @@ import pytest
 
 from air_router.controller.limits import CONDITIONS_GOOD_S, CONDITIONS_HOME_S, CONDITIONS_WORSE_S
 from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, HoldHere, Refusal
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.requests import ChangeAltitude, ComeHome, HoldNow
 from air_router.controller.model.states import State
-from air_router.vehicle.instructions import NEARER_THAN_IT_SAYS, Severity
+from air_router.vehicle.instructions import CLEARANCE_UNCERTAIN, Severity
 from air_router.vehicle.vehicle import FlightMode
 
-POOR = ({"accuracy_m": 2.5}, "good to 2.5 m only, 1 m are planned for")
-STRONG = ({"wind_m_s": (6.0, -8.0)}, "wind of 10 m/s, 5 m/s are planned for")
+POOR = ({"accuracy_m": 2.5}, "good to 2.5 m only, planned for 1 m")
+STRONG = ({"wind_m_s": (6.0, -8.0)}, "wind of 10 m/s, planned for 5 m/s")
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_what_is_worse_than_planned_for_is_held_for_and_then_flown_on(cruising, 
     ((text, instruction),) = warned(cruising)
     assert words in text
     assert text.endswith(": holding")
-    assert instruction == NEARER_THAN_IT_SAYS
+    assert instruction == CLEARANCE_UNCERTAIN
     cruising.fly_for(15.0)
     assert not legs(cruising.motions[before + 1 :])
     assert len(warned(cruising)) == 1
@@ -52,7 +52,7 @@ def test_what_is_worse_than_planned_for_is_held_for_and_then_flown_on(cruising, 
     assert len(cruising.motions) == held
     cruising.fly_for(3.0)
     assert legs(cruising.motions[held:])
-    assert "as planned for again" in "".join(cruising.said)
+    assert "as planned again" in "".join(cruising.said)
     cruising.lands()
 
 
@@ -130,4 +130,4 @@ def test_while_it_lasts_another_altitude_is_refused_and_a_pilot_is_left_alone(cr
     cruising.pilot_chooses(FlightMode.OTHER)
     cruising.fly_for(1.0)
     assert cruising.controller.state is State.PASSIVE
-    assert not cruising.controller.context.interlocks.up(Doubt.CONDITIONS)
+    assert not cruising.controller.context.interlocks.is_raised(Anomaly.CONDITIONS)

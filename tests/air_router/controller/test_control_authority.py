@@ -116,7 +116,7 @@ def test_unsigned_messages_in_the_vehicles_name_are_a_warning_and_change_nothing
     flight = away()
     before = len(flight.actions)
     flight.give(MavlinkSpoofed(flight.now_s, 3))
-    text = "3 MAVLink messages came in the vehicle's name without its signature, and were ignored"
+    text = "3 MAVLink messages posed as the vehicle without its signature, and were ignored"
     assert flight.actions[before:] == [Announce(text, Severity.WARNING, CHECK_SENDERS)]
 
 
@@ -182,7 +182,7 @@ def test_the_same_plan_uploaded_again_begins_no_mission_where_no_leg_may_begin(
     flight.fly_for(6.0)
     assert flight.controller.state is State.READY
     assert [type(motion) for motion in flight.motions] == [HoldHere]
-    assert "the plan on board flies as this mission's does; holding: Mission was chosen" in (
+    assert "the plan on board is equivalent to this mission's; holding: Mission was chosen" in (
         "".join(flight.said)
     )
     flight.altitude_m = 48.0
@@ -265,7 +265,8 @@ def test_a_plan_that_is_replaced_as_it_takes_off_refuses_the_flight(pretend, hop
     flight.step()
     assert flight.finished.refused
     assert flight.finished.why == (
-        "the plan on board was replaced as it took off; it is on the ground: start the mission anew"
+        "the plan on board was replaced as it took off; it is on the ground: "
+        "start the mission again"
     )
 
 
@@ -432,7 +433,7 @@ def test_a_go_to_of_a_ground_station_while_a_plan_is_compared_is_not_overridden(
     assert (flight.controller.state, len(flight.motions)) == (State.PASSIVE, commanded)
     assert flight.said[-2:] == [
         "hands off: a pilot or ground station gave it another place to go to",
-        "the plan on board flies as this mission's does",
+        "the plan on board is equivalent to this mission's",
     ]
 
 
@@ -733,7 +734,7 @@ def holds(flight):
 
 def crossing_alarms(flight):
     alarms = [a for a in flight.actions if isinstance(a, Announce)]
-    return [alarm for alarm in alarms if "was on its way" in alarm.text]
+    return [alarm for alarm in alarms if "still under way" in alarm.text]
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.RETURN, FlightMode.LAND])
@@ -750,7 +751,7 @@ def test_a_mode_that_kept_an_order_from_leaving_is_the_pilots(away, mode):
 def test_a_hold_that_was_not_sent_explains_no_hold_mode(away):
     flight = away()
     order = holds(flight)
-    flight.give(CommandFailed(order, "no flight mode of now was received", sent=False))
+    flight.give(CommandFailed(order, "no current flight mode was received", sent=False))
     flight.pilot_chooses(FlightMode.HOLD)
     assert flight.controller.state is State.PASSIVE
 
@@ -773,7 +774,7 @@ def test_an_order_that_crossed_the_pilots_choice_is_an_alarm_that_says_what_to_d
     flight.step()
     (alarm,) = crossing_alarms(flight)
     assert alarm.severity is Severity.ALARM
-    assert alarm.text == "Hold mode followed Return mode: an order of ours was on its way"
+    assert alarm.text == "Hold mode followed Return mode: our command was still under way"
     assert alarm.instruction == CHOOSE_AGAIN
 
 

@@ -15,7 +15,7 @@ from air_router.controller.model.actions import (
     Refusal,
 )
 from air_router.controller.model.events import AirspaceChanged, PeerFault, RobotPose
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.requests import GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
@@ -239,7 +239,7 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(away):
     flight = away()
     controller, now_s = flight.controller, flight.now_s
     motion = FlyToPoint(flight.mission.home, 40.0)
-    assert "called off" in controller.navigator.objection(motion, now_s)
+    assert "canceled" in controller.navigator.objection(motion, now_s)
     controller.gate.send(motion)
     assert controller.navigator.objection(motion, now_s) is None
     assert "too old" in controller.navigator.objection(motion, now_s + 1.0)
@@ -247,7 +247,7 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(away):
     controller.gate.send(across)
     assert "no longer clear" in controller.navigator.objection(across, now_s)
     flight.pilot_chooses(FlightMode.OTHER)
-    assert "called off" in controller.navigator.objection(across, flight.now_s)
+    assert "canceled" in controller.navigator.objection(across, flight.now_s)
 
 
 @pytest.mark.parametrize("kind", ["goto", "jump", "land", "hold"])
@@ -262,9 +262,11 @@ def test_a_motion_that_waited_is_not_sent_over_an_order_that_is_not_ours(away, k
     }[kind]
     controller.gate.send(motion)
     assert controller.navigator.objection(motion, flight.now_s) is None
-    controller.context.interlocks.put(Doubt.FOREIGN_ORDER, raised=True)
+    controller.context.interlocks.put(Anomaly.FOREIGN_ORDER, raised=True)
     objection = controller.navigator.objection(motion, flight.now_s)
-    assert objection == (None if kind == "hold" else "an order shows that is not ours")
+    assert objection == (
+        None if kind == "hold" else "the vehicle seems to follow a foreign command"
+    )
 
 
 def test_where_the_vehicle_flies_already_it_may_be_sent_once_more(away):
@@ -301,7 +303,7 @@ def test_a_long_silence_is_told_now_and_then(airborne):
         flight.give(LinkSilent(flight.now_s, silent_s))
     flight.step()  # heard for a moment; the next silence is looked at a bit later than the first
     flight.give(LinkSilent(flight.now_s, 5.0))
-    told = [text for text in flight.said if "nothing heard" in text]
+    told = [text for text in flight.said if "nothing received" in text]
     assert [text.split()[-2] for text in told] == ["4", "14", "24", "4", "5"]
 
 
@@ -339,9 +341,9 @@ def test_a_flight_mode_that_is_not_heard_after_a_silence_counts_as_missing(away)
     flight = away()
     flight.give(LinkSilent(flight.now_s, 4.0))
     for mode_s in (4.8, 4.9, 5.0):
-        assert not any("flight mode not heard" in text for text in flight.said)
+        assert not any("flight mode not received" in text for text in flight.said)
         tells(flight, mode_s)
-    assert any("flight mode not heard for 5 s" in text for text in flight.said)
+    assert any("flight mode not received for 5 s" in text for text in flight.said)
 
 
 def test_a_hold_that_was_not_asked_for_does_not_leave_while_nothing_is_heard(away):

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from air_router.controller.airspace_change import among, counted
+from air_router.controller.airspace_change import counted, plans_for
 from air_router.controller.envelope import ClearanceWatch, ReturnMonitor
 from air_router.controller.limits import OFF_ALTITUDE_HOME_S, OFF_ALTITUDE_S, OVERSPEED_S
 from air_router.controller.model.actions import (
@@ -169,7 +169,7 @@ def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
     before = len(cruising.motions)
     cruising.step()
     assert isinstance(cruising.motions[before], HoldHere)
-    (words,) = told(cruising, "are to be kept")
+    (words,) = told(cruising, "m are required")
     assert names_of((name,)) in words
     left_m = float(words.split(": ")[1].split()[0])
     assert left_m == pytest.approx(distance_m, abs=1.0)
@@ -183,8 +183,8 @@ def test_a_zone_far_above_counts_once_it_has_climbed_there(pennovation):
     high = Zone("high", outline, band=Band(70.0, math.inf))
     mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, high))
     watch = ClearanceWatch(MissionContext(mission, None))
-    assert watch.look(Telemetry(1.0, home, 60.0)) is None
-    found = watch.look(Telemetry(2.0, home, 75.0))
+    assert watch.update(Telemetry(1.0, home, 60.0)) is None
+    found = watch.update(Telemetry(2.0, home, 75.0))
     assert found is not None
     assert "too near to no-fly zone 'high'" in found.words
 
@@ -200,7 +200,7 @@ def test_faster_than_commanded_is_told_and_held_for(cruising):
         return dataclasses.replace(telemetry, velocity_m_s=velocity)
 
     cruising.telemetry = rushes
-    cruising.fly_until(lambda: told(cruising, "it flies 12.0 m/s"), OVERSPEED_S + 0.5)
+    cruising.fly_until(lambda: told(cruising, "it flies at 12.0 m/s"), OVERSPEED_S + 0.5)
     assert isinstance(cruising.motions[before], HoldHere)
 
 
@@ -316,7 +316,7 @@ def test_with_its_altitude_in_doubt_it_comes_home_clear_of_zones_at_every_height
         flight.controller.context.airspace.router is router
     )  # it is replaced by one made elsewhere
     replanned(flight)
-    assert "zones changed: each counts whatever its height" in flight.said
+    assert "zones changed: all apply at every altitude" in flight.said
     on_board(flight)
     flight.lands()
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
@@ -365,7 +365,7 @@ def test_zones_that_are_reloaded_with_the_altitude_in_doubt_count_at_every_heigh
     on_board(flight)
     fly(flight, 3.0)
     assert len(asked(flight, ReplanAirspace)) == 1  # which came too late
-    assert told(flight, "zones changed: 'another' is new, each counts whatever its height")
+    assert told(flight, "zones changed: 'another' is new, all apply at every altitude")
 
 
 @pytest.mark.parametrize("taken", [True, False])
@@ -479,14 +479,14 @@ def test_where_no_way_is_clear_at_every_height_the_operator_or_the_reserve_decid
     if by_request:
         answer = flight.operator_asks(ComeHome())
         assert answer.accepted
-        assert "clear at the autopilot's altitude" in answer.why
+        assert "clear at PX4's altitude" in answer.why
     else:
         flight.battery = flight.mission.battery_reserve
     fly(flight, 1.0)
-    assert told(flight, "coming home clear at the autopilot's altitude alone")
+    assert told(flight, "coming home, clear of zones by PX4's altitude alone")
     assert len(asked(flight, ReplanAirspace)) == 2
     replanned(flight)
-    assert "zones changed: each counts at its height again" in flight.said
+    assert "zones changed: each applies at its altitudes again" in flight.said
     before = len(flight.motions)
     fly(flight, 3.0)
     # PX4 would hold it at the fence on board: also at the reserve that is lifted first.
@@ -508,7 +508,7 @@ def test_while_a_way_is_opened_home_once_more_trusts_no_altitude_that_is_in_doub
     assert "already" in flight.operator_asks(ComeHome()).why
     flight.give(PlanRenewed())
     flight.lands()
-    assert not told(flight, "coming home clear at the autopilot's altitude alone")
+    assert not told(flight, "coming home, clear of zones by PX4's altitude alone")
 
 
 def test_a_router_among_zones_of_other_heights_is_another_though_they_count_at_all(pennovation):
@@ -520,7 +520,7 @@ def test_a_router_among_zones_of_other_heights_is_another_though_they_count_at_a
     above, below = drawn(ABOVE), drawn(BELOW)
     assert above.zones == below.zones
     router = Router(WaypointGraph(above))
-    assert (among(router, above), among(router, below)) == (True, False)
+    assert (plans_for(router, above), plans_for(router, below)) == (True, False)
     assert counted(below, all_zones=False).zones[-1].band == BELOW
 
 
@@ -581,7 +581,7 @@ def test_home_that_px4_may_have_set_itself_is_no_operator_s_move(cruising):
     cruising.home_moved = LOWER
     cruising.step()
     (said,) = [a for a in cruising.announced if "home was" in a.text]
-    assert said.text.startswith("home was set anew while GPS has no fix, as PX4 does itself: ")
+    assert said.text.startswith("home was set again while GPS has no fix, as PX4 does on its own: ")
     assert (said.severity, said.instruction) == (Severity.WARNING, RETURN_ELSEWHERE)
 
 
@@ -595,7 +595,7 @@ def test_home_that_px4_set_as_it_touched_down_is_no_operator_s_move(airborne):
     flight.in_air, flight.home_moved = True, HIGHER
     flight.step()
     (said,) = [a for a in flight.announced if "home was" in a.text]
-    assert said.text.startswith("home was set anew as it lifted off or touched down")
+    assert said.text.startswith("home was set again as it lifted off or touched down")
     assert said.instruction == RETURN_ELSEWHERE
     flight.home_moved = None
     flight.fly_for(10.0)
@@ -618,7 +618,7 @@ def test_much_slower_than_commanded_is_told_once_and_flown_on(cruising):
     wanted = cruising.wanted
     cruising.wanted = lambda: tuple(pace_m_s * component for component in wanted())
     fly(cruising, 40.0)
-    assert len(told(cruising, "it flies only")) == 1
+    assert len(told(cruising, "it flies only at")) == 1
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
 
 

@@ -49,7 +49,7 @@ def fly_past(exploration):
     def past(*numbers):
         for number in numbers:
             for north_m in (-30.0, 0.0, 30.0):
-                exploration.look_around(Point(100.0 * number, north_m), float(next(seconds)))
+                exploration.note_nearby(Point(100.0 * number, north_m), float(next(seconds)))
 
     return past
 
@@ -72,9 +72,9 @@ def test_looking_around_only_where_other_waypoints_may_be_near_misses_none(explo
     always, random, here = copy.deepcopy(exploration), Random(1), Point(0.0, 0.0)
     looks = 0
     for second in range(3000):
-        always.look_around(here, float(second))
-        if math.dist(here, exploration.looked_from) >= exploration.alike_m:
-            exploration.look_around(here, float(second))
+        always.note_nearby(here, float(second))
+        if math.dist(here, exploration.checked_from) >= exploration.recheck_m:
+            exploration.note_nearby(here, float(second))
             looks += 1
         assert exploration.longest_unseen() == always.longest_unseen(), second
         east_m = (here.east_m + random.uniform(-2.0, 5.0)) % 600.0

@@ -203,7 +203,7 @@ def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(away):
     flight.give(has_moved("io", flight))  # and nothing else is commanded meanwhile
     flight.fly_to_state(State.PASSIVE, 30.0)
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 6
-    assert flight.said[-1].endswith("it was told to hold and did not")
+    assert flight.said[-1].endswith("it did not follow the hold command")
 
 
 def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(away):

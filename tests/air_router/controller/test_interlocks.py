@@ -5,11 +5,11 @@ from itertools import combinations
 import pytest
 
 from air_router.controller.model.actions import FlyToPoint, HoldHere, LandHere, MissionWaits
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.interlocks import INTERLOCKS, raised
-from air_router.vehicle.input_limits import Stop
+from air_router.vehicle.input_limits import InputResponse
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from sitl.rehearsal.faults import Fault
@@ -19,7 +19,7 @@ HERE = Point(0.0, 0.0)
 LEG = FlyToPoint(Point(50.0, 0.0), 40.0)
 
 
-def doubt(found):
+def anomaly(found):
     return (
         lambda context: context.interlocks.put(found, raised=True),
         lambda context: context.interlocks.put(found, raised=False),
@@ -32,12 +32,14 @@ RAISED = {  # how each is raised, and how it clears
         lambda context: context.silent_for(0.0),
     ),
     "INPUT_MISSING": (
-        lambda context: context.inputs.stopped.update({"position not heard": Stop.HOLD}),
+        lambda context: context.inputs.stopped.update(
+            {"position not received": InputResponse.HOLD}
+        ),
         lambda context: context.inputs.stopped.clear(),
     ),
-    "ALTITUDE_JUMP": doubt(Doubt.ALTITUDE_JUMP),
-    "CONDITIONS": doubt(Doubt.CONDITIONS),
-    "FOREIGN_ORDER": doubt(Doubt.FOREIGN_ORDER),
+    "ALTITUDE_JUMP": anomaly(Anomaly.ALTITUDE_JUMP),
+    "CONDITIONS": anomaly(Anomaly.CONDITIONS),
+    "FOREIGN_ORDER": anomaly(Anomaly.FOREIGN_ORDER),
     "RELEASING": (
         lambda context: context.authority.release("a breach"),
         lambda context: context.authority.released(),
@@ -48,7 +50,7 @@ RAISED = {  # how each is raised, and how it clears
     ),
     "ZONE_UPDATE": (
         lambda context: context.airspace.clear(),
-        lambda context: context.airspace.settle(),
+        lambda context: context.airspace.finish_change(),
     ),
 }
 NAMES = [row.name for row in INTERLOCKS]
@@ -127,7 +129,7 @@ def test_a_landing_that_is_kept_back_is_commanded_again_where_nothing_else_does_
 def test_what_is_missing_is_named(context, gate):
     raise_(context, "INPUT_MISSING")
     gate.command(LEG)
-    assert gate.waits_for().why(context) == "position not heard"
+    assert gate.waits_for().why(context) == "position not received"
     RAISED["INPUT_MISSING"][1](context)
     context.telemetry = Telemetry(1.0, HERE, 40.0, fix=False)
     assert gate.waits_for().why(context) == "GPS has no fix"
@@ -145,7 +147,8 @@ def test_how_long_it_waits_counts_from_the_row_that_decides_now(context, gate):
 
 
 def table():
-    lines = ["| interlock | while it is up | cleared when; then | if not | why here | scene |"]
+    head = "interlock | the vehicle meanwhile | cleared when; then | if not | why here | scene"
+    lines = [f"| {head} |"]
     lines.append("|---|---|---|---|---|---|")
     for row in INTERLOCKS:
         cleared = f"{row.clears}; {row.then}"

@@ -84,14 +84,14 @@ def test_a_way_that_was_not_looked_at_is_looked_back_on(pennovation, to_m, near)
     place = Point(home.east_m + to_m, home.north_m)
     after = told(12.0, place)
     monitor.note(after)
-    found = monitor.look(after)
-    assert [deviation.response for deviation in found] == ([Response.TELL] if near else [])
+    found = monitor.update(after)
+    assert [deviation.response for deviation in found] == ([Response.ANNOUNCE] if near else [])
     assert all("meanwhile it may have been too near to" in each.words for each in found)
-    assert monitor.look(after) == ()  # once
+    assert monitor.update(after) == ()  # once
 
 
 def test_what_waits_in_its_own_sockets_is_not_told_as_missing(away):
-    flight, unheard = away(duration_s=None), "battery not heard"
+    flight, unheard = away(duration_s=None), "battery not received"
     true = flight.telemetry
     flight.give(CompanionLagged(0.6))
     flight.telemetry = lambda: dataclasses.replace(true(), ages=Ages(battery_s=6.0))

@@ -31,7 +31,7 @@ def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
     assert holding.operator_asks(HoldNow()).code is Refusal.COMING_HOME
     holding.ends()
     assert math.dist(holding.position, place) < 1.0
-    assert holding.finished.why == "landed where it hovered, as kim asked"
+    assert holding.finished.why == "landed where it hovered, requested by kim"
 
 
 def test_above_home_a_landing_that_is_not_followed_is_told_again_until_it_lands(away):
@@ -72,7 +72,7 @@ def test_it_holds_first_and_stands_still(away):
     refused = flight.operator_asks(LandNow())
     assert (refused.code, refused.why) == (
         Refusal.BUSY,
-        "it lands where it hovers: have it hold first",
+        "it lands where it hovers: request 'hold' first",
     )
     flight.operator_asks(HoldNow())
     refused = flight.operator_asks(LandNow())
@@ -94,12 +94,12 @@ def test_it_does_not_land_through_the_layer_of_another_uav(away):
 
 
 @pytest.mark.parametrize("band", [None, Band(-math.inf, 15.0), Band(35.0, 60.0)], ids=str)
-@pytest.mark.parametrize(("beside_m", "lands"), [(0.5, False), (3.0, True)])
-def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, beside_m, lands):
+@pytest.mark.parametrize(("offset_m", "lands"), [(0.5, False), (3.0, True)])
+def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, offset_m, lands):
     mission = holding.mission
     kept_m = mission.planner.clearance_m + mission.planner.tracking_margin_m
     east_m, north_m = holding.position
-    centre = Point(east_m + 3.0 + mission.planner.clearance_m + beside_m, north_m)
+    centre = Point(east_m + 3.0 + mission.planner.clearance_m + offset_m, north_m)
     hut = Zone("hut", Circle(centre, 3.0), band=band)
     holding.give(AirspaceChanged(mission.fences, (*mission.zones, hut)))
     holding.fly_for(6.0)

@@ -10,7 +10,7 @@ HERE, HEIGHT_M = Point(0, 0), 40.0
 
 def heard(now_s=100.0):
     targets = TargetList(("a", "b"))
-    targets.tracks["a"].pose_heard(Point(50, 0), 1e9, now_s)
+    targets.tracks["a"].pose_received(Point(50, 0), 1e9, now_s)
     return targets
 
 
@@ -39,7 +39,7 @@ def test_samples_have_an_interval_and_a_bound():
     assert len(log.samples) == 5
     for step in range(30_000):
         if step % 10 == 0:
-            targets.tracks["a"].pose_heard(Point(50, 0), 1e9 + 110 + 2 * step, 110.0 + 2 * step)
+            targets.tracks["a"].pose_received(Point(50, 0), 1e9 + 110 + 2 * step, 110.0 + 2 * step)
         log.update(HERE, HEIGHT_M, targets, 110.0 + 2 * step)
     assert len(log.samples) == 2000
 
@@ -48,7 +48,7 @@ def test_a_robot_that_drives_is_where_its_path_and_speed_have_it():
     log, targets = LinkLog(), TargetList(("a",))
     track = targets.tracks["a"]
     for step in range(3):
-        track.pose_heard(Point(10.0 * step, 0), 1e9 + 10 * step, 10.0 * step)
-    track.path_heard((Point(20, 0), Point(200, 0)), 1e9 + 20, 20.0)
+        track.pose_received(Point(10.0 * step, 0), 1e9 + 10 * step, 10.0 * step)
+    track.path_received((Point(20, 0), Point(200, 0)), 1e9 + 20, 20.0)
     log.update(HERE, HEIGHT_M, targets, 30.0)
     assert log.samples[0].place == pytest.approx((30, 0))

@@ -138,7 +138,7 @@ def test_a_breach_is_claimed_by_satellites_that_are_good_enough(away, accuracy_m
     flight.fix, flight.shown["accuracy_m"] = True, accuracy_m
     flight.fly_for(5.0)
     assert any("breach" in text for text in flight.said) is known
-    assert any("satellites good to 9 m only" in text for text in flight.said) is not known
+    assert any("GPS accuracy 9 m" in text for text in flight.said) is not known
 
 
 def alarmed(flight):
@@ -176,7 +176,7 @@ def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_a
     flight.fly_for(25.0)
     assert flight.motions[commanded:] == []
     assert not any(said.startswith("hands off") for said in flight.said)
-    assert any("told to hold once its flight mode is heard" in said for said in flight.said)
+    assert any("hold is sent once the flight mode is received" in said for said in flight.said)
     flight.shown = {}
     flight.fly_for(6.0)
     assert isinstance(flight.motions[commanded], HoldHere)

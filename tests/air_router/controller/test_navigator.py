@@ -181,7 +181,7 @@ def test_below_the_cruise_altitudes_it_is_reckoned_with_that_it_swings_beyond_it
     flight = type(bend)(mission)
     for altitude_m, clear in ((40.0, True), (30.0, True), (22.0, False)):
         context, _, navigator = navigating(flight, dataclasses.replace(low, altitude_m=altitude_m))
-        assert navigator.clear(context.heard, Point(190.0, 60.0)) is clear
+        assert navigator.clear(context.last_telemetry, Point(190.0, 60.0)) is clear
 
 
 def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
@@ -199,7 +199,7 @@ def test_a_leg_out_of_a_hover_is_not_refused_for_being_its_own_setpoint(bend):
     beside = box + kept_m
     assert tracking.flown_m < tracking.turned_m < bend.mission.planning_airspace.margin_m
     context, gate, navigator = navigating(bend, at(20.0, beside))
-    here, order = context.heard, FlyToPoint(Point(80.0, beside), 40.0)
+    here, order = context.last_telemetry, FlyToPoint(Point(80.0, beside), 40.0)
     assert navigator.clear(here, order.position)
     gate.command(order)
     assert navigator.objection(order, 1.0) is None

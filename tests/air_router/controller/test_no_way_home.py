@@ -64,7 +64,7 @@ def test_without_a_way_home_at_its_reserve_it_hovers_and_says_what_will_happen(p
     assert flight.controller.state is State.HOME
     flight.step()
     assert "it should come home and cannot" in told_no_way_home(flight)[-1]
-    assert "autopilot's battery failsafe" in told_no_way_home(flight)[-1]
+    assert "PX4's battery failsafe" in told_no_way_home(flight)[-1]
     flight.fly_for(60.0)
     assert moves(flight, commanded) == []
     assert len(told_no_way_home(flight)) == 3  # every half minute, and once for its reserve

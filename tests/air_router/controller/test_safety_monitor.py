@@ -29,18 +29,18 @@ def watched(pennovation, plan):
     gate = CommandGate(context, plan)
     monitor = SafetyMonitor(context, gate, plan)
 
-    def look(motion, seconds, **shown):
+    def update(motion, seconds, **shown):
         gate.last, gate.pending = motion, None
         values = {"position": pennovation.home, "altitude_m": 40.0, "in_air": True, "armed": True}
         mode = FlightMode.MISSION if isinstance(motion, FlyToNode) else FlightMode.HOLD
         for s in seconds:
             telemetry = Telemetry(time_s=s, **values | {"mode": mode} | shown)
             order, breach = monitor.foreign_order(telemetry), monitor.breach(telemetry)
-        look.suspected = order is not None
+        update.suspected = order is not None
         return FOREIGN if order and order.sure else BREACH if breach else None
 
-    look.context = context
-    return look
+    update.context = context
+    return update
 
 
 def test_an_order_of_another_while_it_hovers_in_hold(watched):
@@ -60,7 +60,7 @@ def waiting(pennovation, plan):
     gate.send(hovers)
     gate.confirmed(CommandConfirmed(hovers))
 
-    def look(order, target, seconds):
+    def update(order, target, seconds):
         if gate.last is not order:
             gate.send(order)
         shown = {"target": target, "target_altitude_m": 40.0, "mode": FlightMode.HOLD}
@@ -69,11 +69,11 @@ def waiting(pennovation, plan):
             monitor.foreign_order(dataclasses.replace(flying, time_s=time_s)) for time_s in seconds
         ]
         assert gate.pending is order
-        look.suspected = found[-1] is not None
-        return found[-1] if look.suspected and found[-1].sure else None
+        update.suspected = found[-1] is not None
+        return found[-1] if update.suspected and found[-1].sure else None
 
-    look.gate = gate
-    return look
+    update.gate = gate
+    return update
 
 
 def test_another_order_is_seen_while_one_of_ours_waits(waiting):

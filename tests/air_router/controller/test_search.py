@@ -27,7 +27,7 @@ def searching(folder, zones):
 
 
 def point_for(search, place):
-    search.targets.tracks["io"].pose_heard(place, 1.0, 1.0)
+    search.targets.tracks["io"].pose_received(place, 1.0, 1.0)
     (point,) = search.search_points(2.0)
     return point
 
@@ -36,7 +36,7 @@ def test_a_robot_in_the_open_is_sought_where_it_is(tmp_path):
     _, search = searching(tmp_path, [{"name": "hall", "polygon": box(-20, -20, 20, 20)}])
     point = point_for(search, Point(50, 50))
     assert point.goal.position == (50, 50)
-    assert point.beside_m == 0
+    assert point.offset_m == 0
     assert point.reason == "its last position"
 
 

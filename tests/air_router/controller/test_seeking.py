@@ -51,12 +51,12 @@ def order(policy, targets, *args, **how):
     return [place.robot for place in policy_of(policy).order(targets, context(*args, **how))]
 
 
-def heard(targets, robot, place, now_s, *path, given=True):
+def last_telemetry(targets, robot, place, now_s, *path, given=True):
     """Met at a place; its clock is far from ours."""
     stamp_s = 1e9 + now_s
-    targets.tracks[robot].pose_heard(place, stamp_s, now_s)
+    targets.tracks[robot].pose_received(place, stamp_s, now_s)
     if path:
-        targets.tracks[robot].path_heard(path, stamp_s, now_s)
+        targets.tracks[robot].path_received(path, stamp_s, now_s)
     targets.tracks[robot].synced(Direction.IN, now_s)
     if given:
         targets.tracks[robot].synced(Direction.OUT, now_s)
@@ -68,9 +68,9 @@ def rosters(draw):
     for name in targets.names:
         now_s, stamp_s = draw(moments), draw(st.floats(0, 1e11))
         if draw(st.booleans()):
-            targets.tracks[name].pose_heard(draw(points), stamp_s, now_s)
+            targets.tracks[name].pose_received(draw(points), stamp_s, now_s)
         if draw(st.booleans()):
-            targets.tracks[name].path_heard(draw(paths), draw(st.floats(0, 1e11)), now_s)
+            targets.tracks[name].path_received(draw(paths), draw(st.floats(0, 1e11)), now_s)
         if draw(st.booleans()):
             targets.tracks[name].synced(draw(st.sampled_from(Direction)), now_s)
         if draw(st.booleans()):
@@ -95,7 +95,7 @@ def test_every_robot_once_the_same_twice_and_in_its_group(policy, targets, now_s
     assert rank == sorted(rank)
     for place in first:
         assert place.reason
-        assert place.position is not None or targets.tracks[place.robot].word_s is None
+        assert place.position is not None or targets.tracks[place.robot].newest_s is None
 
 
 courses = st.builds(PredictedPath, paths, st.floats(-300, 100), st.floats(0.2, 3.0))
@@ -135,23 +135,23 @@ def test_a_course_says_where_the_robot_is_and_when_it_ends():
 def test_clocks_of_robots_need_not_agree_with_ours():
     for behind_s in (-1e9, 0.0, 12345.0):
         robot = TargetTrack("io")
-        robot.pose_heard(Point(0, 0), 1e10 + behind_s, 100.0)  # straight from it
-        robot.pose_heard(Point(50, 0), 1e10 + behind_s + 50.0, 400.0)  # carried for 250 s
-        assert robot.word_s == pytest.approx(150.0)
-        assert robot.news_s == 400.0
+        robot.pose_received(Point(0, 0), 1e10 + behind_s, 100.0)  # straight from it
+        robot.pose_received(Point(50, 0), 1e10 + behind_s + 50.0, 400.0)  # carried for 250 s
+        assert robot.newest_s == pytest.approx(150.0)
+        assert robot.updated_s == 400.0
 
 
 def test_a_radio_that_is_heard_says_where_a_robot_is_once_its_path_is_over():
     robot = TargetTrack("io")
     robot.radio = Sighting(Point(7, 7), 50.0)
-    assert (robot.course().points, robot.course().end_s, robot.word_s) == (((7, 7),), 50.0, None)
-    robot.path_heard((Point(0, 0), Point(100, 0)), 1e9 + 100.0, 100.0)
-    robot.pose_heard(Point(0, 0), 1e9 + 100.0, 100.0)
+    assert (robot.course().points, robot.course().end_s, robot.newest_s) == (((7, 7),), 50.0, None)
+    robot.path_received((Point(0, 0), Point(100, 0)), 1e9 + 100.0, 100.0)
+    robot.pose_received(Point(0, 0), 1e9 + 100.0, 100.0)
     robot.radio = Sighting(Point(40, 10), 150.0)  # as it said
     assert robot.course().points[-1] == (100, 0)
     robot.radio = Sighting(Point(90, 80), 300.0)  # it was not known
     assert robot.course().points == ((90, 80),)
-    robot.pose_heard(Point(95, 85), 1e9 + 310.0, 310.0)
+    robot.pose_received(Point(95, 85), 1e9 + 310.0, 310.0)
     assert robot.course().points[0] == (95, 85)
 
 
@@ -162,49 +162,49 @@ def test_the_speed_is_that_of_driving_whatever_the_noise_and_the_stops():
     for second in range(60):
         east_m += 0.7 if second < 30 else 0.0  # then it stands
         jitter_m = 0.3 * (-1) ** second
-        robot.pose_heard(Point(east_m + jitter_m, 0), second, second)
+        robot.pose_received(Point(east_m + jitter_m, 0), second, second)
     assert robot.speed_m_s == pytest.approx(0.7, abs=0.15)
 
 
 def test_a_robot_whose_speed_is_not_known_drives_as_the_others_do():
     targets = TargetList(("slow", "new"))
     for robot in targets.names:
-        heard(targets, robot, Point(0, 0), 0.0, Point(0, 0), Point(100, 0))
+        last_telemetry(targets, robot, Point(0, 0), 0.0, Point(0, 0), Point(100, 0))
     assert targets.course("new").speed_m_s == USUAL_SPEED_M_S
-    heard(targets, "slow", Point(3, 0), 10.0)
+    last_telemetry(targets, "slow", Point(3, 0), 10.0)
     assert targets.course("slow").speed_m_s == pytest.approx(0.3)
     assert targets.course("new").speed_m_s == pytest.approx(0.3)
 
 
 def test_a_course_follows_the_path_from_where_the_robot_is_on_it():
     robot = TargetTrack("io")
-    robot.path_heard((Point(0, 0), Point(100, 0), Point(100, 100)), 10.0, 10.0)
-    robot.pose_heard(Point(60, 1), 70.0, 70.0)
+    robot.path_received((Point(0, 0), Point(100, 0), Point(100, 100)), 10.0, 10.0)
+    robot.pose_received(Point(60, 1), 70.0, 70.0)
     assert robot.course().points == ((60, 1), (100, 0), (100, 100))
     assert robot.course().start_s == 70.0
-    robot.pose_heard(Point(60, 30), 75.0, 75.0)  # it has left the path
+    robot.pose_received(Point(60, 30), 75.0, 75.0)  # it has left the path
     assert robot.course().points == ((60, 30),)
-    robot.path_heard((Point(0, 50), Point(0, 90)), 200.0, 200.0)  # long after the pose
+    robot.path_received((Point(0, 50), Point(0, 90)), 200.0, 200.0)  # long after the pose
     assert robot.course().points == ((0, 50), (0, 90))
     assert robot.course().start_s == 200.0
 
 
 def test_the_freshest_policy_seeks_who_has_waited_longest_both_ways():
     targets = TargetList(("a", "b", "c"))
-    heard(targets, "a", Point(50, 0), 200.0)
-    heard(targets, "b", Point(-50, 0), 100.0)
-    heard(targets, "c", Point(0, 50), 150.0)
+    last_telemetry(targets, "a", Point(50, 0), 200.0)
+    last_telemetry(targets, "b", Point(-50, 0), 100.0)
+    last_telemetry(targets, "c", Point(0, 50), 150.0)
     assert order("round_robin", targets, 300.0) == ["a", "b", "c"]
     assert order("freshest", targets, 300.0) == ["b", "c", "a"]
-    heard(targets, "b", Point(-50, 0), 290.0, given=False)  # it has not our news
-    heard(targets, "c", Point(0, 50), 290.0)
+    last_telemetry(targets, "b", Point(-50, 0), 290.0, given=False)  # it has not our news
+    last_telemetry(targets, "c", Point(0, 50), 290.0)
     assert order("freshest", targets, 300.0) == ["b", "a", "c"]
 
 
 def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
     targets = TargetList(("far", "near"))
-    heard(targets, "far", Point(400, 0), 100.0)
-    heard(targets, "near", Point(10, 0), 105.0)
+    last_telemetry(targets, "far", Point(400, 0), 100.0)
+    last_telemetry(targets, "near", Point(10, 0), 105.0)
     assert order("freshest", targets, 300.0) == ["near", "far"]
     (best, _) = policy_of("freshest").order(targets, context(300.0))
     assert best.reason == "data, 195 s; 2 s away; its last position"
@@ -212,21 +212,21 @@ def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
 
 def test_who_was_sought_in_vain_is_not_sought_at_once_again():
     targets = TargetList(("a", "b"))
-    heard(targets, "a", Point(50, 0), 100.0)
-    heard(targets, "b", Point(50, 0), 150.0)
+    last_telemetry(targets, "a", Point(50, 0), 100.0)
+    last_telemetry(targets, "b", Point(50, 0), 150.0)
     assert order("freshest", targets, 300.0)[0] == "a"
     targets.tracks["a"].tries += 1
     assert order("freshest", targets, 400.0) == ["b", "a"]
-    targets.tracks["a"].pose_heard(Point(60, 0), 2e9, 410.0)  # a peer has seen it
+    targets.tracks["a"].pose_received(Point(60, 0), 2e9, 410.0)  # a peer has seen it
     assert order("freshest", targets, 900.0)[0] == "a"
 
 
 def test_lost_ones_and_those_that_others_seek_come_last_and_those_without_a_way():
     targets = TargetList(("lost", "taken", "walled", "open"))
-    heard(targets, "lost", Point(5, 5), 1.0)
+    last_telemetry(targets, "lost", Point(5, 5), 1.0)
     late_s = LOST_AFTER_S + 50.0
     for robot in ("taken", "walled", "open"):
-        heard(targets, robot, Point(100, 10) if robot == "walled" else Point(9, 9), 1000.0)
+        last_telemetry(targets, robot, Point(100, 10) if robot == "walled" else Point(9, 9), 1000.0)
     targets.sought_by_other("other", "taken", late_s)
     for policy in ("freshest", "rendezvous"):
         ranked = order(policy, targets, late_s, walled=[Point(100, 10)])
@@ -247,7 +247,7 @@ def test_robots_never_heard_of_are_looked_for_in_turns():
 
 def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
     targets = TargetList(("io",))
-    heard(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
+    last_telemetry(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
     (place,) = policy_of("rendezvous").order(targets, context(120.0))
     assert place.position[0] == 100
     assert 20 < place.position[1] < 60

@@ -7,7 +7,7 @@ import pytest
 from air_router.controller.limits import SETS_OUT_S, STANDS_FOR_PLAN_S, STANDS_IN_ZONE_S, STANDS_S
 from air_router.controller.model.actions import Announce, FlyToPoint
 from air_router.controller.model.airspace_in_force import ZoneChange
-from air_router.controller.model.interlocks_raised import Doubt
+from air_router.controller.model.interlocks_raised import Anomaly
 from air_router.controller.model.limits import ESCALATES_S, REPEATED_S
 from air_router.controller.model.requests import ComeHome, HoldNow, LandNow
 from air_router.controller.model.states import State
@@ -109,7 +109,7 @@ def test_a_vehicle_that_is_wanted_elsewhere_and_does_not_move_is_an_alarm_again_
     found = alarms(flight)
     assert len(found) == 4
     assert [each.instruction for each in found] == [HOME_OR_TAKE_OVER, *[TAKE_OVER_NOW] * 3]
-    assert "its mission is to go on" in found[0].text
+    assert "its mission should continue" in found[0].text
 
 
 def test_on_the_way_home_it_is_to_be_landed_and_home_says_why_it_does_not_come(pretend):
@@ -181,7 +181,7 @@ def test_a_plan_that_does_not_get_on_board_is_an_alarm_after_longer(pretend):
     assert alarms(flight) == []
     flight.fly_for(20.0)
     assert "its mission waits" in alarms(flight)[0].text
-    assert "being put on board" in alarms(flight)[0].text
+    assert "being uploaded" in alarms(flight)[0].text
 
 
 def test_a_pilots_vehicle_may_stand_wherever_it_is(pretend):
@@ -199,7 +199,7 @@ def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
     assert cause_of(context) == UNKNOWN
     context.airspace.change = ZoneChange.UPLOADING
     assert cause_of(context) == ZoneChange.UPLOADING.value
-    context.interlocks.put(Doubt.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
+    context.interlocks.put(Anomaly.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
     assert cause_of(context) == "the altitude has jumped"
     assert len(CAUSES) > 5
 

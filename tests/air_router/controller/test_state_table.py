@@ -3,7 +3,7 @@
 import pytest
 
 from air_router.controller.model.actions import StateChanged
-from air_router.controller.model.states import From, Requests, Signal, State
+from air_router.controller.model.states import CommandPolicy, Signal, State, TimerStart
 from air_router.controller.states.table import STATES, transitions
 from tests.printed import assert_printed
 
@@ -73,7 +73,7 @@ def enters_what_the_table_says(flight, state, signal):
     spec = STATES[controller.state]
     if spec.timer is not None:
         limit_s = getattr(flight.mission.timers, spec.timer)
-        waits = spec.timer_from is From.ARRIVAL
+        waits = spec.timer_from is TimerStart.ARRIVAL
         left_s = None if waits else pytest.approx(limit_s)
         assert context.left_s == left_s
     if not spec.keeps_target:
@@ -97,7 +97,7 @@ def test_in_the_air_the_pilot_can_always_take_over_and_the_mission_always_be_end
         if spec.ours:
             assert spec.on[Signal.TAKEN_OVER] is State.PASSIVE
             assert spec.on[Signal.GROUNDED] is State.DONE
-            bound_home = spec.requests is Requests.CALL_OFF
+            bound_home = spec.requests is CommandPolicy.CALL_OFF
             assert bound_home or spec.on[Signal.COME_HOME] is State.HOME, state
 
 

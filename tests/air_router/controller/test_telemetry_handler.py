@@ -1,18 +1,18 @@
-"""The tables that say what follows from a telemetry: in the docs as they decide."""
+"""The tables that decide on telemetry are printed in the docs."""
 
-from air_router.controller.telemetry_handler import MATTERS, STEPS
+from air_router.controller.telemetry_handler import FINDINGS, STEPS
 from tests.printed import assert_printed
 
 
-def matters():
-    yield "| | a telemetry shows that | so | why here |"
+def findings():
+    yield "| | condition | response | why here |"
     yield "|---|---|---|---|"
-    for matter in MATTERS:
-        yield f"| `{matter.name}` | {matter.shows} | {matter.does} | {matter.why} |"
+    for finding in FINDINGS:
+        yield f"| `{finding.name}` | {finding.shows} | {finding.does} | {finding.why} |"
 
 
 def steps():
-    yield "| step | what | the steps below wait while | why here |"
+    yield "| step | what it does | it blocks the steps below if | why here |"
     yield "|---|---|---|---|"
     for step in STEPS:
         what = step.waits.__doc__.splitlines()[0].removesuffix(".")
@@ -20,10 +20,10 @@ def steps():
 
 
 def test_the_tables_in_the_docs_are_those_that_decide():
-    assert_printed("state-machine.md", "matters", matters())
+    assert_printed("state-machine.md", "findings", findings())
     assert_printed("state-machine.md", "steps", steps())
 
 
 def test_each_row_says_why_it_stands_where_it_stands():
-    assert all(row.why for row in (*MATTERS, *STEPS))
-    assert len({row.name for row in (*MATTERS, *STEPS)}) == len(MATTERS) + len(STEPS)
+    assert all(row.why for row in (*FINDINGS, *STEPS))
+    assert len({row.name for row in (*FINDINGS, *STEPS)}) == len(FINDINGS) + len(STEPS)

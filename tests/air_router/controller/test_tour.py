@@ -13,7 +13,7 @@ from air_router.controller.targets.policies import policy_of
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import SeekContext
 from air_router.controller.targets.target_list import TargetList
-from air_router.controller.targets.tour import Stop, best_tour, rate, stretch
+from air_router.controller.targets.tour import TourStop, best_tour, rate, stretch
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded
 
@@ -40,7 +40,7 @@ def standing(**places):
     targets = TargetList(tuple(places))
     for name, place in places.items():
         track = targets.tracks[name]
-        track.pose_heard(Point(*place), 1e9, 0.0)
+        track.pose_received(Point(*place), 1e9, 0.0)
         for direction in Direction:
             track.synced(direction, 0.0)
     return targets
@@ -108,7 +108,7 @@ def test_a_robot_whose_path_is_over_is_looked_for_along_all_of_it():
 def test_a_tour_is_planned_by_few_routes_however_many_robots_and_corners():
     targets = standing(**{f"r{n}": (10 * n, 5) for n in range(10)})
     for track in targets.tracks.values():
-        track.path_heard(tuple(Point(10 * n, n % 2 * 9) for n in range(50)), 1e9, 0.0)
+        track.path_received(tuple(Point(10 * n, n % 2 * 9) for n in range(50)), 1e9, 0.0)
     planned = []
     asked = dataclasses.replace(context(), flight_s=lambda place: planned.append(place) or 1.0)
     next(iter(TOUR.order(targets, asked)))
@@ -117,7 +117,7 @@ def test_a_tour_is_planned_by_few_routes_however_many_robots_and_corners():
 
 def test_insertion_takes_what_raises_the_rate_most_where_it_does():
     stops = [
-        Stop(name, (Point(east, 0),), gain, east / SPEED_M_S)
+        TourStop(name, (Point(east, 0),), gain, east / SPEED_M_S)
         for name, east, gain in (("a", 50, 10.0), ("b", 100, 30.0), ("c", 150, 20.0))
     ]
     tour = best_tour(stops, context(round_s=10.0))
@@ -133,8 +133,8 @@ def tour_flight(pretend):
     timers = dataclasses.replace(flight.mission.timers, init_s=5.0)
     flight = pretend(seek=("europa", "io"), seek_policy="tour", radius_m=15.0, timers=timers)
     tracks = flight.controller.search.targets.tracks
-    tracks["io"].pose_heard(Point(40.0, 0.0), 1e9, 0.0)
-    tracks["europa"].pose_heard(Point(75.0, 0.0), 1e9, 0.0)
+    tracks["io"].pose_received(Point(40.0, 0.0), 1e9, 0.0)
+    tracks["europa"].pose_received(Point(75.0, 0.0), 1e9, 0.0)
     flight.take_off()
     flight.fly_to_state(State.SEARCH)
     (over,) = {"io", "europa"} - {flight.controller.context.task.robot}
@@ -178,14 +178,14 @@ def test_a_search_that_is_planned_anew_tries_no_robot_once_more(pretend):
 def test_news_of_the_sought_robot_wait_until_the_others_are_passed(pretend):
     flight, search, tracks, _, sought = tour_flight(pretend)
     goal = flight.controller.context.task.way.goal
-    tracks[sought].pose_heard(Point(-60.0, 0.0), 2e9, flight.now_s)
+    tracks[sought].pose_received(Point(-60.0, 0.0), 2e9, flight.now_s)
     search.follow()
     assert flight.controller.context.task.way.goal == goal
 
 
 def test_where_a_robot_is_sought_is_worked_out_when_its_turn_comes(pretend):
     flight, _, tracks, _, sought = tour_flight(pretend)
-    tracks[sought].pose_heard(Point(60.0, 10.0), 2e9, flight.now_s)
+    tracks[sought].pose_received(Point(60.0, 10.0), 2e9, flight.now_s)
     flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
     assert math.dist(flight.position, (60.0, 10.0)) < 10.0
 
@@ -224,7 +224,7 @@ def test_a_robot_that_was_met_before_its_turn_is_not_flown_over(pretend):
 
 def test_places_where_it_is_already_are_gone_through_at_once_however_many(pretend):
     flight, search, _, _, sought = tour_flight(pretend)
-    here = Goal(flight.controller.context.heard.position)
+    here = Goal(flight.controller.context.last_telemetry.position)
     search._places.extend([here] * 2000)
     search.arrived()
     flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)

@@ -116,13 +116,13 @@ def fly_to(pretend, state):
 
 def obey(flight, request, most=4):
     """Ask, and do what the answers say until it is accepted."""
-    heard = []
+    last_telemetry = []
     for _ in range(most):
         answer = flight.operator_asks(request)
         if answer.accepted:
-            return heard
-        assert answer.why not in heard, heard
-        heard.append(answer.why)
+            return last_telemetry
+        assert answer.why not in last_telemetry, last_telemetry
+        last_telemetry.append(answer.why)
         if "wait for it" in answer.why:
             flight.fix = True
         if climb := re.search(r"climb to (\d+) m by hand", answer.why):
@@ -135,7 +135,7 @@ def obey(flight, request, most=4):
         if "resume upload" in answer.why and isinstance(request, GoOn):
             request = GoOn(upload=True)
         flight.step()
-    raise AssertionError(f"no way back from {flight.states}: {heard}")
+    raise AssertionError(f"no way back from {flight.states}: {last_telemetry}")
 
 
 def goes_on(flight, since):
@@ -161,10 +161,10 @@ def test_what_resume_answers_leads_back_to_the_mission(flight_in, cause):
         cause(flight)
         assert flight.controller.state is State.PASSIVE, state
         since = len(flight.actions)
-        heard = obey(flight, GoOn())
+        last_telemetry = obey(flight, GoOn())
         goes_on(flight, since)
         uploads = sum(isinstance(action, RenewPlan) for action in flight.actions)
-        assert uploads == any("resume upload" in why for why in heard), state
+        assert uploads == any("resume upload" in why for why in last_telemetry), state
 
 
 @pytest.mark.parametrize("cause", CAUSES)

@@ -31,6 +31,7 @@ from air_router.editor.session import (
     write_starter,
 )
 from air_router.errors import ExitCode, UsageError
+from air_router.files.missions.placed_form import place
 from mocha_link.team.document import DocumentError
 from tests.mocha_link.foreign import foreign_link
 
@@ -63,10 +64,10 @@ def test_a_mission_without_problems_shows_them_all_clear(session):
 
 
 def test_an_edit_reads_only_the_shapes_anew_that_it_touches(session):
-    before = session.editable.mission_document().zones
+    before = place(*session.editable.form()).zones
     corner = session.view()["areas"][1]["rings"][0]["keys"]
     session.edit(move((*corner, 0), FREE))
-    after = session.editable.mission_document().zones
+    after = place(*session.editable.form()).zones
     kept = [one.shape is other.shape for one, other in zip(before, after, strict=True)]
     assert kept == [False, *[True] * (len(before) - 1)]
 
@@ -381,16 +382,16 @@ def test_what_is_no_edit_is_refused(text):
 
 def test_a_new_mission_has_no_problems_and_overwrites_nothing(tmp_path):
     path = tmp_path / "field.yaml"
-    for place in ("39.9421,-75.1998", "-77.85,166.7", "0,-180"):
+    for where in ("39.9421,-75.1998", "-77.85,166.7", "0,-180"):
         path.unlink(missing_ok=True)
-        write_starter(path, home(place))
+        write_starter(path, home(where))
         assert EditSession(MissionFile(path)).view()["problems"] == []
     with pytest.raises(UsageError, match="already"):
         write_starter(path, home("1,2"))
     with pytest.raises(UsageError, match=r"field\.yaml"):
         write_starter(tmp_path / "field.plan", home("1,2"))
-    for place in ("1", "91,2", "x,y"):
-        assert main(["edit", str(tmp_path / "a.yaml"), "--new", place]) == ExitCode.USAGE
+    for where in ("1", "91,2", "x,y"):
+        assert main(["edit", str(tmp_path / "a.yaml"), "--new", where]) == ExitCode.USAGE
     assert [entry.name for entry in tmp_path.iterdir()] == ["field.yaml"]
 
 

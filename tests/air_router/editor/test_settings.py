@@ -8,7 +8,7 @@ from air_router.editor import edits
 from air_router.editor.edits import read_edit
 from air_router.editor.parts import EditError
 from air_router.editor.session import EditSession, MissionFile
-from air_router.files.settings import DEFAULT_SEEK_POLICY
+from air_router.files.mission_form import DEFAULT_SEEK_POLICY
 from tests.air_router.editor.test_session import FREE, changed_lines
 
 ZONE_1, ZONE_4 = ["no_fly_zones", 0], ["no_fly_zones", 3]
@@ -61,9 +61,9 @@ def test_whom_to_seek_is_written_whatever_stood_there(path, seek):
     path.write_text(text)
     session = EditSession(MissionFile(path))
     session.edit(edits.Seek(do="seek", robots=("io", "europa")))
-    document = session.editable.mission_document()
-    assert (document.seek, document.seek_policy) == (
-        ("io", "europa"),
+    form, _ = session.editable.form()
+    assert (form.seek.robots, form.seek.policy) == (
+        ["io", "europa"],
         "freshest" if "freshest" in seek else DEFAULT_SEEK_POLICY,
     )
     with pytest.raises(EditError, match="at least one"):

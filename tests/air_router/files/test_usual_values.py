@@ -11,10 +11,10 @@ from pydantic import BaseModel
 
 from air_router.cli.cli import main
 from air_router.editor.editable_mission import EditableMission
+from air_router.files.mission_form import MissionForm
 from air_router.files.missions.mission_file import read_mission
-from air_router.files.settings import MissionForm
 from air_router.files.usual_values import MISSION, OPTIONS, WORLD
-from air_router.mission.loading import load_mission, read_draft
+from air_router.mission.loading import load_mission, read_placed
 from mocha_link.team.document import Document, DocumentError
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.radio import RadioModel
@@ -107,9 +107,9 @@ SLIPS = [  # what is changed, what is said, at the mark (§)
 @pytest.mark.parametrize(("before", "after", "what", "unit"), SLIPS)
 def test_an_improbable_number_of_a_mission_is_one_note(before, after, what, unit):
     begin, _, end = FILE.replace(before, after).partition("§")
-    draft = read_mission(Document.from_text(begin + end, Path("mission.yaml")))
-    assert not draft.problems
-    (note,) = draft.notes
+    _, findings = read_mission(Document.from_text(begin + end, Path("mission.yaml")))
+    assert not findings.problems
+    (note,) = findings.notes
     assert note.code == "unusual-value"
     assert (note.line, note.column) == (begin.count("\n") + 1, len(begin.rpartition("\n")[2]) + 1)
     assert what in note.message
@@ -132,24 +132,26 @@ REFUSED = [
 
 @pytest.mark.parametrize(("before", "after", "words"), REFUSED)
 def test_a_number_that_cannot_be_meant_is_refused_with_its_likely_unit(before, after, words):
-    draft = read_mission(Document.from_text(FILE.replace(before, after), Path("mission.yaml")))
-    (problem,) = draft.problems
+    text = FILE.replace(before, after)
+    _, findings = read_mission(Document.from_text(text, Path("mission.yaml")))
+    (problem,) = findings.problems
     assert problem.code == "out-of-range"
     assert words in problem.message
-    assert not draft.notes
+    assert not findings.notes
 
 
 def test_a_thousand_numbers_of_a_kind_are_one_note():
     spots = "\n".join(f"  - {{position: [{n}, 0], altitude_m: 400}}" for n in range(1, 9))
     text = FILE.replace("  - [50, 0]", spots)
-    (note,) = read_mission(Document.from_text(text, Path("mission.yaml"))).notes
+    _, findings = read_mission(Document.from_text(text, Path("mission.yaml")))
+    (note,) = findings.notes
     assert "'waypoints[0].altitude_m' (and 7 more) is 400 m" in note.message
 
 
 def test_the_edit_page_notes_what_is_typed():
     text = FILE.replace("altitude_m: 30", "altitude_m: 405")
-    draft = EditableMission.read(text, Path("mission.yaml")).mission_document()
-    assert [note.code for note in draft.notes] == ["unusual-value"]
+    _, findings = EditableMission.read(text, Path("mission.yaml")).form()
+    assert [note.code for note in findings.notes] == ["unusual-value"]
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("missions/*/mission.yaml")), ids=str)
@@ -167,7 +169,8 @@ def test_a_plan_is_looked_at_too(tmp_path):
             item["params"][1] = 36
     plan["mission"]["hoverSpeed"] = 36
     path.write_text(json.dumps(plan), encoding="utf-8")
-    notes = {note.message for note in read_draft(path).notes if note.code == "unusual-value"}
+    _, findings = read_placed(path)
+    notes = {note.message for note in findings.notes if note.code == "unusual-value"}
     assert any("the altitude of waypoint 1 (and" in note and "1300 m" in note for note in notes)
     assert any("the speed is 36 m/s" in note and "km/h? then write 10" in note for note in notes)
 

@@ -179,7 +179,7 @@ def test_when_the_hours_of_its_zones_are_over_it_comes_home(rig, pennovation, re
             (after(90.0), flight.vehicle.airframe.take_off),
         )
     result = flight.run()
-    why = "the hours that its no-fly zones were chosen for are over"
+    why = "the active hours of its selected no-fly zones are over"
     assert (result.outcome, result.report["came_home_because"]) == ("done", why)
     assert replay_record([*Log(flight.recorder.path)]).difference is None
 
@@ -191,7 +191,7 @@ def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):
     flight = rig()
     flight.vehicle.stream = mute
     monkeypatch.setattr("air_router.flight.flight.VEHICLE_LOST_S", 0.05)
-    with pytest.raises(NoVehicleError, match="told no position"):
+    with pytest.raises(NoVehicleError, match="sent no position"):
         flight.run()
 
 
@@ -335,7 +335,9 @@ def in_flight(flight, mode=FlightMode.HOLD):
 def test_a_flight_that_is_under_way_is_found_and_left_alone(rig):
     flight = rig()
     in_flight(flight)
-    with pytest.raises(RefusedError, match=r"with this mission on board; land it, or say --resume"):
+    with pytest.raises(
+        RefusedError, match=r"with this mission on board; land it, or give --resume"
+    ):
         flight.run()
     assert flight.vehicle.verbs == ["connect", "recognise", "close"]
 
@@ -345,7 +347,9 @@ def test_another_type_of_vehicle_in_the_air_is_refused_and_asked_nothing(rig, re
     flight = rig(resume=resume)
     in_flight(flight)
     flight.vehicle.kind = Airframe(22)
-    with pytest.raises(RefusedError, match=r"VTOL .MAV_TYPE 22.*left as it is: connect a multi"):
+    with pytest.raises(
+        RefusedError, match=r"VTOL .MAV_TYPE 22.*nothing is sent to it: connect a multi"
+    ):
         flight.run()
     assert flight.vehicle.verbs == ["connect", "close"]
 
@@ -396,7 +400,7 @@ def test_a_flight_that_lost_its_companion_goes_on_when_asked(rig, mode):
 def test_a_flight_that_the_pilot_flies_is_not_resumed(rig):
     flight = rig(resume=True)
     in_flight(flight, FlightMode.OTHER)
-    with pytest.raises(RefusedError, match="left as it is"):
+    with pytest.raises(RefusedError, match="nothing is sent to the vehicle"):
         flight.run()
     assert "choose Hold first" in flight.out.getvalue()
     assert flight.vehicle.verbs == ["connect", "recognise", "inspect", "close"]
@@ -449,11 +453,11 @@ def test_lines_that_come_again_and_again_are_counted_but_for_warnings(rig):
     flight.run()
     lines = [line[11:].strip() for line in flight.out.getvalue().splitlines()]
     assert len([line for line in lines if line.startswith("WARNING: a station tries")]) == 3
-    told = [line.partition("the plan on board")[0] for line in lines if "as this mission" in line]
+    told = [line.partition("the plan on board")[0] for line in lines if "is equivalent" in line]
     # After the answer the line is told in full once more: it may be news.
     assert told == ["", "again 5 times: ", "", "again: "]
     answer = next(number for number, line in enumerate(lines) if line.startswith("a test: "))
-    assert lines[answer - 1].startswith("again 5 times: the plan on board flies")
+    assert lines[answer - 1].startswith("again 5 times: the plan on board is")
     assert len([line for line in lines if line.startswith(f"ALARM: {why}")]) == 3
 
 
@@ -491,7 +495,7 @@ def test_what_the_vehicle_says_while_it_is_left_is_not_listened_to(rig):
     close = vehicle.close
 
     async def talk_and_close():
-        vehicle.callback(vehicle.airframe.telemetry())  # Alone.tell() would object
+        vehicle.callback(vehicle.airframe.telemetry())  # Alone.publish_telemetry() would object
         told.append(True)
         await close()
 
@@ -613,7 +617,7 @@ def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unhear
     flight.plan((130.0, lose_all if unheard == "all" else lose_the_mode))
     flight.run()
     assert "hold" not in flight.vehicle.verbs
-    assert "left as it is, its flight mode was not heard. Pilot: take over" in flight.out.getvalue()
+    assert "the flight mode was not received. Pilot: take over" in flight.out.getvalue()
 
 
 def test_a_plan_that_a_ground_station_puts_on_board_meanwhile_is_not_started(rig):
@@ -625,7 +629,7 @@ def test_a_plan_that_a_ground_station_puts_on_board_meanwhile_is_not_started(rig
         flight.vehicle.callback(PlanReplaced(flight.vehicle.airframe.now_s))
 
     flight.vehicle.arm = replaced_meanwhile
-    with pytest.raises(RefusedError, match="another plan, or fence, on board"):
+    with pytest.raises(RefusedError, match="uploaded another plan or fence"):
         flight.run()
     assert "start" not in flight.vehicle.verbs
 
@@ -692,7 +696,7 @@ def sends_a_hold(flight, then):
 
 
 def ask_for_it(flight):
-    flight.flight.commands.ask(HoldNow())
+    flight.flight.commands.submit(HoldNow())
 
 
 def replace_the_fence(flight):  # hands off, and a hold before

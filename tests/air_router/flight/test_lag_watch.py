@@ -3,14 +3,19 @@
 import pytest
 
 from air_router.flight.lag_watch import LagWatch
-from air_router.flight.limits import LAG_LOOK_S, LAG_REPEATED_S, LAG_STARVED_S, LAG_STARVED_WITHIN_S
+from air_router.flight.limits import (
+    LAG_CHECK_S,
+    LAG_REPEATED_S,
+    LAG_STARVED_S,
+    LAG_STARVED_WITHIN_S,
+)
 
 
 def told(watch, late_s, *, turns, from_s=0.0):
     """What is told of so many turns that come so late."""
     found = []
     for turn in range(1, turns + 1):
-        lagged = watch.take(late_s, from_s + turn * (LAG_LOOK_S + late_s))
+        lagged = watch.take(late_s, from_s + turn * (LAG_CHECK_S + late_s))
         found += [lagged.lag_s] if lagged is not None else []
     return found
 
@@ -33,6 +38,6 @@ def test_one_that_stood_still_for_long_says_so_each_time():
 @pytest.mark.parametrize(("late_s", "starved"), [(0.02, False), (0.2, True)])
 def test_one_that_is_starved_says_so_now_and_then(late_s, starved):
     found = told(LagWatch(), late_s, turns=400)
-    lasts_s = 400 * (LAG_LOOK_S + late_s)
+    lasts_s = 400 * (LAG_CHECK_S + late_s)
     assert len(found) == (pytest.approx(lasts_s / LAG_REPEATED_S, abs=1.0) if starved else 0)
     assert all(LAG_STARVED_S <= lag_s <= LAG_STARVED_WITHIN_S for lag_s in found)

@@ -13,7 +13,7 @@ import pytest
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import ReadAgain, RenewPlan, ReplanAirspace
-from air_router.controller.model.authority import OnBoard
+from air_router.controller.model.authority import PlanOwner
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import Reload
@@ -170,7 +170,7 @@ def test_ways_among_zones_of_every_height_are_planned_beside_the_flight_and_go_o
     assert "the altitude is in doubt" in flight.out.getvalue()
     assert made
     assert threading.main_thread() not in made
-    assert "zones changed: each counts whatever its height" in flight.out.getvalue()
+    assert "zones changed: all apply at every altitude" in flight.out.getvalue()
     assert replay_record([*Log(flight.recorder.path)]).difference is None
 
 
@@ -221,7 +221,7 @@ class Field(WholeFlight):
             if not asked and home_m > 30.0:
                 asked.append(True)
                 asks()
-                self.flight.commands.ask(Reload())
+                self.flight.commands.submit(Reload())
 
         self.vehicle.on_step = on_step
         with pytest.MonkeyPatch.context() as patch:
@@ -319,7 +319,7 @@ def test_what_did_not_get_on_board_is_put_there_when_it_is_reloaded_once_more(fi
 
     def again():
         if not asked and "is not on board" in said():
-            asked.append(field.flight.commands.ask(Reload()))
+            asked.append(field.flight.commands.submit(Reload()))
 
     def draw():
         add_zone(file)
@@ -372,7 +372,7 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
 
     async def do_meanwhile(*arguments):
         add_zone(file)
-        answers.append(field.flight.commands.ask(Reload()))
+        answers.append(field.flight.commands.submit(Reload()))
         while "zones changed" not in field.out.getvalue():  # noqa: ASYNC110
             await asyncio.sleep(0)
         for _ in range(9):
@@ -387,10 +387,10 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
     assert vehicle.plan == FlightPlan.of(load_mission(file))
     (answer,) = answers
     assert answer.accepted
-    assert verb == "upload" or answer.why.endswith("what has changed goes on board after the plan")
+    assert verb == "upload" or answer.why.endswith("changes are uploaded after the plan")
 
 
-@pytest.mark.parametrize("whose", list(OnBoard))
+@pytest.mark.parametrize("whose", list(PlanOwner))
 def test_a_reload_is_good_only_while_this_missions_plan_is_on_board(whose):
     mission = load_mission(MISSIONS / "pennovation" / "mission.yaml")
     controller = Controller(FlightSetup(mission))
@@ -398,5 +398,5 @@ def test_a_reload_is_good_only_while_this_missions_plan_is_on_board(whose):
     reader = rereading.MissionReloader(controller, None, [].append, [].append)
     assert reader.report is None
     reader.latest = ReloadReport(under_way=False, good=True, why="the flight keeps to them")
-    assert reader.report.good is (whose is OnBoard.OURS)
-    assert ("another plan is on board" in reader.report.why) is (whose is not OnBoard.OURS)
+    assert reader.report.good is (whose is PlanOwner.OURS)
+    assert ("another plan is on board" in reader.report.why) is (whose is not PlanOwner.OURS)

@@ -116,7 +116,7 @@ def test_without_a_record_the_vehicle_is_asked_since_when_and_no_waypoint_is_exp
     assert "without a record all waypoints are explored again" in words
     flown, _, words = flown_before(mission, INFO, heard)
     assert flown == FlownBefore(0.0)
-    assert "so from when it was switched on" in words
+    assert "so counted from when it was switched on" in words
 
 
 @pytest.fixture

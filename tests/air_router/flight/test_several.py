@@ -192,22 +192,22 @@ def test_whom_we_seek_is_published_at_once_and_again_before_it_is_forgotten(goss
     def published():
         return gossip.node.latest("titan", "/seek").header
 
-    gossip.tell(Telemetry(5.0, Point(0.0, 0.0), 0.0))
+    gossip.publish_telemetry(Telemetry(5.0, Point(0.0, 0.0), 0.0))
     assert told() is None, "no robot was sought yet"
-    gossip.tell_sought("io", 10.0)
+    gossip.publish_sought("io", 10.0)
     assert told() == "io"
     first = published()
-    gossip.tell(Telemetry(9.0 + SEEK_INTERVAL_S, Point(0.0, 0.0), 0.0))
+    gossip.publish_telemetry(Telemetry(9.0 + SEEK_INTERVAL_S, Point(0.0, 0.0), 0.0))
     assert published() == first
-    gossip.tell(Telemetry(10.0 + SEEK_INTERVAL_S, Point(0.0, 0.0), 0.0))
+    gossip.publish_telemetry(Telemetry(10.0 + SEEK_INTERVAL_S, Point(0.0, 0.0), 0.0))
     assert (told(), published() == first) == ("io", False)
-    gossip.tell_sought(None, 50.0)
+    gossip.publish_sought(None, 50.0)
     assert told() is None
 
 
 def test_a_team_without_the_topic_is_told_nothing(gossip_of):
     gossip = gossip_of("pennovation")
-    gossip.tell_sought("io", 10.0)
+    gossip.publish_sought("io", 10.0)
     assert gossip.node.latest("titan", "/map") is None
 
 

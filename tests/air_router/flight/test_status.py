@@ -34,7 +34,7 @@ def test_on_a_terminal_the_line_is_drawn_over_and_news_stay():
     status.show(lambda: "not yet")
     clock.now_s = 1.0
     status.show(lambda: "short")
-    status.say("news")
+    status.print_line("news")
     status.show(lambda: "again")
     status.end()
     assert "not yet" not in out.getvalue()

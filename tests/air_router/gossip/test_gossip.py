@@ -152,8 +152,8 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
         gossip._translate(stored)
     assert [number for number in given if number is not None] == ["0", "1"]
     now_s[0] = 1.0
-    gossip.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
-    gossip.tell(Telemetry(51.0, Point(0.0, 0.0), 40.0))
+    gossip.publish_telemetry(Telemetry(50.0, Point(0.0, 0.0), 40.0))
+    gossip.publish_telemetry(Telemetry(51.0, Point(0.0, 0.0), 40.0))
     assert [number for number in given if number is not None] == ["0", "1", "49"]
 
 
@@ -217,7 +217,7 @@ def test_a_robot_that_is_met_and_says_nothing_is_told_once(events):
         latest=lambda robot, _: robot == "europa" or None,
     )
     (told,) = [event.words for event in delivered if isinstance(event, PeerFault)]
-    assert told.startswith("io was synced with 5 times and has said nothing on /pose (json/Pose)")
+    assert told.startswith("io was synced with 5 times but published nothing on /pose (json/Pose)")
 
 
 def test_of_several_messages_in_one_the_newest_is_read(event_of, pennovation):
@@ -273,7 +273,7 @@ def test_other_programs_can_watch_the_links_and_map_and_pose_are_published(penno
             cells = np.full((3, 3), Terrain.ROAD, dtype=np.uint8)
             corner = (mapper.grid.west_m, mapper.grid.south_m)
             assert mapper.paint(GridPatch(*corner, 1.0, cells).encode())
-            made.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
+            made.publish_telemetry(Telemetry(50.0, Point(0.0, 0.0), 40.0))
             held = made.node.latest("titan", "/map")
             pose = PoseMessage.decode(made.node.latest("titan", "/pose").data)
             assert pose.stamp_s == 1.8e9  # not the vehicle's own time since it booted
@@ -325,7 +325,7 @@ def test_goals_of_a_base_station_come_once_and_their_answer_goes_back(pennovatio
         def deliver(event):
             if isinstance(event, GoTo):
                 requests.append(event)
-                made.tell_answer(CommandAck("a7", "basestation", False, "no", Refusal.NO_WAY))
+                made.publish_ack(CommandAck("a7", "basestation", False, "no", Refusal.NO_WAY))
                 came.set()
 
         def at_base(event):
@@ -413,7 +413,7 @@ def test_a_whole_flight_goes_where_a_base_station_wants_it(pennovation, pretend_
             back = base.latest("titan", "/answers")
             if back is not None and "at the last point" in said.getvalue():
                 vehicle.on_step = lambda: None
-                flight.commands.ask(ComeHome())
+                flight.commands.submit(ComeHome())
 
         vehicle.on_step = on_step
         result = asyncio.run(flight.run())

@@ -161,7 +161,7 @@ def test_both_maps_are_published(pennovation):
     gossip = Gossip(pennovation.frame, team, "titan", VehicleClock(), mapper)
     cells = np.full((3, 3), Terrain.ROAD, dtype=np.uint8)
     mapper.paint(GridPatch(mapper.grid.west_m, mapper.grid.south_m, 1.0, cells).encode())
-    gossip.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
+    gossip.publish_telemetry(Telemetry(50.0, Point(0.0, 0.0), 40.0))
     shown = CODEC.decode(OCCUPANCY, gossip.node.latest("titan", "/grid").data, 1)
     assert np.count_nonzero(shown.data == 0) == 9
     assert SemanticGrid.decode(gossip.node.latest("titan", "/map").data).known_cells == 9

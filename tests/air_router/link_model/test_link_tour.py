@@ -17,7 +17,7 @@ def met(**places):
     """Robots that were met at the beginning, and not since."""
     targets = TargetList(tuple(places))
     for name, place in places.items():
-        targets.tracks[name].pose_heard(Point(*place), 1e9, 0.0)
+        targets.tracks[name].pose_received(Point(*place), 1e9, 0.0)
         for direction in Direction:
             targets.tracks[name].synced(direction, 0.0)
     return targets
@@ -80,7 +80,7 @@ def walled_town():
 def just_met(**places):
     targets = met(**places)
     for name, place in places.items():
-        targets.tracks[name].pose_heard(Point(*place), 1e9 + 299.0, 299.0)
+        targets.tracks[name].pose_received(Point(*place), 1e9 + 299.0, 299.0)
     return targets
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from air_router.cli.cli import main
-from air_router.mission.loading import read_draft, validate
+from air_router.mission.loading import read_placed, validate
 from air_router.mission.validation import blocked_legs, faults_of
 from geo.frame import Point
 
@@ -54,16 +54,15 @@ CHANGES = {
 }
 
 
-def draft_of(folder, changes):
+def judged(folder, changes):
     path = folder / "mission.yaml"
     path.write_text(json.dumps(SOUND | changes))
-    draft = read_draft(path)
-    return draft, validate(draft)
+    placed, findings = read_placed(path)
+    return placed, findings, validate(placed, findings)
 
 
 def test_illegal_places_and_the_legs_to_them(tmp_path):
-    draft, mission = draft_of(tmp_path, CHANGES["waypoint in a zone"])
-    faults = faults_of(draft, mission)
+    faults = faults_of(*judged(tmp_path, CHANGES["waypoint in a zone"]))
     assert [spot.label for spot in faults.spots] == ["waypoint 2"]
     barn = Point(0, 80)
     assert set(faults.legs) == {(Point(60, 0), barn), (barn, Point(-60, 80))}
@@ -71,27 +70,27 @@ def test_illegal_places_and_the_legs_to_them(tmp_path):
 
 
 def test_places_that_no_sheet_shows(tmp_path):
-    faults = faults_of(*draft_of(tmp_path, CHANGES["far away"]))
+    faults = faults_of(*judged(tmp_path, CHANGES["far away"]))
     assert faults.off_sheet == ("waypoint 2",)
     assert faults.legs == ()
 
 
 def test_a_border_that_crosses_itself_is_kept_with_the_crossing(tmp_path):
-    (refused,) = faults_of(*draft_of(tmp_path, CHANGES["crossing itself"])).refused
+    (refused,) = faults_of(*judged(tmp_path, CHANGES["crossing itself"])).refused
     assert refused.name == "no-fly zone 'zone 1'"
     assert len(refused.ring) == 4
     assert refused.place == pytest.approx((20, 80))
 
 
 def test_wrong_areas(tmp_path):
-    draft, mission = draft_of(tmp_path, CHANGES["crossing the fence"])
-    assert faults_of(draft, mission).shapes == (draft.zones[0].shape,)
+    placed, findings, mission = judged(tmp_path, CHANGES["crossing the fence"])
+    assert faults_of(placed, findings, mission).shapes == (placed.zones[0].shape,)
 
 
 def test_legs_of_a_sound_mission_that_are_flown_around(tmp_path):
-    _, mission = draft_of(tmp_path, {})
+    *_, mission = judged(tmp_path, {})
     assert blocked_legs(mission) == [(Point(60, 80), Point(-60, 80))]
-    assert faults_of(*draft_of(tmp_path, {})).count == 0
+    assert faults_of(*judged(tmp_path, {})).count == 0
 
 
 def test_a_wrong_mission_is_drawn_all_the_same(tmp_path, capsys):

@@ -12,7 +12,7 @@ from air_router.cli.cli import main
 from air_router.errors import UsageError
 from air_router.files.missions.mission_write import mission_text
 from air_router.mission.flight_plan import FlightPlan, fence_plan
-from air_router.mission.loading import load_flown, load_mission, read_draft, validate
+from air_router.mission.loading import load_flown, load_mission, read_placed, validate
 from air_router.preflight.card import CheckVerdict
 from air_router.preflight.preflight import altitude, place
 from air_router.preflight.preflight_parameters import parameters
@@ -198,8 +198,8 @@ def test_a_team_in_which_they_do_not_hear_each_other_is_noted(tmp_path):
 
 
 def test_what_is_written_back_is_the_same_mission(tmp_path):
-    draft = read_draft(write(tmp_path))
-    text = mission_text(draft, tmp_path)
+    placed, findings = read_placed(write(tmp_path))
+    text = mission_text(placed, tmp_path)
     again = tmp_path / "again.yaml"
     again.write_text(text)
     for name in ("titan", "atlas"):
@@ -208,8 +208,8 @@ def test_what_is_written_back_is_the_same_mission(tmp_path):
         assert two.altitude_above_home_m == one.altitude_above_home_m
         assert (two.explore, two.uav) == (one.explore, one.uav)
         assert len(two.layers) == 2
-    validate(draft)
-    assert mission_text(draft, tmp_path) == text, "judging leaves the file's own words alone"
+    validate(placed, findings)
+    assert mission_text(placed, tmp_path) == text, "judging leaves the file's own words alone"
 
 
 def test_a_return_of_the_autopilot_stays_below_the_layer_above(tmp_path):

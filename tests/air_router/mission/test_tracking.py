@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.files.settings import PlannerSettings
+from air_router.files.mission_form import PlannerSettings
 from air_router.mission.loading import load_mission
 from air_router.mission.tracking import PLAN_M, TrackingMargin, tracking_error_m
 from geo.frame import Point

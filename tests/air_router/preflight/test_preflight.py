@@ -8,7 +8,7 @@ import pytest
 
 from air_router.cli.preflight import _plan
 from air_router.errors import NotConfirmedError, PlanRefusedError
-from air_router.files.settings import Accepted
+from air_router.files.mission_form import Accepted
 from air_router.preflight import preflight
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check, PreflightRefusedError
 from air_router.preflight.preflight import CLIMB_M_S
@@ -466,7 +466,7 @@ def test_a_plan_that_cannot_be_read_is_not_said_to_be_another(error, found):
 
 
 def test_a_summary_counts_what_passed_what_warns_and_what_stops():
-    assert CARD.summary == "1 of 3 checks passed; 1 warning, 1 to be mended before the flight"
+    assert CARD.summary == "1 of 3 checks passed; 1 warning, 1 to be fixed before the flight"
     assert Card(CARD.checks[:2]).summary == "1 of 2 checks passed; 1 warning"
     assert Card(CARD.checks[:1]).summary == "1 of 1 checks passed"
 

@@ -14,6 +14,7 @@ import sys
 import threading
 from pathlib import Path
 
+import jsonschema
 import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
@@ -21,6 +22,7 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
+from air_router.controller import Controller, FlightStatus
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome
 from air_router.errors import UsageError
@@ -28,6 +30,7 @@ from air_router.record import record_file
 from air_router.record.log import Log, LogError
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder
+from air_router.record.serialization import json_schema
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch
@@ -130,6 +133,29 @@ def test_after_a_reboot_of_the_vehicle_times_go_on(tmp_path):
     assert times == pytest.approx([0.0, 5.0, 5.0, 9.0], abs=1e-3)
     notes = [entry.t for entry in Log(recorder.path) if entry.kind == "note"]
     assert notes == [1000.0, 3.0]  # what is noted now and then
+
+
+def test_the_status_is_recorded_once_a_second_as_its_schema_says(tmp_path, pennovation):
+    controller = Controller(FlightSetup(pennovation, ("io",)))
+    with Recorder(tmp_path, "m.yaml", unix_s=lambda: UNIX_S) as recorder:
+        for tenth in range(25):
+            now = telemetry(1.0 + tenth / 10)
+            recorder.event(now, now.time_s)
+            recorder.actions(controller.handle(now, now.time_s), now.time_s)
+            recorder.status(controller.status, now.time_s)
+    with recorder.path.open("rb") as file:
+        written = [
+            (schema.name, json.loads(schema.data), json.loads(message.data))
+            for schema, _, message in make_reader(file).iter_messages(topics=["/status"])
+        ]
+    assert [status["t"] for _, _, status in written] == pytest.approx([1.0, 2.0, 3.0])
+    published = json_schema("Flight status", FlightStatus)
+    for name, schema, status in written:
+        assert name == "air_router.FlightStatus"
+        assert schema["properties"].keys() == status.keys()
+        jsonschema.validate({key: status[key] for key in status if key != "t"}, published)
+    assert written[-1][2]["state"] == controller.state.name
+    assert [entry.kind for entry in Log(recorder.path)].count("event") == 25  # a replay ignores it
 
 
 def test_two_flights_in_one_second_have_two_files(tmp_path):
@@ -340,10 +366,10 @@ def test_a_file_that_is_no_record_is_told(tmp_path, flown):
         ("/event/x", b"[" * 9_999, "recursion"),
         ("/event/x", b'{"type": "Landed"}', "a message without 't'"),
         ("/event/x", b'{"t": "Infinity", "type": "GoOn"}', "'Infinity' is not a time"),
-        ("/event/x", b'{"t": 1, "type": "Landed"}', "its type is none that may be here"),
-        ("/links", b'{"t": 1}', "its type is none that may be here"),
+        ("/event/x", b'{"t": 1, "type": "Landed"}', "its type is not allowed here"),
+        ("/links", b'{"t": 1}', "its type is not allowed here"),
         ("/links", b'{"t": 1, "type": "LandHere"}', "is no LinkMetrics"),
-        ("/flight/Setup", b'{"t": 1, "type": "Setup", "setup": null}', "its type is none"),
+        ("/flight/Setup", b'{"t": 1, "type": "Setup", "setup": null}', "its type is not allowed"),
         ("/patches", b'{"t": 1, "patch": 5}', ""),
         ("/flight/Map", b'{"t": 1, "type": "Map"}', "a message without 'known_cells'"),
         (

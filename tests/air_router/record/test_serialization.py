@@ -31,7 +31,7 @@ from air_router.controller.model.actions import (
     Refusal,
 )
 from air_router.controller.model.airspace_in_force import ZoneChange
-from air_router.controller.model.authority import OnBoard
+from air_router.controller.model.authority import PlanOwner
 from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoTo
@@ -270,8 +270,8 @@ def test_a_wrong_field_is_one_kind_of_error():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (None, "None: its type is none that may be here"),
-        ({"type": "Nothing"}, "{'type': 'Nothing'}: its type is none that may be here"),
+        (None, "None: its type is not allowed here"),
+        ({"type": "Nothing"}, "{'type': 'Nothing'}: its type is not allowed here"),
         ({**GOOD, "speed": 1}, "Telemetry.speed: 1: Extra inputs are not permitted"),
         ({**GOOD, "position": [1.0, 2.0]}, "Telemetry.position: [1.0, 2.0]: "),
         ({**GOOD, "mode": "Hold"}, "Telemetry.mode: 'Hold': Input should be 'MISSION', 'HOLD'"),
@@ -344,7 +344,7 @@ def test_the_whole_status_comes_back():
         alarms={"link": alarm},
         need_home=0.25,
         in_charge=True,
-        plan_owner=OnBoard.REPLACED,
+        plan_owner=PlanOwner.REPLACED,
         airspace=AirspaceStatus(2, 5, ZoneChange.UPLOADING),
         silent_s=0.0,
         missing_inputs=("GPS has no fix",),

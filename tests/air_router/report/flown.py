@@ -87,7 +87,7 @@ def things(robot="io"):
         (38.5, MissionWaits("ZONE_UPDATE", "zones are being changed", 38.5)),
         (39.0, MissionWaits(None)),
         (79.0, MissionWaits("INPUT_MISSING", "GPS has no fix", 78.0)),
-        (40.0, CommandFailed(FlyToNode(3, Point(0.0, 0.0)), "it was called off")),
+        (40.0, CommandFailed(FlyToNode(3, Point(0.0, 0.0)), "it was canceled")),
         stored(42.0, robot, 15.0, peer="europa"),
         stored(21.0, "titan", 0.0, topic="/map"),
         stored(31.0, "titan", 0.0, topic="/map"),

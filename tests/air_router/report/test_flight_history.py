@@ -73,7 +73,7 @@ def test_the_facts(history):
         ("hold", "kim", True),
         ("home", "the operator", None),
     ]
-    assert facts["not_followed"] == [{"t": 40.0, "text": "FlyToNode: it was called off"}]
+    assert facts["not_followed"] == [{"t": 40.0, "text": "FlyToNode: it was canceled"}]
     assert facts["battery"][0][1] == pytest.approx(0.95)
 
 

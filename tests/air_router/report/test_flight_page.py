@@ -161,7 +161,7 @@ def test_what_was_said_and_done_is_in_tables(text):
     assert "refused: in a zone" in requests
     assert requests[-1] == "no answer recorded"
     assert page.sections["Announcements"][-3:] == ["0:30", "info", "SEARCH io: where its path ends"]
-    assert page.sections["Commands not followed"][-2:] == ["0:40", "FlyToNode: it was called off"]
+    assert page.sections["Commands not followed"][-2:] == ["0:40", "FlyToNode: it was canceled"]
 
 
 def test_a_table_without_rows_is_left_out(page_of, pennovation):
@@ -210,7 +210,7 @@ def test_what_is_named_in_figures(text):
     wide, narrow = pictures(text, "timeline")
     assert {"mission", "io", "phantom", "INIT", "SEARCH io", "HOME"} <= {*words_in(wide)}
     for picture in (wide, narrow):
-        assert "SEARCH io, 0:30: the state's time is over" in tooltips(picture)
+        assert "SEARCH io, 0:30: the state's timer expired" in tooltips(picture)
         assert "io in range for 0:07" in tooltips(picture)
         assert "sync from io, complete: 3 messages, 4,000 bytes" in tooltips(picture)
         assert "sync to io, broken off: 0 messages, 0 bytes" in tooltips(picture)

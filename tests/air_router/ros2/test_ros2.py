@@ -62,7 +62,7 @@ class FakeClient(ControlClient):
         stats = FlightStats.of(flight.mission, self.mapper, ROBOTS)
         view = FlightView(flight.mission, self.status, lambda: flight.controller.router, stats)
         self.commands = CommandService(
-            flight.mission.frame, self.status, flight.deliver, view=view.tell
+            flight.mission.frame, self.status, flight.deliver, view=view.fields_for
         )
         self.stats, self.told, self._by = stats, 0, "ROS 2"
 
@@ -366,7 +366,7 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
     flight = client.flight
     one, two, three, four = (Uuid(bytes([number] * 16)) for number in (1, 2, 3, 4))
     assert goto.go(one, NEAR, OUTSIDE)
-    why = "point 2 lies outside of the fence"
+    why = "point 2 lies outside the fence"
     assert goto.ended(one) == (6, why, "outside-fence")
     latitude, longitude = flight.mission.frame.to_geodetic(NEAR)
     assert goto.send(two, GoToGoal([GeoPoint(latitude, longitude, 30.0)], 0.0)).accepted
@@ -380,7 +380,11 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
     assert goto.go(four, NEAR)
     flight.operator_asks(ExploreNow())
     bridge.poll()
-    assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: asked to explore", "")
+    assert goto.ended(four) == (
+        6,
+        "it flies to the point; GOTO -> EXPL: exploration was requested",
+        "",
+    )
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
 
 

@@ -72,7 +72,7 @@ def first_line(function):
 
 
 def table():
-    yield "| the vehicle | its first leg may begin | its first metres keep | all of it |"
+    yield "| the vehicle | its first leg is | its first meters keep | the whole leg keeps |"
     yield "|---|---|---|---|"
     for stand, rule in RULES.items():
         told = (stand.value, rule.begins.value, first_line(rule.first), first_line(rule.whole))

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Polygon, union_all
 
-from air_router.files.settings import PlannerSettings
+from air_router.files.mission_form import PlannerSettings
 from air_router.mission.loading import load_mission
 from air_router.routing.departure import Departure, Momentum, PendingSetpoint
 from air_router.routing.graph import WaypointGraph
@@ -189,7 +189,7 @@ def test_a_goal_that_is_not_clear(pennovation):
     inside = router.route(Point(0, 0), Point(10, -50))
     assert inside == NoRoute("the goal lies inside no-fly zone 'zone 1'", ("zone 1",))
     outside = router.route(Point(0, 0), Point(0, 300))
-    assert outside == NoRoute("the goal lies outside of the fence", ("fence",))
+    assert outside == NoRoute("the goal lies outside the fence", ("fence",))
     beside = router.route(Point(0, 0), Point(23, -2))
     assert isinstance(beside, NoRoute)
     assert beside.blockers == ("zone 1",)
@@ -461,7 +461,7 @@ def test_a_vehicle_outside_of_the_fence_comes_back_in(tmp_path):
     _, _, router, judge = wall_world(tmp_path)
     route = router.route(Point(-130, -50), 0)
     assert isinstance(route, Route)
-    assert "outside of the fence" in route.warnings[0]
+    assert "outside the fence" in route.warnings[0]
     assert judge.clear(route.legs[-1].to)
 
 

@@ -57,10 +57,10 @@ def told(flight, *words):
 def test_what_is_missing_is_told_at_its_limit_and_not_before(away, age):
     flight, limit = away(), INPUTS[age]
     Missing(flight, age)
-    flight.fly_for(limit.told_s - 0.5)
-    assert not told(flight, "not heard")
+    flight.fly_for(limit.announce_s - 0.5)
+    assert not told(flight, "not received")
     flight.fly_for(1.0)
-    assert told(flight, limit.words, "not heard", limit.then(limit.told_s))
+    assert told(flight, limit.words, "not received", limit.then(limit.announce_s))
 
 
 @pytest.mark.parametrize("age", [age for age, limit in INPUTS.items() if limit.home_s])
@@ -80,12 +80,12 @@ def test_the_mission_ends_for_what_is_missing_too_long(away, age):
 
 
 def test_the_table_is_in_the_documents():
-    head = "missing | in | announced after | no leg begins after | the mission ends after | because"
+    head = "missing | message | announced after | no legs after | the mission ends after | because"
     lines = [f"| {head} |", "|---|---|---|---|---|---|"]
     for limit in LIMITS:
         stop = "" if limit.stop_s is None else f"{limit.stop_s:.0f} s: {limit.stop.value}"
         home = "" if limit.home_s is None else f"{limit.home_s:.0f} s"
-        row = (limit.words, limit.message, f"{limit.told_s:.0f} s", stop, home, limit.why)
+        row = (limit.words, limit.message, f"{limit.announce_s:.0f} s", stop, home, limit.why)
         lines.append(f"| {' | '.join(row)} |")
     assert_printed("vehicle.md", "input limits", lines)
 
@@ -170,7 +170,7 @@ def test_the_duration_goes_on_without_positions(away):
     flight.fly_until(lambda: flight.controller.state is State.HOME, 60.0)
     assert flight.controller.context.ending_why in {
         "mission duration (60 s) reached",
-        "position not heard for 30 s",
+        "position not received for 30 s",
     }
     assert flight.now_s - began_s <= 31.0
 
@@ -215,7 +215,7 @@ def test_in_the_climb_it_is_told_and_the_mission_ends_by_the_same_table(pretend)
     flight.take_off_halfway()
     missing = Missing(flight, "position_s")
     flight.fly_for(3.0)
-    assert told(flight, "position not heard")
+    assert told(flight, "position not received")
     flight.fly_for(28.0)
     assert flight.controller.state is State.HOME
     missing.comes_again()
@@ -227,5 +227,5 @@ def test_one_that_flies_by_another_s_hand_is_still_told_what_is_missing(away):
     flight.pilot_chooses(FlightMode.OTHER)
     Missing(flight, "position_s")
     flight.fly_for(3.0)
-    assert told(flight, "position not heard")
+    assert told(flight, "position not received")
     assert flight.controller.state is State.PASSIVE

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from geo.frame import Point
-from sitl.experiment.campaign.running import recorded, run_settings
+from sitl.experiment.campaign.running import recorded, settings_of
 from sitl.experiment.engine.ages import USES
 from sitl.experiment.engine.exchange import ContactInterval, Transmission
 from sitl.experiment.settings import RunSettings
@@ -46,6 +46,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         contacts=_contacts(chance, team, duration_s),
         uavs=[uav] * settings.uavs,
         held=_held(chance, robots, kinds, duration_s),
+        faults={},
         log=SimpleNamespace(actions=99, digest=f"{seed:064x}"),
         wall_s=0.01 * team**2,
         cpu_s=0.01 * team**2,
@@ -88,7 +89,7 @@ def _contacts(chance, team, duration_s):
 
 def work(task):
     """A run as the workers make it, but made up."""
-    return recorded(task, made_up_run(run_settings(task), task.seed))
+    return recorded(task, made_up_run(settings_of(task), task.seed))
 
 
 def failing_work(task):

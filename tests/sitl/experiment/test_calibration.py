@@ -13,7 +13,7 @@ from sitl.experiment.analysis import calibration
 from sitl.experiment.analysis.calibration import DRAWS, Prediction, pooled
 from sitl.experiment.analysis.report import Report
 from sitl.experiment.analysis.tables import PAPER_TABLE, paper_row
-from sitl.experiment.campaign.running import run_settings
+from sitl.experiment.campaign.running import settings_of
 from sitl.experiment.plan import flat, value_text
 from sitl.experiment.plan_file import load_experiment
 
@@ -50,7 +50,7 @@ def test_a_run_draws_its_settings_by_its_seed():
     experiment, _ = load_experiment("calibration")
     tasks = list(experiment.tasks(range(experiment.seeds)))
     assert tasks == list(experiment.tasks(range(experiment.seeds)))
-    explorers = [run_settings(task).explorer for task in tasks]
+    explorers = [settings_of(task).explorer for task in tasks]
     assert len({task.row.fingerprint for task in tasks}) == len(tasks) == 288
     for key in ("progress", "recognition_m", "recall", "located", "stuck"):
         prior = experiment.space[f"explorer.{key}"]

@@ -5,6 +5,7 @@ import hashlib
 import json
 import math
 import re
+import sys
 from pathlib import Path
 
 import made_up
@@ -19,8 +20,9 @@ from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.report import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
 from sitl.experiment.campaign.campaign import MixedRunsError, RunOutcome, duration_text, progress
+from sitl.experiment.campaign.provenance import program
 from sitl.experiment.campaign.running import UnfitSettingsError
-from sitl.experiment.campaign.runs import InUseError, RunLogError, program, run_log
+from sitl.experiment.campaign.runs import InUseError, RunLogError, read_archive, run_log
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.settings import RunSettings
 from tests.command_lines import options_for
@@ -91,8 +93,10 @@ def rows_of(path):
 
 
 def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
-    code, pool = sitl(pool=Here(most=5))
+    archive = tmp_path / "small-runs.jsonl.xz"
+    code, pool = sitl("--archive", str(archive), pool=Here(most=5))
     assert code == 130
+    assert not archive.exists()  # of a part of the runs
     assert "stopped; 5 of 12 runs are kept" in capsys.readouterr().err
     with (tmp_path / "out" / "runs.jsonl").open("a") as file:
         file.write('{"row": "5 m, 3 UG')  # the power went while this line was written
@@ -430,3 +434,65 @@ def test_what_there_is_can_be_listed(capsys):
     assert main(["experiment", "--list", "--json"]) == 0
     names = [each["name"] for each in json.loads(capsys.readouterr().out)]
     assert "table1" in names
+
+
+def test_archived_runs_are_made_again_and_what_differs_is_listed(sitl, tmp_path, capsys):
+    archive = tmp_path / "small-runs.jsonl.xz"
+    sitl("--archive", str(archive))
+    capsys.readouterr()
+
+    def remake(work=made_up.work):
+        code, _ = sitl("--remake", "2", "--json", experiment=archive, work=work)
+        return code, json.loads(capsys.readouterr().out)
+
+    code, results = remake()
+    assert (code, [result["same"] for result in results]) == (0, [True, True])
+
+    def another(task):
+        made = made_up.work(task)
+        measures = {**made["measures"], "goals_found": 999, "cpu_s": 1e9, "of_tomorrow": 1.0}
+        return {**made, "digest": "another", "measures": measures}
+
+    code, results = remake(another)
+    assert code == 1
+    assert [result["differing"] for result in results] == [["goals_found"]] * 2
+    assert not any(result["same"] for result in results)
+
+    def failing(task):
+        raise FileNotFoundError(2, "No such file or directory", "town.yaml")
+
+    code, results = remake(failing)
+    assert (code, results[0]["why"]) == (1, "town.yaml: No such file or directory")
+    with pytest.raises(UsageError, match="--remake is about an archive"):
+        sitl("--remake", "2")
+
+
+def test_an_archive_names_the_commit_and_the_lock_that_made_it(sitl, tmp_path):
+    archive = tmp_path / "small-runs.jsonl.xz"
+    sitl("--archive", str(archive))
+    _, records = read_archive(archive)
+    lock = hashlib.sha256((ROOT / "constraints.txt").read_bytes()).hexdigest()[:12]
+    assert {record["dependencies"]["constraints"] for record in records} == {lock}
+    commits = {record["commit"] for record in records}
+    assert all(re.fullmatch(r"[0-9a-f]{12}\+?|unknown", commit) for commit in commits)
+
+
+def test_parquet_has_what_the_csv_has_with_types(sitl, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    sitl.path.write_text(SMALL.replace("ugvs: [3, 5]", "battery: [none, 20]"), encoding="utf-8")
+    sitl()
+    table = parquet.read_table(tmp_path / "out" / "results.parquet")
+    rows = rows_of(tmp_path / "out" / "results.csv")
+    assert table.column_names == list(rows[0])
+    assert table["goals_found"].to_pylist() == [int(row["goals_found"]) for row in rows]
+    assert table["service_age_mean_s"].to_pylist() == [
+        float(row["service_age_mean_s"]) for row in rows
+    ]
+    assert set(table["battery"].to_pylist()) == {"none", "20.0"}  # of two kinds, so text
+
+
+def test_without_pyarrow_there_is_no_parquet(sitl, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert sitl()[0] == 0
+    assert not (tmp_path / "out" / "results.parquet").exists()
+    assert (tmp_path / "out" / "results.csv").exists()

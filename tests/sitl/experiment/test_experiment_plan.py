@@ -8,7 +8,7 @@ import pytest
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.team.document import DocumentError
 from sitl.experiment.analysis.tables import PAPER_TABLE
-from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
+from sitl.experiment.campaign.running import OtherFilesError, put_together, settings_of
 from sitl.experiment.plan import NoSuchRowError, Task
 from sitl.experiment.plan_file import UnknownPlaceError, experiment_names, load_experiment
 from sitl.experiment.settings import MissionTimers, PaperModel, RunSettings
@@ -50,7 +50,7 @@ def test_every_shipped_experiment_can_be_run(name):
     seeds = {task.seed for task in experiment.tasks(range(2))}
     assert len(seeds) >= 2
     for row in experiment.rows:
-        assert isinstance(run_settings(experiment.task(row, 0)), RunSettings)
+        assert isinstance(settings_of(experiment.task(row, 0)), RunSettings)
 
 
 def test_seeds_follow_from_names_alone():
@@ -107,7 +107,7 @@ def test_every_row_is_crossed(tmp_path):
         "near, freshest, 30 m",
     ]
     assert [row.settings["ugvs"] for row in rows] == [2] * 4 + [3] * 4
-    settings = run_settings(experiment.task(rows[4], 0))
+    settings = settings_of(experiment.task(rows[4], 0))
     assert (settings.values, settings.policy) == ((2.0, 1.0), "round_robin")
     assert settings.paper == PaperModel(cut="drop")
     assert settings.timers == MissionTimers(init_s=99)
@@ -118,7 +118,7 @@ def test_a_file_that_changed_under_way_is_not_mixed_in(tmp_path):
     row = experiment.rows[0]
     settings = {**row.settings, "sources": {**row.settings["sources"], "town": "0" * 16}}
     with pytest.raises(OtherFilesError, match=r"town\.yaml is not the file any more"):
-        run_settings(Task("pair", dataclasses.replace(row, settings=settings), 0, 1))
+        settings_of(Task("pair", dataclasses.replace(row, settings=settings), 0, 1))
 
 
 WRONG = """

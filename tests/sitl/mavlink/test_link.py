@@ -46,7 +46,8 @@ class TestCodec:
     def test_a_recorded_frame_is_packed_byte_for_byte(self):
         recorded = bytes.fromhex("fd0a0000aa01012a000000000600030111b5ebc2ff5d")
         sender = Sender(1)
-        sender._sequence = 0xAA
+        for _ in range(0xAA):
+            sender.pack(Outgoing("HEARTBEAT", heartbeat()))
         fields = {
             "seq": 0,
             "total": 6,

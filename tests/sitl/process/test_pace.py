@@ -258,8 +258,8 @@ def test_a_companion_is_waited_for_from_arming_to_the_end():
         source = PaceSource("127.0.0.1", server.getsockname()[1])
         with PaceClient(source, "titan") as client:
             for time_s, armed in ((1.0, False), (2.0, True), (3.0, True), (4.0, False)):
-                client.heard(LinkSilent(time_s, 3.0))
-                client.heard(telemetry(time_s, armed=armed))
+                client.received(LinkSilent(time_s, 3.0))
+                client.received(telemetry(time_s, armed=armed))
         connection, _ = server.accept()
         with connection, connection.makefile() as said:
             assert [json.loads(text)["reached_s"] for text in said] == [2.0, 3.0, 4.0]

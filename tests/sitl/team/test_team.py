@@ -179,6 +179,7 @@ def test_exploring_robots_hear_over_their_nodes_what_others_say(tmp_path):
     assert content["goals"] == {"total": 15, "found": []}
     assert content["robots"]["ugv01"]["map"] is None  # what others have seen is no map of a UAV
     assert content["robots"]["ugv01"]["maps_refused"] == 0
+    assert content["robots"]["ugv01"]["policy_fault"] is None
 
 
 def test_a_moment_is_over_once_its_exchanges_are(tmp_path, mission, monkeypatch):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from air_router.files.settings import Timers
+from air_router.files.mission_form import Timers
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission
 from geo.airspace.zone import Band, Circle, Zone

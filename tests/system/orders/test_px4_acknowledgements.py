@@ -180,7 +180,7 @@ def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):
         """Says so with each of its next hundred heartbeats: five seconds."""
 
         def __call__(self, px4, order):
-            tell, left = px4._tell, iter(range(100))
+            tell, left = px4.report, iter(range(100))
 
             def busy():
                 tell()
@@ -189,7 +189,7 @@ def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):
                 else:
                     px4.acknowledge(order, ACCEPTED)
 
-            px4._tell = busy
+            px4.report = busy
 
     assert run(Slow(), hold, **hovering).commands() == STOP
 
@@ -331,7 +331,7 @@ def test_a_hold_stops_a_jump_that_shows_only_after_it(hold_over, hovering, missi
         set_item(px4, order)
         if is_stop(order):
             px4.mode = MISSION
-            px4._tell()
+            px4.report()
             px4.mode, px4.target = HOLD, px4.places(Point(0.5, 0.5))
             px4.acknowledge(order, ACCEPTED)
 

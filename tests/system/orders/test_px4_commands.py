@@ -27,7 +27,7 @@ from tests.system.orders.verbs import (
     start,
     state_for,
 )
-from tests.system.scripted_px4 import POSITION
+from tests.system.scripted_px4 import HOLD, LAND, POSITION
 
 pytestmark = [pytest.mark.patient, pytest.mark.xdist_group("orders")]
 
@@ -73,7 +73,7 @@ def test_mission_mode_is_not_chosen_again_once_another_plan_is_on_board(run):
         px4.plan_id = 2
 
     async def refused(vehicle):
-        with pytest.raises(PlanRefusedError, match="start the mission anew"):
+        with pytest.raises(PlanRefusedError, match="start the mission again"):
             await start(vehicle)
 
     px4 = run(replaced, refused, **state_for(start))
@@ -117,6 +117,20 @@ def test_the_mode_of_before_that_a_pilot_chose_before_ours_has_shown_is_not_ende
 @pytest.mark.usefixtures("patient")
 def test_a_hold_that_a_pilot_chose_before_a_jump_has_shown_is_not_ended(run, hovering):
     assert run(chosen_back, fails(jump, "the pilot chose Hold"), **hovering).commands() == JUMP
+
+
+@pytest.mark.parametrize("verb", [hold, land])
+def test_a_vehicle_slower_than_its_companion_is_given_its_own_time_to_follow(run, verb):
+    """A simulation under load: its 15 ms are half a second here, and no pilot has chosen."""
+
+    def follows_slowly(px4, order):
+        px4.acknowledge(order, ACCEPTED)
+        px4.rate = 0.03
+        mode = LAND if verb is land else HOLD
+        px4.later.append((px4.boot_ms() + 15, lambda: setattr(px4, "mode", mode)))
+
+    px4 = run(follows_slowly, verb, **state_for(verb))
+    assert px4.commands() == ORDERS[verb]
 
 
 def other_item(px4, _order):

@@ -5,6 +5,7 @@ import json
 import math
 import zipfile
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import shapely
@@ -13,13 +14,16 @@ from hypothesis import strategies as st
 from pyproj import Geod
 from shapely import LineString
 
+from air_router.files.findings import Findings
 from air_router.files.json_document import json_from_text
 from air_router.files.maps.map_area import MapCircle
-from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.mission_document import MissionDocument, MissionPoint
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
+from air_router.files.maps.zone_files import read_zones
+from air_router.files.missions.mission_file import read_mission
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Area, Reference
 from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.problem import Problem
 
 DATA = Path(__file__).parents[3] / "data" / "countries"
 GEOD = Geod(ellps="WGS84")
@@ -32,18 +36,22 @@ LINE = "<LineString><coordinates>8,47 9,47</coordinates></LineString>"
 POINT = "<Point><coordinates>8,47</coordinates></Point>"
 
 
-def mission_at(home, reach_m=300.0):
-    draft = MissionDocument(Document.from_text("no_fly_files: []", Path("mission.yaml")))
-    draft.frame = LocalFrame(home)
-    draft.home = MissionPoint("home", Point(0, 0), ())
-    draft.waypoints = [MissionPoint("waypoint 1", Point(reach_m, reach_m), ())]
-    return draft
+class Read(NamedTuple):
+    """The zones of a file near a mission, and what was found in it."""
+
+    frame: LocalFrame
+    zones: list[Area]
+    problems: list[Problem]
+    notes: list[Problem]
 
 
-def zones_at(home, path, **options):
-    draft = mission_at(home)
-    add_zones(draft, path, ("no_fly_files", 0), **options)
-    return draft
+def zones_at(home, path, reach_m=300.0, **options):
+    document = Document.from_text("no_fly_files: []", Path("mission.yaml"))
+    findings, frame = Findings(document), LocalFrame(home)
+    spots = [MissionPoint(name, Point(at, at), ()) for name, at in (("home", 0), ("1", reach_m))]
+    placed = PlacedForm(read_mission(document)[0], frame, spots[0], (spots[1],))
+    zones = placed.with_zones_of(path, ("no_fly_files", 0), findings, **options).zones
+    return Read(frame, zones, findings.problems, findings.notes)
 
 
 def codes(problems):
@@ -87,9 +95,9 @@ def ed_r4_km2():
 )
 def test_a_border_with_arcs_is_sound_from_every_home(far_m, direction_deg, place):
     lon, lat, _ = GEOD.fwd(13.13, 52.4, direction_deg, far_m)
-    draft = zones_at(Geodetic(*(place or (lat, lon))), DATA / ED_R4)
-    assert (draft.problems, codes(draft.notes)) == ([], [])
-    (zone,) = draft.zones
+    read = zones_at(Geodetic(*(place or (lat, lon))), DATA / ED_R4)
+    assert (read.problems, codes(read.notes)) == ([], [])
+    (zone,) = read.zones
     assert km2(zone.shape) == pytest.approx(ed_r4_km2(), rel=2e-3)  # chords; the frame
 
 
@@ -106,15 +114,15 @@ def test_no_verdict_depends_on_where_home_is(tmp_path_factory, ring, one, other)
     here, there = zones_at(one, path), zones_at(other, path)
     assert here.problems == there.problems == []
     assert codes(here.notes) == codes(there.notes)
-    areas = [sum(km2(zone.shape) for zone in draft.zones) for draft in (here, there)]
+    areas = [sum(km2(zone.shape) for zone in read.zones) for read in (here, there)]
     assert areas[0] == pytest.approx(areas[1], rel=1e-3)
 
 
 def test_an_arc_that_misses_its_point_is_read_as_all_that_it_may_mean():
-    draft = zones_at(Geodetic(48.7, 9.3), DATA / "openair_arc_18m_off.txt")
-    assert draft.problems == []
-    frame = draft.frame
-    whole = shapely.union_all([zone.shape.polygon for zone in draft.zones])
+    read = zones_at(Geodetic(48.7, 9.3), DATA / "openair_arc_18m_off.txt")
+    assert read.problems == []
+    frame = read.frame
+    whole = shapely.union_all([zone.shape.polygon for zone in read.zones])
     for place in ((48.8, 9.3), (48 + 38 / 60 + 54 / 3600, 9 + 37 / 60 + 28 / 3600)):
         assert whole.distance(shapely.Point(frame.to_local(*place))) < 1e-3
     given = [
@@ -127,7 +135,7 @@ def test_an_arc_that_misses_its_point_is_read_as_all_that_it_may_mean():
     assert max(whole.distance(place) for place in (first, end, last)) < 1e-1
     assert whole.distance(LineString([first, second])) < 1e-1
     assert whole.area / 1e6 == pytest.approx(813.4, abs=2)  # by hand, with geodesic sides
-    assert codes(draft.notes) == ["zone-repaired"]
+    assert codes(read.notes) == ["zone-repaired"]
 
 
 def test_an_arc_that_ends_where_it_begins_is_a_circle_only_if_it_is_alone(tmp_path):
@@ -216,10 +224,10 @@ def test_an_airspace_without_a_border_is_noted(tmp_path):
 
 
 def test_a_cable_between_two_masts_is_a_zone(tmp_path):
-    draft = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", openair(*SQUARE[:2])))
-    (zone,) = draft.zones
-    assert (draft.problems, codes(draft.notes)) == ([], ["zone-repaired"])
-    ends = [draft.frame.to_local(47, lon) for lon in (8, 8 + 1 / 60)]
+    read = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", openair(*SQUARE[:2])))
+    (zone,) = read.zones
+    assert (read.problems, codes(read.notes)) == ([], ["zone-repaired"])
+    ends = [read.frame.to_local(47, lon) for lon in (8, 8 + 1 / 60)]
     assert zone.shape.polygon.covers(LineString(ends))
     assert 0.9 < zone.shape.polygon.area / math.dist(*ends) < 1.1
 
@@ -228,9 +236,9 @@ def test_a_border_of_21_251_corners_is_read(tmp_path):
     turns = [k * math.tau / 21_251 for k in range(21_251)]
     ring = [[8 + 0.1 * math.cos(turn), 47 + 0.1 * math.sin(turn)] for turn in turns]
     path = written(tmp_path, "z.json", json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    draft = zones_at(Geodetic(47.11, 8), path)
-    assert (len(draft.zones), draft.problems) == (1, [])
-    assert km2(draft.zones[0].shape) == pytest.approx(
+    read = zones_at(Geodetic(47.11, 8), path)
+    assert (len(read.zones), read.problems) == (1, [])
+    assert km2(read.zones[0].shape) == pytest.approx(
         geodesic_km2([(lat, lon) for lon, lat in ring]), rel=1e-4
     )
 
@@ -241,14 +249,14 @@ def test_a_border_of_21_251_corners_is_read(tmp_path):
 def test_a_bow_tie_keeps_the_vehicle_out_of_both_of_its_halves(tmp_path):
     ring = [[8.0, 47.001], [8.001, 47.002], [8.001, 47.001], [8.0, 47.002]]
     path = written(tmp_path, "bow.json", json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    draft = zones_at(Geodetic(47, 8), path)
-    assert [zone.name for zone in draft.zones] == ["bow 1, part 1", "bow 1, part 2"]
-    (note,) = draft.notes
-    assert (draft.problems, note.code, note.line) == ([], "zone-repaired", 1)
+    read = zones_at(Geodetic(47, 8), path)
+    assert [zone.name for zone in read.zones] == ["bow 1, part 1", "bow 1, part 2"]
+    (note,) = read.notes
+    assert (read.problems, note.code, note.line) == ([], "zone-repaired", 1)
     assert "crosses or touches itself" in note.message
     for lon in (8.0001, 8.0009):
-        place = shapely.Point(draft.frame.to_local(47.0015, lon))
-        assert any(zone.shape.polygon.covers(place) for zone in draft.zones)
+        place = shapely.Point(read.frame.to_local(47.0015, lon))
+        assert any(zone.shape.polygon.covers(place) for zone in read.zones)
 
 
 VERTEX = "0 0 3 5002 4 0 0 0"
@@ -284,7 +292,7 @@ BROKEN = openair("DP 47:00:00 N 8:00:00 E", "DP 47:00:00 N eight", "DP 47:00:30 
 def test_what_cannot_be_read_is_an_error_only_where_it_may_matter(tmp_path, name, text):
     path = written(tmp_path, name, text)
     near, far = zones_at(Geodetic(47.1, 8.1), path), zones_at(Geodetic(49, 8), path)
-    assert (len(near.problems), near.zones) == (1, [])
+    assert (len(near.problems), near.zones) == (1, ())
     assert far.problems == []
     (note,) = (note for note in far.notes if note.code == "zone-unread")
     (problem,) = near.problems
@@ -299,8 +307,8 @@ def test_what_has_no_place_that_can_be_read_is_an_error_everywhere(tmp_path):
 
 def test_one_odd_airspace_leaves_the_others_as_they_are(tmp_path):
     far = openair("DP 12:00:00 N 8:00:00 E", "DP 12:00:00 N 8:10:00 E", "DX 1")
-    draft = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", far + openair(*SQUARE)))
-    assert ([zone.name for zone in draft.zones], draft.problems) == (["hall"], [])
+    read = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", far + openair(*SQUARE)))
+    assert ([zone.name for zone in read.zones], read.problems) == (["hall"], [])
 
 
 def test_notes_on_airspaces_far_away_do_not_hide_those_nearby(tmp_path):
@@ -310,8 +318,8 @@ def test_notes_on_airspaces_far_away_do_not_hide_those_nearby(tmp_path):
         for lat in range(10, 40)
     ]
     text = "".join(far) + openair(*SQUARE, limits=limits)
-    draft = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", text))
-    (note,) = (note for note in draft.notes if note.code == "unclear-altitude")
+    read = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", text))
+    (note,) = (note for note in read.notes if note.code == "unclear-altitude")
     assert note.line == text.count("\n") - 3
 
 
@@ -526,8 +534,8 @@ def test_zones_of_every_format_can_be_skipped_by_name(tmp_path, name, skip):
 
 
 def test_a_zone_that_cannot_be_read_can_be_skipped(tmp_path):
-    draft = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", BROKEN), skip=["hall"])
-    assert (draft.problems, codes(draft.notes)) == ([], ["zone-skipped"])
+    read = zones_at(Geodetic(47, 8), written(tmp_path, "a.txt", BROKEN), skip=["hall"])
+    assert (read.problems, codes(read.notes)) == ([], ["zone-skipped"])
 
 
 # JSON

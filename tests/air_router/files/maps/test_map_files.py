@@ -16,7 +16,6 @@ from air_router.files.maps.feature_set import (
     FeatureSet,
     MapPoint,
     corners_of,
-    feature_set_of,
 )
 from air_router.files.maps.geojson import geojson_of, geojson_text
 from air_router.files.maps.json_zones import JSON
@@ -25,9 +24,10 @@ from air_router.files.maps.kml import kml_text
 from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.maps.zone_reading import ZoneReading
-from air_router.files.mission_document import local_ring
+from air_router.files.missions.mission_write import feature_set_of
+from air_router.files.missions.placed_form import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
-from air_router.mission.loading import read_draft
+from air_router.mission.loading import read_placed
 from geo.airspace.zone import Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point, circle_around, dense_ring
 from geo.validity import Hours, Period, Validity
@@ -220,8 +220,8 @@ def test_a_hole_across_the_antimeridian():
 
 
 def test_a_whole_mission_in_geojson():
-    draft = read_draft(TOWN)
-    features = feature_set_of(draft)
+    placed, _ = read_placed(TOWN)
+    features = feature_set_of(placed)
     collection = geojson_of(features)
     check_rfc(collection)
     kinds = [feature["properties"]["kind"] for feature in collection["features"]]
@@ -235,8 +235,8 @@ def test_a_whole_mission_in_geojson():
 
 
 def test_a_whole_mission_in_kml():
-    draft = read_draft(TOWN)
-    features = feature_set_of(draft)
+    placed, _ = read_placed(TOWN)
+    features = feature_set_of(placed)
     root = ET.fromstring(kml_text(features))  # noqa: S314 - our own text
     marks = {mark.findtext(f"{KML}name"): mark for mark in root.iter(f"{KML}Placemark")}
     mast = marks['mast & "wires" <1>'].find(f"{KML}Polygon")
@@ -263,7 +263,7 @@ def test_elements_of_kml_stand_in_the_order_of_its_schema():
         ["LinearRing"], ["coordinates"],
     ]  # fmt: skip
     rank = {name: index for index, names in enumerate(order) for name in names}
-    root = ET.fromstring(kml_text(feature_set_of(read_draft(TOWN))))  # noqa: S314 - our own text
+    root = ET.fromstring(kml_text(feature_set_of(read_placed(TOWN)[0])))  # noqa: S314 - our own text
     for element in root.iter():
         found = [rank.get(child.tag.removeprefix(KML), -1) for child in element]
         if element.tag.removeprefix(KML) in ("Placemark", "Polygon", "Point"):

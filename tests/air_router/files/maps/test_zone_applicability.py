@@ -220,8 +220,10 @@ def test_no_leg_crosses_a_zone_at_whose_altitude_it_is_not_flown(
     assert context.task.way.progress is Progress.FLYING
     context.telemetry = telemetry(within)
     planned = navigator.plan_to(beyond)
-    assert context.interlocks.climbs_first == (within < beside)  # low, it climbs before it flies on
-    if context.interlocks.climbs_first:
+    assert context.interlocks.climb_required == (
+        within < beside
+    )  # low, it climbs before it flies on
+    if context.interlocks.climb_required:
         return
     assert planned is None
     assert context.task.way.progress is Progress.NO_ROUTE

@@ -13,10 +13,12 @@ from implicitdict import ImplicitDict
 from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
+from air_router.files.findings import Findings
 from air_router.files.maps.geozone_hours import validity_of
 from air_router.files.maps.map_area import MapCircle, MapOutline, unique_names
-from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.mission_document import MissionDocument, MissionPoint
+from air_router.files.maps.zone_files import read_zones
+from air_router.files.missions.mission_file import read_mission
+from air_router.files.missions.placed_form import MissionPoint, PlacedForm, Placer
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
@@ -350,12 +352,31 @@ def test_a_problem_with_a_zone_stands_in_its_own_file(tmp_path):
     assert (problem.path, problem.code) == (path, "waypoint-in-zone")
 
 
-def draft_at(home):
-    draft = MissionDocument(Document.from_text("no_fly_files: []", Path("mission.yaml")))
-    draft.frame = LocalFrame(home)
-    draft.home = MissionPoint("home", Point(0, 0), ())
-    draft.waypoints = [MissionPoint("waypoint 1", Point(300, 200), ())]
-    return draft
+class Near:
+    """A mission with a home and a waypoint, and what is found in a file of zones."""
+
+    def __init__(self, home):
+        document = Document.from_text("no_fly_files: []", Path("mission.yaml"))
+        self.findings = Findings(document)
+        self.frame = LocalFrame(home)
+        self.placed = PlacedForm(
+            read_mission(document)[0],
+            self.frame,
+            MissionPoint("home", Point(0, 0), ()),
+            (MissionPoint("waypoint 1", Point(300, 200), ()),),
+        )
+
+    def add(self, path, allow=()):
+        keys = ("no_fly_files", 0)
+        self.zones = self.placed.with_zones_of(path, keys, self.findings, allow=allow).zones
+
+    @property
+    def problems(self):
+        return self.findings.problems
+
+    @property
+    def notes(self):
+        return self.findings.notes
 
 
 def square(longitude_deg, latitude_deg, half_m=50):
@@ -367,7 +388,7 @@ def square(longitude_deg, latitude_deg, half_m=50):
     return {"type": "Polygon", "coordinates": [wrapped]}
 
 
-def add(folder, draft, *geometries, allow=()):
+def add(folder, near, *geometries, allow=()):
     features = [
         {"type": "Feature", "properties": {"name": f"z{i}", **properties}, "geometry": geometry}
         for i, (geometry, properties) in enumerate(
@@ -376,15 +397,15 @@ def add(folder, draft, *geometries, allow=()):
     ]
     path = folder / "z.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    add_zones(draft, path, ("no_fly_files", 0), allow)
-    return [area.name for area in draft.zones]
+    near.add(path, allow)
+    return [area.name for area in near.zones]
 
 
 def test_far_zones_are_left_out(tmp_path):
-    draft = draft_at(Geodetic(47.0, 8.0))
+    near = Near(Geodetic(47.0, 8.0))
     names = add(
         tmp_path,
-        draft,
+        near,
         square(8.0, 47.1),  # 11 km: within reach without a fence
         square(8.0, 48.0),  # 111 km
         square(-172.0, -47.0),  # the other side of the Earth
@@ -392,9 +413,9 @@ def test_far_zones_are_left_out(tmp_path):
         ({"type": "Point", "coordinates": [8.0, 48.0]}, {"radius_m": 90_000}),
     )
     assert names == ["z0", "z3", "z4"]
-    assert [note.code for note in draft.notes] == ["zones-far"]
-    assert "3 of 5 zones are within 50 km" in draft.notes[0].message
-    assert draft.problems == []
+    assert [note.code for note in near.notes] == ["zones-far"]
+    assert "3 of 5 zones are within 50 km" in near.notes[0].message
+    assert near.problems == []
 
 
 @pytest.mark.parametrize(
@@ -402,10 +423,10 @@ def test_far_zones_are_left_out(tmp_path):
     [(47.0, 8.0), (0.0, 0.0), (-17.0, 179.9999), (-17.0, -179.9999), (89.9, 20.0), (-70.0, 179.0)],
 )
 def test_zones_are_near_wherever_the_mission_is(tmp_path, latitude_deg, longitude_deg):
-    draft = draft_at(Geodetic(latitude_deg, longitude_deg))
-    assert add(tmp_path, draft, square(longitude_deg + 0.0005, latitude_deg)) == ["z0"]
-    assert draft.zones[0].shape.polygon.area == pytest.approx(10_000, rel=0.02)
-    assert (draft.problems, draft.notes) == ([], [])
+    near = Near(Geodetic(latitude_deg, longitude_deg))
+    assert add(tmp_path, near, square(longitude_deg + 0.0005, latitude_deg)) == ["z0"]
+    assert near.zones[0].shape.polygon.area == pytest.approx(10_000, rel=0.02)
+    assert (near.problems, near.notes) == ([], [])
 
 
 def rectangle(west_deg, south_deg, east_deg, north_deg):
@@ -418,30 +439,30 @@ def rectangle(west_deg, south_deg, east_deg, north_deg):
     ("west_deg", "north_deg"), [(-180, 80), (-180, 48), (-179, 80), (-120, 80), (-90, 80)]
 )
 def test_a_zone_around_half_the_earth_is_not_left_out_as_far(tmp_path, west_deg, north_deg):
-    draft = draft_at(Geodetic(47.0, 8.0))
-    add(tmp_path, draft, rectangle(west_deg, 40 if north_deg < 50 else 0, -west_deg, north_deg))
-    (problem,) = draft.problems
+    near = Near(Geodetic(47.0, 8.0))
+    add(tmp_path, near, rectangle(west_deg, 40 if north_deg < 50 else 0, -west_deg, north_deg))
+    (problem,) = near.problems
     assert problem.code == "too-wide"
     assert "'z0'" in problem.message
 
 
 def test_a_zone_of_a_file_may_be_called_fence(tmp_path):
-    draft = draft_at(Geodetic(47.0, 8.0))
-    names = add(tmp_path, draft, (square(8.0, 47.001), {"name": "fence"}))
+    near = Near(Geodetic(47.0, 8.0))
+    names = add(tmp_path, near, (square(8.0, 47.001), {"name": "fence"}))
     assert names == ["fence (2)"]
 
 
 def test_a_zone_across_the_antimeridian_is_far_from_other_places(tmp_path):
-    draft = draft_at(Geodetic(47.0, 8.0))
+    near = Near(Geodetic(47.0, 8.0))
     across = rectangle(170, -20, -170, -10)  # far, whichever way its sides lead
-    add(tmp_path, draft, across, square(8.0, 47.001))
-    assert (draft.problems, [note.code for note in draft.notes]) == ([], ["zones-far"])
-    draft = draft_at(Geodetic(-15.0, 160.0))  # of the same latitude
-    assert add(tmp_path, draft, across, square(160.0, -15.001)) == ["z1"]
-    assert (draft.problems, [note.code for note in draft.notes]) == ([], ["zones-far"])
-    draft = draft_at(Geodetic(-15.0, 175.0))
-    assert add(tmp_path, draft, across) == ["z0"]
-    assert draft.problems == []
+    add(tmp_path, near, across, square(8.0, 47.001))
+    assert (near.problems, [note.code for note in near.notes]) == ([], ["zones-far"])
+    near = Near(Geodetic(-15.0, 160.0))  # of the same latitude
+    assert add(tmp_path, near, across, square(160.0, -15.001)) == ["z1"]
+    assert (near.problems, [note.code for note in near.notes]) == ([], ["zones-far"])
+    near = Near(Geodetic(-15.0, 175.0))
+    assert add(tmp_path, near, across) == ["z0"]
+    assert near.problems == []
 
 
 @pytest.mark.parametrize(
@@ -454,35 +475,35 @@ def test_a_zone_across_the_antimeridian_is_far_from_other_places(tmp_path):
 )
 def test_a_file_without_zones_is_told_of(tmp_path, name, text):
     (tmp_path / name).write_text(text)
-    draft = draft_at(Geodetic(47.0, 8.0))
-    add_zones(draft, tmp_path / name, ("no_fly_files", 0))
-    assert [(note.code, note.message) for note in draft.notes] == [
+    near = Near(Geodetic(47.0, 8.0))
+    near.add(tmp_path / name)
+    assert [(note.code, note.message) for note in near.notes] == [
         ("no-zones", f"{name}: there are no zones in it")
     ]
 
 
 def test_exchanged_coordinates_are_noticed(tmp_path):
-    draft = draft_at(Geodetic(47.0, 8.0))
-    assert add(tmp_path, draft, square(47.0, 8.0), square(47.001, 8.0)) == []
-    (problem,) = draft.problems
+    near = Near(Geodetic(47.0, 8.0))
+    assert add(tmp_path, near, square(47.0, 8.0), square(47.001, 8.0)) == []
+    (problem,) = near.problems
     assert problem.code == "coordinates-exchanged"
     assert (problem.path.name, problem.line) == ("z.geojson", 1)
-    draft = draft_at(Geodetic(47.0, 8.0))  # polygons in order, circles not
+    near = Near(Geodetic(47.0, 8.0))  # polygons in order, circles not
     circle = ({"type": "Point", "coordinates": [47.0, 8.0]}, {"radius_m": 30})
-    assert add(tmp_path, draft, square(8.0, 47.001), circle) == []
-    assert [problem.code for problem in draft.problems] == ["coordinates-exchanged"]
-    draft = draft_at(Geodetic(10.0, 10.1))  # on the diagonal a far zone is just far
-    assert add(tmp_path, draft, square(10.1, 10.0), square(10.0, 10.1)) == ["z0", "z1"]
-    assert draft.problems == []
+    assert add(tmp_path, near, square(8.0, 47.001), circle) == []
+    assert [problem.code for problem in near.problems] == ["coordinates-exchanged"]
+    near = Near(Geodetic(10.0, 10.1))  # on the diagonal a far zone is just far
+    assert add(tmp_path, near, square(10.1, 10.0), square(10.0, 10.1)) == ["z0", "z1"]
+    assert near.problems == []
 
 
 def test_long_sides_are_straight_on_the_map(tmp_path):
-    draft = draft_at(Geodetic(60.0, 8.0))
+    near = Near(Geodetic(60.0, 8.0))
     ring = [[7.9, 60.01], [8.1, 60.01], [8.1, 60.02], [7.9, 60.02], [7.9, 60.01]]
-    add(tmp_path, draft, {"type": "Polygon", "coordinates": [ring]})
-    polygon = draft.zones[0].shape.polygon
+    add(tmp_path, near, {"type": "Polygon", "coordinates": [ring]})
+    polygon = near.zones[0].shape.polygon
     for share in (0.13, 0.25, 0.5, 0.77):
-        place = draft.frame.to_local(60.01, 7.9 + share * 0.2)
+        place = near.frame.to_local(60.01, 7.9 + share * 0.2)
         assert polygon.exterior.distance(shapely_point(place)) < 0.06  # not 4 m
 
 
@@ -501,20 +522,21 @@ def test_rings_and_zones_without_end_are_bounded(tmp_path):
         ]
         return {"type": "Polygon", "coordinates": [ring]}
 
-    draft = draft_at(Geodetic(47.0, 8.0))
+    near = Near(Geodetic(47.0, 8.0))
     started = time.process_time()
-    assert add(tmp_path, draft, star(1000)) == ["z0"]
+    assert add(tmp_path, near, star(1000)) == ["z0"]
+    placer = Placer(near.frame, near.findings)
     in_mission = [pair[::-1] for pair in star(1000)["coordinates"][0]]
-    for outline in (draft.zones[0].shape, draft.polygon("a star", in_mission, ())):
+    for outline in (near.zones[0].shape, placer.polygon("a star", in_mission, ())):
         assert 1_000 < len(outline.ring) < 25_000
     assert time.process_time() - started < 4
-    draft = draft_at(Geodetic(47.0, 8.0))
-    assert add(tmp_path, draft, star(200_001)) == []
-    assert [problem.code for problem in draft.problems] == ["too-large"]
+    near = Near(Geodetic(47.0, 8.0))
+    assert add(tmp_path, near, star(200_001)) == []
+    assert [problem.code for problem in near.problems] == ["too-large"]
     triangles = [[[[8 + i / 1e5, 47], [8 + i / 1e5, 47.001], [8, 47.002]]] for i in range(1, 3002)]
-    draft = draft_at(Geodetic(47.0, 8.0))
-    assert add(tmp_path, draft, {"type": "MultiPolygon", "coordinates": triangles}) == []
-    assert "3001 zones near the mission" in draft.problems[0].message
+    near = Near(Geodetic(47.0, 8.0))
+    assert add(tmp_path, near, {"type": "MultiPolygon", "coordinates": triangles}) == []
+    assert "3001 zones near the mission" in near.problems[0].message
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])

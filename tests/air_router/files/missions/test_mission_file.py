@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from air_router.errors import exit_code
-from air_router.files.settings import FrameForm, MissionForm, PlannerSettings, Timers
+from air_router.files.mission_form import FrameForm, MissionForm, PlannerSettings, Timers
 from air_router.mission.loading import load_mission
 from geo.airspace.zone import Band
 from mocha_link.team.document import DocumentError

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from air_router.errors import exit_code
 from air_router.files.json_document import json_from_text, load_json, value_at
-from air_router.files.missions.qgc_read import plan_draft
+from air_router.files.missions.placed_form import place
+from air_router.files.missions.qgc_read import read_plan
 from air_router.mission.loading import load_mission, validate
 from mocha_link.team.document import DocumentError
 from tests.air_router.files.values import values_in
@@ -265,17 +266,18 @@ def test_a_waypoint_that_lies_on_another_is_visited_once(tmp_path):
 
 
 def test_surveys_are_flown_by_their_embedded_items():
-    draft = plan_draft(load_json(DATA / "files" / "survey.plan"))
-    assert draft.problems == []
-    assert len(draft.waypoints) == 11
+    form, findings = read_plan(load_json(DATA / "files" / "survey.plan"))
+    placed = place(form, findings)
+    assert findings.problems == []
+    assert len(placed.waypoints) == 11
     inner = ("mission", "items", 2, "TransectStyleComplexItem", "Items", 0, "params", 4)
-    assert draft.waypoints[1].keys == inner
-    assert [note.code for note in draft.notes] == [
+    assert placed.waypoints[1].keys == inner
+    assert [note.code for note in findings.notes] == [
         "flown-as-waypoint", "survey-waypoints", "survey-waypoints", "not-flown", "not-flown",
         "not-flown", "not-flown", "not-flown", "not-flown",
     ]  # fmt: skip
-    assert len(draft.fences) == 3
-    assert [zone.name for zone in draft.zones] == ["zone 1", "zone 2"]
+    assert len(placed.fences) == 3
+    assert [zone.name for zone in placed.zones] == ["zone 1", "zone 2"]
     mission = load_mission(DATA / "files" / "survey.plan")
     assert len(mission.waypoints) == 11
 
@@ -310,9 +312,9 @@ def test_no_plan_crashes_the_reader(changes):
     for keys, junk in changes:
         with contextlib.suppress(TypeError, LookupError):  # an earlier change took it away
             value_at(data, keys[:-1])[keys[-1]] = junk
-    draft = plan_draft(json_from_text(json.dumps(data), Path("any.plan")))
-    validate(draft)
-    for problem in (*draft.problems, *draft.notes):
+    form, findings = read_plan(json_from_text(json.dumps(data), Path("any.plan")))
+    validate(place(form, findings), findings)
+    for problem in (*findings.problems, *findings.notes):
         assert problem.code
         assert problem.line == 1
 
@@ -326,6 +328,7 @@ def test_zones_are_numbered_as_they_stand_in_the_plan():
     shape = zones[0].get("circle") or zones[0]
     broken = {"radius": -1.0} if "circle" in zones[0] else {"polygon": shape["polygon"][:2]}
     shape.update(broken)
-    draft = plan_draft(document)
-    assert "'zone 1'" in draft.problems[0].message
-    assert [zone.name for zone in draft.zones] == ["zone 2"]
+    form, findings = read_plan(document)
+    placed = place(form, findings)
+    assert "'zone 1'" in findings.problems[0].message
+    assert [zone.name for zone in placed.zones] == ["zone 2"]

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common
 
 from air_router.files.json_document import json_text
 from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
-from air_router.mission.loading import read_draft
+from air_router.mission.loading import read_placed
 from air_router.sim.ports import free_port
 
 DATA = Path(__file__).parents[3] / "data"
@@ -57,21 +57,21 @@ def importer():
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: f"{path.parent.stem}_{path.stem}")
 def test_mavsdk_reads_what_is_written(importer, source):
-    draft = read_draft(source)
+    placed, _ = read_placed(source)
     found = importer.import_qgroundcontrol_mission_from_string(
-        json_text(plan_of(draft, ConversionWarnings()))
+        json_text(plan_of(placed, ConversionWarnings()))
     )
     waypoints = [item for item in found.mission_items if item.command == 16]
-    assert len(waypoints) == len(draft.waypoints)
-    for item, spot in zip(waypoints, draft.waypoints, strict=True):
-        place = draft.frame.to_local(item.x / 1e7, item.y / 1e7)
+    assert len(waypoints) == len(placed.waypoints)
+    for item, spot in zip(waypoints, placed.waypoints, strict=True):
+        place = placed.frame.to_local(item.x / 1e7, item.y / 1e7)
         assert place == pytest.approx(spot.position, abs=0.02)
-        assert item.z == pytest.approx(spot.altitude_m or draft.altitude_m)
+        assert item.z == pytest.approx(spot.altitude_m or placed.form.altitude_m)
     assert [item.command for item in found.mission_items if item.command != 16] == [178, 22, 20]
     starts = [item.command for item in found.geofence_items]
-    circles = sum(not has_ring(area) for area in draft.fences + draft.zones)
+    circles = sum(not has_ring(area) for area in placed.fences + placed.zones)
     assert sum(command in (5003, 5004) for command in starts) == circles
-    assert len(found.rally_items) == len(draft.rally_points)
+    assert len(found.rally_items) == len(placed.rally_points)
 
 
 def has_ring(area):

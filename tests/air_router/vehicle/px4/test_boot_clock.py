@@ -4,7 +4,7 @@ import pytest
 
 from air_router.vehicle.instructions import SEPARATE_TWINS
 from air_router.vehicle.px4.boot_clock import BootClock, TwinWatch
-from air_router.vehicle.px4.limits import TWIN_GONE_MESSAGES
+from air_router.vehicle.px4.limits import TWIN_CLEARED_MESSAGES
 from air_router.vehicle.px4.mavlink_values import BOOT_CLOCK_MS
 from air_router.vehicle.vehicle import FlightMode, Telemetry, WrongVehicle
 
@@ -29,7 +29,7 @@ def test_one_that_begins_anew_far_from_its_end_has_restarted(before_ms):
 
 def test_a_flight_over_the_wrap_is_one_flight(px4):
     px4.boot_s = BOOT_CLOCK_MS / 1e3 - 3.0
-    px4.clock.heard(px4.boot_s)
+    px4.clock.received(px4.boot_s)
     px4.run(2.0)
     fields, wrapped = px4._fields, []
 
@@ -71,7 +71,7 @@ def test_two_clocks_that_take_turns_are_two_vehicles_until_one_is_gone():
     assert news.count(True) == 1
     assert watch.apart_s == pytest.approx(600.0, abs=0.5)
     over = [
-        watch.take(106.0 + s * 0.1, 106.0 + s * 0.1, 1.0) for s in range(TWIN_GONE_MESSAGES + 1)
+        watch.take(106.0 + s * 0.1, 106.0 + s * 0.1, 1.0) for s in range(TWIN_CLEARED_MESSAGES + 1)
     ]
     assert over.count(True) == 1
     assert watch.apart_s is None

@@ -26,19 +26,19 @@ def guarding(known=OURS):
 )
 def test_what_no_transfer_of_ours_explains_is_anothers_and_told_once(ids, changed):
     guard = guarding()
-    assert guard.told(ids) == changed
-    assert guard.told(ids) == set()
+    assert guard.reported(ids) == changed
+    assert guard.reported(ids) == set()
     assert guard.changed == changed
 
 
 def test_what_we_have_put_there_is_ours_and_what_comes_after_it_is_not():
     guard = guarding()
     guard.transfer_begins(MISSION)
-    assert guard.told(OURS) == set()
+    assert guard.reported(OURS) == set()
     guard.stored(MISSION, 7)
     guard.transfer_ends()
-    assert guard.told(OURS._replace(mission_id=7)) == set()
-    assert guard.told(OURS._replace(mission_id=8)) == {MISSION}
+    assert guard.reported(OURS._replace(mission_id=7)) == set()
+    assert guard.reported(OURS._replace(mission_id=8)) == {MISSION}
 
 
 def test_what_was_written_over_ours_at_once_is_another():
@@ -46,13 +46,13 @@ def test_what_was_written_over_ours_at_once_is_another():
     guard.transfer_begins(FENCE)
     guard.stored(FENCE, 7)
     guard.transfer_ends()
-    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
+    assert guard.reported(OURS._replace(fence_id=8)) == {FENCE}
 
 
 def test_another_list_that_changes_during_a_transfer_of_ours_is_anothers():
     guard = guarding()
     guard.transfer_begins(FENCE)
-    assert guard.told(PlanIds(9, 7, 3)) == {MISSION}
+    assert guard.reported(PlanIds(9, 7, 3)) == {MISSION}
 
 
 def test_a_transfer_whose_answer_is_lost_may_be_stored_and_one_that_was_refused_is_not():
@@ -60,7 +60,7 @@ def test_a_transfer_whose_answer_is_lost_may_be_stored_and_one_that_was_refused_
         guard = guarding()
         guard.transfer_begins(RALLY)
         guard.transfer_ends(perhaps_stored=lost)
-        assert guard.told(OURS._replace(rally_points_id=9)) == changed
+        assert guard.reported(OURS._replace(rally_points_id=9)) == changed
 
 
 @pytest.mark.parametrize("told_before", [True, False])
@@ -70,19 +70,19 @@ def test_an_answer_that_is_heard_after_the_end_of_the_transfer_counts(told_befor
     guard.transfer_begins(FENCE)
     guard.transfer_ends(perhaps_stored=True)
     if told_before:
-        assert guard.told(OURS._replace(fence_id=7)) == set()
+        assert guard.reported(OURS._replace(fence_id=7)) == set()
     guard.stored(FENCE, 7)
-    assert guard.told(OURS._replace(fence_id=7)) == set()
-    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
+    assert guard.reported(OURS._replace(fence_id=7)) == set()
+    assert guard.reported(OURS._replace(fence_id=8)) == {FENCE}
 
 
 def test_an_answer_that_is_late_shows_what_was_told_for_ours_before_it():
     guard = guarding()
     guard.transfer_begins(FENCE)
     guard.transfer_ends(perhaps_stored=True)
-    assert guard.told(OURS._replace(fence_id=8)) == set()
+    assert guard.reported(OURS._replace(fence_id=8)) == set()
     guard.stored(FENCE, 7)
-    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
+    assert guard.reported(OURS._replace(fence_id=8)) == {FENCE}
 
 
 def test_a_list_of_ours_that_is_stored_though_it_was_refused_is_ours():
@@ -91,8 +91,8 @@ def test_a_list_of_ours_that_is_stored_though_it_was_refused_is_ours():
     guard.transfer_begins(FENCE)
     guard.refused(FENCE, 7)
     guard.transfer_ends()
-    assert guard.told(OURS._replace(fence_id=7)) == set()
-    assert guard.told(OURS._replace(fence_id=8)) == {FENCE}
+    assert guard.reported(OURS._replace(fence_id=7)) == set()
+    assert guard.reported(OURS._replace(fence_id=8)) == {FENCE}
 
 
 def test_a_list_of_ours_that_is_empty_though_its_clearing_was_refused_is_no_other_s():
@@ -100,16 +100,16 @@ def test_a_list_of_ours_that_is_empty_though_its_clearing_was_refused_is_no_othe
     guard.transfer_begins(FENCE)
     guard.clear_refused(FENCE)
     guard.transfer_ends()
-    assert guard.told(OURS._replace(fence_id=0)) == set()
+    assert guard.reported(OURS._replace(fence_id=0)) == set()
     guard.stored(FENCE, 7)
-    assert guard.told(OURS._replace(fence_id=7)) == set()
-    assert guard.told(OURS._replace(fence_id=0)) == {FENCE}
+    assert guard.reported(OURS._replace(fence_id=7)) == set()
+    assert guard.reported(OURS._replace(fence_id=0)) == {FENCE}
 
 
 def test_before_anything_is_known_what_is_told_first_is_what_is_there():
     guard = guarding(None)
-    assert guard.told(OURS) == set()
-    assert guard.told(OURS._replace(mission_id=9)) == {MISSION}
+    assert guard.reported(OURS) == set()
+    assert guard.reported(OURS._replace(mission_id=9)) == {MISSION}
 
 
 def test_an_answer_to_another_station_on_our_link_is_its_try_and_told(px4):
@@ -135,16 +135,16 @@ def test_a_list_that_was_stored_for_another_station_is_no_list_of_ours(
 
 
 def test_a_transfer_of_ours_is_no_change_and_one_in_it_is_told_at_once(px4):
-    told = {"seq": 3, "total": 9, "mission_id": 1, "fence_id": 2, "rally_points_id": 3}
+    reported = {"seq": 3, "total": 9, "mission_id": 1, "fence_id": 2, "rally_points_id": 3}
     px4.off.add("MISSION_CURRENT")
-    px4.says("MISSION_CURRENT", **told)
+    px4.says("MISSION_CURRENT", **reported)
     px4.telemetry.guard_plan(OURS)
     px4.telemetry.plan.guard.transfer_begins(FENCE)
     ack = {"target_system": 1, "target_component": 191, "mission_type": FENCE, "type": 0}
     px4.says("MISSION_ACK", **ack, opaque_id=7)
     px4.telemetry.plan.guard.transfer_ends()
-    px4.says("MISSION_CURRENT", **told | {"fence_id": 7})
+    px4.says("MISSION_CURRENT", **reported | {"fence_id": 7})
     assert not any(isinstance(event, PlanReplaced) for event in px4.events)
-    px4.says("MISSION_CURRENT", **told | {"fence_id": 7, "mission_id": 4})
+    px4.says("MISSION_CURRENT", **reported | {"fence_id": 7, "mission_id": 4})
     (replaced,) = (event for event in px4.events if isinstance(event, PlanReplaced))
     assert not replaced.only_fence

@@ -34,13 +34,13 @@ class Told:
         self._px4 = px4
         self.told = []
 
-    async def look(self, words, out_of=None, objection=None):
+    async def recheck(self, words, out_of=None, objection=None):
         """It is in the mode that it was in."""
 
     async def send(self, wire, words, *, out_of, objection):
         self.told.append(wire)
 
-    async def tell(self, order, shown, *, attempts):
+    async def execute(self, order, shown, *, attempts):
         assert attempts > 1
         flies(self._px4, order.leads_to)
         self.told.append(order)
@@ -84,13 +84,13 @@ def test_a_start_over_which_a_plan_is_put_on_board_is_refused(
         flies(px4, FlightMode.HOLD)
         px4.says("MISSION_CURRENT", mission_id=1, fence_id=1, rally_points_id=1)
 
-        async def tell(order, shown, *, attempts):
+        async def execute(order, shown, *, attempts):
             identifier = 2 if replaced else 1
             px4.says("MISSION_CURRENT", mission_id=identifier, fence_id=1, rally_points_id=1)
             flies(px4, chosen)
             raise NotConfirmedError("Mission mode was asked for and does not show")
 
-        commands = SimpleNamespace(tell=tell, look=Told(px4).look)
+        commands = SimpleNamespace(execute=execute, recheck=Told(px4).recheck)
         with pytest.raises(error):
             await Px4Motions(pennovation, px4.telemetry, commands).start()
 

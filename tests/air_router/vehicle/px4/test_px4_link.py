@@ -7,7 +7,7 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.vehicle.px4.limits import PEER_PORT_ANEW_S, SOCKET_KEPT_S
+from air_router.vehicle.px4.limits import PEER_PORT_ANEW_S, SOCKET_BUFFER_S
 from air_router.vehicle.px4.mavlink_signing import MavlinkSigner
 from air_router.vehicle.px4.px4_link import RECEIVE_BYTES, PeerFilter, Px4Link, frames, widen
 from air_router.vehicle.px4.signing_key import SigningKey
@@ -173,7 +173,7 @@ class Kernel:
 
 
 def test_a_buffer_that_the_kernel_grants_is_not_worth_a_word(caplog):
-    assert widen(Kernel(1 << 30)) == SOCKET_KEPT_S
+    assert widen(Kernel(1 << 30)) == SOCKET_BUFFER_S
     assert caplog.text == ""
 
 

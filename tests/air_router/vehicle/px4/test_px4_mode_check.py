@@ -136,7 +136,7 @@ def test_no_order_leaves_while_a_failsafe_acts_in_the_mode_that_is_ours(wire, ve
 
 def test_an_order_leaves_at_once_when_the_vehicle_answers(wire):
     before_s = wire.px4.wall_s
-    wire.run(wire.commands.look("a hold"))
+    wire.run(wire.commands.recheck("a hold"))
     assert wire.px4.wall_s == before_s
 
 
@@ -157,7 +157,7 @@ def test_a_question_that_is_lost_is_asked_again(wire):
 def test_nothing_leaves_where_no_mode_is_told(wire):
     wire.answers = False
     wire.px4.off |= {"HEARTBEAT", "CURRENT_MODE"}
-    with pytest.raises(NotSentError, match="no flight mode of now was received"):
+    with pytest.raises(NotSentError, match="no current flight mode was received"):
         wire.run(wire.motions.hold())
     assert wire.sent == []
 

@@ -71,10 +71,10 @@ class Board:
     async def received(self):
         return self.tells_mode
 
-    def forget_words(self):
+    def forget_texts(self):
         self.refusals.clear()
 
-    def said(self):
+    def texts(self):
         return ""
 
     def guard_plan(self, ids):
@@ -109,7 +109,7 @@ class Board:
                 return True
         return False
 
-    async def ask(self, command, *, limit_s):
+    async def request_result(self, command, *, limit_s):
         assert command == MavCmd.RUN_PREARM_CHECKS
         if self.left is not None:
             runs = self.good and self.items and self.left <= 0
@@ -171,7 +171,7 @@ class Board:
 def test_nothing_is_put_on_board_while_no_flight_mode_of_now_is_received(pennovation):
     board = Board()
     board.tells_mode = False
-    with pytest.raises(PlanRefusedError, match="no flight mode of now was received"):
+    with pytest.raises(PlanRefusedError, match="no current flight mode was received"):
         asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
     assert (board.uploads, board.fence, board.rally) == (0, [], [])
 
@@ -275,7 +275,7 @@ class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
         onboard = board.onboard()
         asyncio.run(onboard.upload(plan))
         sent_s = []
-        upload, ask = board.upload_geofence_async, board.ask
+        upload, ask = board.upload_geofence_async, board.request_result
         changed = onboard.fence._replace(
             upload=lambda items, answer: (sent_s.append(board.time_s), upload(items, answer))
         )
@@ -286,7 +286,7 @@ class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
             asked_s.append(board.time_s)
             return await ask(command, limit_s=limit_s)
 
-        board.ask = ask_then
+        board.request_result = ask_then
         asyncio.run(onboard.renew(plan, lambda: None))
         assert asked_s[0] - sent_s[0] >= px4_plan.PLAN_RELOAD_S
 

@@ -70,7 +70,7 @@ class Autopilot:
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    for name in ("INSPECTION_HEALTH_S", "ARMING_REPORT_S", "PARAMETER_ANSWER_S"):
+    for name in ("INSPECTION_HEALTH_S", "ARMING_REPORT_S", "PARAMETER_RESPONSE_S"):
         monkeypatch.setattr(px4_requests, name, 0.01)
 
 

@@ -37,12 +37,12 @@ STREAMS = {
 @pytest.mark.parametrize(("name", "age"), STREAMS.items())
 def test_a_stream_that_ends_alone_ages_and_the_vehicle_is_told_of_all_the_same(px4, name, age):
     px4.off.add(name)
-    told = len(px4.events)
+    reported = len(px4.events)
     px4.run(20.0)
     assert getattr(px4.last.ages, age) == pytest.approx(20.0, abs=1.1)
     others = set(STREAMS.values()) - {age}
     assert all(getattr(px4.last.ages, other) <= 1.0 for other in others)
-    assert len(px4.events) - told >= 30
+    assert len(px4.events) - reported >= 30
     px4.off.clear()
     px4.run(2.0)
     assert getattr(px4.last.ages, age) <= 1.0
@@ -83,9 +83,9 @@ def test_what_a_socket_kept_while_this_program_stood_still_is_no_news(px4, secon
     assert px4.telemetry.time_s == before.time_s
     px4.run(2.0)
     assert px4.last.mode is FlightMode.HOLD
-    told = [event for event in px4.events if isinstance(event, LinkSilent)]
-    assert px4.events[0] is told[0]
-    assert [round(event.silent_s) for event in told] == [silent]
+    reported = [event for event in px4.events if isinstance(event, LinkSilent)]
+    assert px4.events[0] is reported[0]
+    assert [round(event.silent_s) for event in reported] == [silent]
 
 
 @pytest.mark.parametrize("every_s", [1.4, 2.0, 4.0])
@@ -197,7 +197,7 @@ def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
     px4.landed, px4.height_m = LANDING, 0.3
     px4.run(2.0)
     assert px4.last.mode is FlightMode.LAND
-    told = len(px4.events)
+    reported = len(px4.events)
     # It touches down and disarms; the messages that tell of it come one after the other.
     px4.landed, px4.armed, px4.status = ON_GROUND, False, 3
     px4.mode = px4.intended = MISSION
@@ -208,7 +208,7 @@ def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
     px4.run(0.5)
     px4.says("EXTENDED_SYS_STATE")
     px4.run(0.2)
-    for event in px4.events[told:]:
+    for event in px4.events[reported:]:
         assert not (event.armed and event.in_air and event.mode is FlightMode.MISSION)
     assert (px4.last.armed, px4.last.in_air, px4.last.mode) == (False, False, FlightMode.MISSION)
 
@@ -317,11 +317,11 @@ def test_a_stream_that_was_turned_off_is_asked_for_again(px4, monkeypatch):
 
     monkeypatch.setattr(px4_requests, "_request", note)
     px4.run(5.0)
-    asyncio.run(px4_requests.ask_again(px4.telemetry))
+    asyncio.run(px4_requests.request_again(px4.telemetry))
     assert asked == []
     px4.off |= {"GLOBAL_POSITION_INT", "SYS_STATUS"}
     px4.run(5.0)
-    asyncio.run(px4_requests.ask_again(px4.telemetry))
+    asyncio.run(px4_requests.request_again(px4.telemetry))
     # At our rate; and at the autopilot's own.
     assert asked == [(MavCmd.SET_MESSAGE_INTERVAL, 33, 1e5), (MavCmd.SET_MESSAGE_INTERVAL, 1, 0.0)]
 
@@ -330,7 +330,7 @@ def test_a_stream_that_was_turned_off_is_asked_for_again(px4, monkeypatch):
 def test_where_the_simulation_waits_for_a_busy_companion_nothing_ages_meanwhile(most_s, stale):
     streams = Streams()
     streams.message(10.0, 10.0, most_s)
-    streams.news("HEARTBEAT", {}, armed=True)
+    streams.is_new("HEARTBEAT", {}, armed=True)
     for number in range(1, 11):  # late by our clock: the vehicle's goes ten times as fast, or waits
         streams.message(10.0 + 0.1 * number, 10.0, most_s)
     assert (streams.ages().mode_s >= 3.0) == stale
@@ -380,37 +380,37 @@ class Told:
 
 
 def test_a_message_of_another_boot_or_place_is_not_believed_nor_a_burst_of_them():
-    told = Told()
-    assert all(told.goes_on(20))
-    for boot_s, position in ((3.0, HERE), (told.boot_s + 99.0, HERE), (told.boot_s, AWAY)):
-        assert not any(told.says(boot_s, position) for _ in range(50))
-        assert all(told.goes_on(20))
+    reported = Told()
+    assert all(reported.goes_on(20))
+    for boot_s, position in ((3.0, HERE), (reported.boot_s + 99.0, HERE), (reported.boot_s, AWAY)):
+        assert not any(reported.says(boot_s, position) for _ in range(50))
+        assert all(reported.goes_on(20))
 
 
 def test_a_vehicle_that_restarted_is_believed_once_the_old_one_is_not_heard_any_more():
-    told = Told()
-    told.goes_on(20)
-    told.boot_s = 2.0
-    believed = told.goes_on(20)
+    reported = Told()
+    reported.goes_on(20)
+    reported.boot_s = 2.0
+    believed = reported.goes_on(20)
     assert believed == sorted(believed)
     assert believed.count(False) == max(POSITIONS_AGREEING, round(POSITIONS_QUIET_S * 10)) - 1
-    told.boot_s -= 0.5  # messages may overtake each other
-    assert all(told.goes_on(5))
+    reported.boot_s -= 0.5  # messages may overtake each other
+    assert all(reported.goes_on(5))
 
 
 def test_a_link_that_was_lost_and_an_estimate_that_jumped_for_good_are_believed_soon():
-    told = Told()
-    told.goes_on(20)
-    told.now_s, told.boot_s = told.now_s + 30.0, told.boot_s + 30.0
-    assert told.goes_on(POSITIONS_AGREEING) == [False] * (POSITIONS_AGREEING - 1) + [True]
-    places = [told.says(told.boot_s, AWAY)]
+    reported = Told()
+    reported.goes_on(20)
+    reported.now_s, reported.boot_s = reported.now_s + 30.0, reported.boot_s + 30.0
+    assert reported.goes_on(POSITIONS_AGREEING) == [False] * (POSITIONS_AGREEING - 1) + [True]
+    places = [reported.says(reported.boot_s, AWAY)]
     for _ in range(9):
-        told.now_s, told.boot_s = told.now_s + 0.1, told.boot_s + 0.1
-        places.append(told.says(told.boot_s, AWAY))
+        reported.now_s, reported.boot_s = reported.now_s + 0.1, reported.boot_s + 0.1
+        places.append(reported.says(reported.boot_s, AWAY))
     assert places[:POSITIONS_AGREEING] == [False] * POSITIONS_AGREEING
     assert places[-1]
 
 
 def test_a_fast_simulation_that_stood_still_goes_on():
-    told = Told(rate=20.0)
-    assert all(told.goes_on(20) + told.goes_on(5, step_s=30.0))
+    reported = Told(rate=20.0)
+    assert all(reported.goes_on(20) + reported.goes_on(5, step_s=30.0))

@@ -22,12 +22,16 @@ def at(px4, above_home_m=40.0, *, home_m=HOME_AMSL_M, **changes):
 
 def test_a_position_becomes_telemetry(px4, pennovation):
     px4.east_m -= 0.2
-    told = at(px4, vx=100, vy=-200, hdg=65535)
-    assert told.position == pytest.approx((pennovation.home.east_m - 0.2, 0.0), abs=0.02)
-    assert told.velocity_m_s == (-2.0, 1.0)  # east, north
-    assert told.time_s == pytest.approx(px4.boot_s)
-    assert (told.altitude_m, told.altitude_amsl_m, told.heading_deg) == (40.0, 46.7, None)
-    assert (told.armed, told.mode) == (True, FlightMode.MISSION)
+    reported = at(px4, vx=100, vy=-200, hdg=65535)
+    assert reported.position == pytest.approx((pennovation.home.east_m - 0.2, 0.0), abs=0.02)
+    assert reported.velocity_m_s == (-2.0, 1.0)  # east, north
+    assert reported.time_s == pytest.approx(px4.boot_s)
+    assert (reported.altitude_m, reported.altitude_amsl_m, reported.heading_deg) == (
+        40.0,
+        46.7,
+        None,
+    )
+    assert (reported.armed, reported.mode) == (True, FlightMode.MISSION)
 
 
 def test_a_mode_is_told_the_moment_that_it_changes(px4):
@@ -40,9 +44,9 @@ def test_a_mode_is_told_the_moment_that_it_changes(px4):
 
 
 def test_a_position_that_is_none_is_left_out(px4):
-    told = px4.last
+    reported = px4.last
     at(px4, lat=2_000_000_000)
-    assert px4.telemetry.snapshot().position == told.position
+    assert px4.telemetry.snapshot().position == reported.position
 
 
 def moves_home(px4, east_m):
@@ -54,15 +58,15 @@ def moves_home(px4, east_m):
 
 
 def test_heights_count_from_the_home_of_the_take_off(px4):
-    told = at(px4, 65.0, home_m=HOME_AMSL_M - 25.0)  # another station has moved home 25 m down
-    assert told.altitude_m == pytest.approx(40.0)
-    assert told.home_moved == pytest.approx(HomeMove(0.0, 0.0, -25.0))
-    told = at(
+    reported = at(px4, 65.0, home_m=HOME_AMSL_M - 25.0)  # another station has moved home 25 m down
+    assert reported.altitude_m == pytest.approx(40.0)
+    assert reported.home_moved == pytest.approx(HomeMove(0.0, 0.0, -25.0))
+    reported = at(
         px4, 40.0, home_m=HOME_AMSL_M - 25.0
     )  # it sinks: PX4 keeps 40 m above the home of now
-    assert told.altitude_m == pytest.approx(15.0)
-    told = at(px4, 40.0)
-    assert (told.altitude_m, told.home_moved) == (40.0, None)
+    assert reported.altitude_m == pytest.approx(15.0)
+    reported = at(px4, 40.0)
+    assert (reported.altitude_m, reported.home_moved) == (40.0, None)
 
 
 def test_the_height_of_a_target_counts_from_the_home_of_the_take_off_too(px4):
@@ -77,15 +81,15 @@ def test_a_home_moved_aside_is_told(px4):
     moves_home(px4, 0.0)
     at(px4)
     moves_home(px4, 60.0)
-    told = at(px4)
-    assert told.home_moved == pytest.approx(HomeMove(60.0, 0.0, 0.0), abs=0.1)
-    assert told.altitude_m == 40.0
+    reported = at(px4)
+    assert reported.home_moved == pytest.approx(HomeMove(60.0, 0.0, 0.0), abs=0.1)
+    assert reported.altitude_m == 40.0
 
 
 def test_px4_corrects_its_home_by_itself_and_nothing_is_told(px4):
     for off_m in (-1.1, 1.2, -2.3, 2.3):  # as measured on PX4 1.17, up to 2.3 m
-        told = at(px4, home_m=HOME_AMSL_M + off_m)
-        assert (told.altitude_m, told.home_moved) == (40.0, None)
+        reported = at(px4, home_m=HOME_AMSL_M + off_m)
+        assert (reported.altitude_m, reported.home_moved) == (40.0, None)
 
 
 def test_before_take_off_home_is_where_the_autopilot_has_it_and_near_the_vehicle(px4):
@@ -93,8 +97,8 @@ def test_before_take_off_home_is_where_the_autopilot_has_it_and_near_the_vehicle
         px4.says("HEARTBEAT", base_mode=0)
     px4.says("EXTENDED_SYS_STATE", landed_state=1)
     for above_home_m, home_m, moved in ((0.3, 488.7, None), (0.0, 492.0, None), (25.0, 467.0, -25)):
-        told = at(px4, above_home_m, home_m=home_m).home_moved
-        assert (None if told is None else round(told.up_m)) == moved
+        reported = at(px4, above_home_m, home_m=home_m).home_moved
+        assert (None if reported is None else round(reported.up_m)) == moved
 
 
 def test_a_system_time_that_comes_late_is_no_reboot(px4):
@@ -149,16 +153,16 @@ def test_why_a_plan_is_refused_is_kept_until_something_else_is_asked(px4):
     assert telemetry.refusals == [
         "plan item 3 lies in a no-fly zone, outside the fence, or beyond GF_MAX_HOR/VER_DIST"
     ]
-    assert "plan item 3" in telemetry.said()
-    assert "battery" not in telemetry.said()
-    telemetry.forget_words()
-    assert (telemetry.refusals, telemetry.said()) == ([], "")
+    assert "plan item 3" in telemetry.texts()
+    assert "battery" not in telemetry.texts()
+    telemetry.forget_texts()
+    assert (telemetry.refusals, telemetry.texts()) == ([], "")
 
 
 def test_a_lost_fix_and_the_target_show_in_telemetry(px4, pennovation):
     px4.says("POSITION_TARGET_GLOBAL_INT")
-    told = at(px4)
-    assert (told.fix, told.target) == (True, pytest.approx(pennovation.home, abs=0.1))
+    reported = at(px4)
+    assert (reported.fix, reported.target) == (True, pytest.approx(pennovation.home, abs=0.1))
     px4.says("POSITION_TARGET_GLOBAL_INT", lat_int=0, lon_int=0)  # and not 5,000 km away
     assert at(px4).target is None
     px4.says("GPS_RAW_INT", fix_type=1)
@@ -192,18 +196,18 @@ def test_the_receiver_s_altitude_counts_while_it_is_new(px4):
     [({"kind": 1}, "fixed wing"), ({"vtol": 4}, "VTOL"), ({"autopilot": 3}, "ArduPilot, not PX4")],
 )
 def test_another_vehicle_on_the_link_is_told_once_and_when_it_is_gone(px4, changes, said):
-    def told():
+    def reported():
         return [event.why_not for event in px4.events if isinstance(event, WrongVehicle)]
 
     for name, value in changes.items():
         setattr(px4, name, value)
     px4.run(1.5)
-    assert told() == []  # one HEARTBEAT may be a stray frame
+    assert reported() == []  # one HEARTBEAT may be a stray frame
     px4.run(20.0)
-    (why,) = told()
+    (why,) = reported()
     assert said in why
     px4.kind, px4.vtol, px4.autopilot = 2, 0, 12
     px4.run(8.0)
-    assert told() == [why]
+    assert reported() == [why]
     px4.run(4.0)
-    assert told() == [why, None]
+    assert reported() == [why, None]

@@ -15,6 +15,8 @@ from air_router.controller.model.states import Signal, State
 from air_router.errors import AirRouterError, UsageError
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission
+from air_router.seek_policies import TargetList, policy_of
+from air_router.seek_policies.testing import SCENES
 from geo.frame import Point
 from mocha_link.links.metrics import (
     ContactBegan,
@@ -104,7 +106,7 @@ def test_a_row_says_in_which_world_its_mission_is_flown(monkeypatch):
 
     def fly(mission, seed, policy):
         seen.append((mission.parent.name, seed, policy))
-        return {"searches": 1}, "a digest"
+        return flights.Flown({"searches": 1}, "a digest")
 
     monkeypatch.setattr(running, "flown_here", fly)
     tasks = [experiment.task(row, 0) for row in experiment.rows if row.label.endswith("mission")]
@@ -112,6 +114,44 @@ def test_a_row_says_in_which_world_its_mission_is_flown(monkeypatch):
     assert [policy for _, _, policy in seen] == ["round_robin", "rendezvous"]
     assert len({(town, seed) for town, seed, _ in seen}) == 1  # paired
     assert {record["digest"] for record in records} == {"a digest"}
+
+
+class GivesUp:
+    """A policy of another package that fails after four minutes."""
+
+    foresees = False
+
+    def order(self, targets, context):
+        if context.now_s > 240.0:
+            raise ZeroDivisionError("no time left")
+        return [self.place(name, targets, context) for name in targets.candidates(context.now_s)]
+
+    def place(self, robot, targets, context):
+        return targets.place(robot, context.now_s)
+
+
+@pytest.mark.parametrize("world", ["town", "mission"])
+def test_a_policy_that_fails_is_in_the_record_of_its_run(world, tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "name: own\ntitle: A policy of our own\n"
+        f"rows: [{{world: {world}, policy: '{__name__}:GivesUp', mission: pennovation, "
+        "town: pennovation, duration_s: 400}]\n"
+    )
+    experiment, _ = load_experiment(str(path))
+    task = experiment.task(experiment.rows[0], 0)
+    running.put_together(task)
+    record = running.make_run(task)
+    assert list(record["faults"].values()) == ["ZeroDivisionError: no time left"]
+
+
+def test_an_announcement_of_a_failed_policy_is_recognised():
+    robots = TargetList(("io", "europa"))
+    guarded = policy_of(f"{__name__}:GivesUp")
+    place = guarded.place("io", robots, SCENES[0].context())
+    assert flights.fault_in(f"SEARCH io: {place.reason}") is None
+    (place, _) = guarded.order(robots, SCENES[0].context())
+    assert flights.fault_in(f"SEARCH io: {place.reason}") == "ZeroDivisionError: no time left"
 
 
 def test_a_flight_in_processes_that_fails_is_an_error_in_its_words(monkeypatch):
@@ -209,17 +249,40 @@ def test_its_nodes_pull_ever_less_often_and_comm_ends_by_its_exchange(short):
     assert len(synced_s) == pytest.approx(2 * 3, abs=2)  # both directions, after 0, 2 and 6 s
 
 
-def test_robots_explore_with_the_maps_that_gossip_brings_them(tmp_path):
-    """Until they have heard of the UAV's map they know of no goal that they have not seen."""
+class NoChoice:
+    """A ground robot's policy that fails at once."""
+
+    def choose(self, view):
+        raise ZeroDivisionError("no choice")
+
+
+def exploring(tmp_path, world):
+    """The mission of robots that explore, for 200 s, in a world of this file."""
     text = (EXPLORERS / "mission.yaml").read_text()
     for old, new in (("duration_s: 900", "duration_s: 200"), (": team.", f": {EXPLORERS}/team.")):
         assert text.count(old) == 1
         text = text.replace(old, new)
-    text = text.replace("world: world.yaml", f"world: {EXPLORERS}/world.yaml")
-    (tmp_path / "mission.yaml").write_text(text)
+    path = tmp_path / "mission.yaml"
+    path.write_text(text.replace("world: world.yaml", f"world: {world}"))
+    return path
+
+
+def test_a_world_s_robots_whose_policy_fails_are_named(tmp_path):
+    world = tmp_path / "world.yaml"
+    town = f"town: {URBAN}/town.yaml\n  policy: '{__name__}:NoChoice'\n"
+    text = (EXPLORERS / "world.yaml").read_text()
+    world.write_text(text.replace("town: ../urban/town.yaml\n", town))
+    flown = flights.flown_here(exploring(tmp_path, world), 1, "round_robin")
+    assert set(flown.faults.values()) == {"ZeroDivisionError: no choice"}
+    assert "ugv01" in flown.faults
+
+
+def test_robots_explore_with_the_maps_that_gossip_brings_them(tmp_path):
+    """Until they have heard of the UAV's map they know of no goal that they have not seen."""
+    path = exploring(tmp_path, EXPLORERS / "world.yaml")
     queue = EventQueue()
     log = Kept(queue)
-    run = WorldRun(tmp_path / "mission.yaml", 1, queue, log, "tour")
+    run = WorldRun(path, 1, queue, log, "tour")
     run.finish()
     topics = {stored.topic for _, stored in log.of(MessageStored) if stored.robot == "ugv01"}
     assert {"/pose", "/claimed_goals", "/path", "/reachability"} <= topics

@@ -6,7 +6,7 @@ import pytest
 
 from air_router.controller.targets.seeking import Freshest, SeekContext
 from air_router.controller.targets.target_list import TargetList
-from air_router.controller.targets.tour import Stop, rate
+from air_router.controller.targets.tour import TourStop, rate
 from geo.frame import Point
 from mocha_link.links.metrics import Direction
 from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
@@ -19,7 +19,7 @@ def heard(*names):
     """All met at once, then not any more."""
     targets = TargetList(names)
     for name in names:
-        targets.tracks[name].pose_heard(PLACES[name], 1e9, 0.0)
+        targets.tracks[name].pose_received(PLACES[name], 1e9, 0.0)
         for direction in Direction:
             targets.tracks[name].synced(direction, 0.0)
     return targets
@@ -62,7 +62,8 @@ def test_the_planned_tour_is_the_best_of_all(seed):
     stops = []
     for name in "abcd":
         place = Point(chance.uniform(-200, 200), chance.uniform(-200, 200))
-        stops.append(Stop(name, (place,), chance.uniform(0, 300), math.hypot(*place) / SPEED_M_S))
+        flight_s = math.hypot(*place) / SPEED_M_S
+        stops.append(TourStop(name, (place,), chance.uniform(0, 300), flight_s))
     context = context_of(30.0)
     ways = [way for count in range(1, 5) for way in permutations(stops, count)]
     best = max(rate(way, context) for way in ways)

@@ -57,7 +57,7 @@ def test_the_zones_of_a_rehearsal_are_read_alike(tmp_path, drawn_into):
 
 
 DOUBTED = "coming home: the altitude is in doubt: 40 m by the autopilot, 48 m by the satellites"
-TRUSTED = "coming home clear at the autopilot's altitude alone: the battery is at its reserve"
+TRUSTED = "coming home, clear of zones by PX4's altitude alone: the battery is at its reserve"
 
 
 @pytest.mark.parametrize(

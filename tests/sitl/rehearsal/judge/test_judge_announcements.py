@@ -66,7 +66,7 @@ def test_a_robot_is_found_when_it_is_heard():
 def test_a_way_home_for_a_fault_is_not_called_off():
     more = [
         (91.0, "91.0 s  COMM -> HOME"),
-        (91.0, "91.0 s  coming home: battery not heard for 30 s"),
+        (91.0, "91.0 s  coming home: battery not received for 30 s"),
         (93.0, "93.0 s  HOME -> GOTO"),
         (93.0, "93.0 s  the operator: accepted: it flies to the point"),
     ]
@@ -143,11 +143,11 @@ def test_waypoints_are_visited_in_their_turn_or_told_as_left_out():
 @pytest.mark.parametrize(
     ("words", "wrong"),
     [
-        ("40 s, 0 of 3 waypoints explored (by what the vehicle says)", False),
-        ("40 s, 1 of 3 waypoints explored (by what the vehicle says)", False),
-        ("40 s, 2 of 3 waypoints explored (by what the vehicle says)", True),
-        ("40 s, 2 of 3 waypoints explored (since when is not known)", True),
-        ("900 s, 0 of 3 waypoints explored (since when is not known)", False),
+        ("40 s, 0 of 3 waypoints explored (by the vehicle's report)", False),
+        ("40 s, 1 of 3 waypoints explored (by the vehicle's report)", False),
+        ("40 s, 2 of 3 waypoints explored (by the vehicle's report)", True),
+        ("40 s, 2 of 3 waypoints explored (the take-off time is not known)", True),
+        ("900 s, 0 of 3 waypoints explored (the take-off time is not known)", False),
         ("39 s, 1 of 3 waypoints explored (by its record flight.mcap)", False),
         ("39 s, 2 of 3 waypoints explored (by its record flight.mcap)", True),
         ("900 s, 1 of 3 waypoints explored (by its record flight.mcap)", True),
@@ -237,7 +237,7 @@ def test_a_vehicle_that_no_pilot_takes_is_alarmed_of(alarmed_s, flagged):
 
 @pytest.mark.parametrize(("fault", "flagged"), [("NONE", True), ("GUSTS", False)])
 def test_in_a_calm_flight_no_leg_is_kept_back(fault, flagged):
-    line = (70.0, "70.0 s  not sent: the leg was no longer clear in its turn")
+    line = (70.0, "70.0 s  not sent: the leg was no longer clear when it was due")
     verdict = judge(flight(said=[line], faults=frozenset({fault})))
     told = [str(each) for each in verdict.violations if "without a disturbance" in str(each)]
     assert bool(told) is flagged
@@ -274,10 +274,10 @@ def test_a_robot_is_sought_again_after_thirty_seconds_where_the_file_does_not_sa
     [
         (40.0, "by its record flight.mcap", False),
         (100.0, "by its record flight.mcap", True),
-        (5.0, "by what the vehicle says", False),
-        (15.0, "by what the vehicle says", True),
-        (-1.5, "by what the vehicle says", False),
-        (-5.0, "by what the vehicle says", True),
+        (5.0, "by the vehicle's report", False),
+        (15.0, "by the vehicle's report", True),
+        (-1.5, "by the vehicle's report", False),
+        (-5.0, "by the vehicle's report", True),
     ],
 )
 def test_what_is_resumed_is_known_to_have_flown_as_long_as_it_did(less_s, by, wrong):

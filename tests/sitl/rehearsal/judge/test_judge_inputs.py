@@ -26,7 +26,7 @@ FLOWN = track((*ROUND, *ROUND))
 HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
 """Stands from 70 s to 90 s."""
 
-BY_HAND = (82.0, "ALARM: it lasts. Pilot: take the vehicle by hand now")
+BY_HAND = (82.0, "ALARM: it lasts. Pilot: take over by hand now")
 LONG = track(ROUND * 5)
 
 
@@ -65,7 +65,7 @@ def flight(states=FLOWN, spoil=lambda message: message, **others):
 
 
 def between(begin_s, end_s, *names, **fields):
-    """Spoils these messages in this time: other fields, or, without any, not heard."""
+    """Spoils these messages in this time: other fields, or, without any, not received."""
 
     def spoil(message):
         if not begin_s <= message.time_s < end_s or (names and message.name not in names):
@@ -140,13 +140,13 @@ def test_a_vehicle_in_a_failsafe_is_left_to_it(words, missing):
 @pytest.mark.parametrize(
     ("spoil", "wrong", "words"),
     [
-        (between(70.0, 85.0), {"told"}, "nothing heard from the vehicle for 3 s"),
+        (between(70.0, 85.0), {"told"}, "nothing received from the vehicle for 3 s"),
         (between(70.0, 74.0, POSITION), set(), ""),
         (between(70.0, 76.0, "SYS_STATUS"), set(), ""),
-        (between(70.0, 85.0, "SYS_STATUS"), {"told"}, "battery not heard for 5 s"),
-        (between(70.0, 85.0, "EXTENDED_SYS_STATE"), {"told"}, "landed state not heard for 5 s"),
-        (between(70.0, 85.0, "MISSION_CURRENT"), {"told"}, "plan item not heard for 5 s"),
-        (between(70.0, 85.0, "HEARTBEAT"), {"told"}, "heartbeat not heard; flight mode as well"),
+        (between(70.0, 85.0, "SYS_STATUS"), {"told"}, "battery not received for 5 s"),
+        (between(70.0, 85.0, "EXTENDED_SYS_STATE"), {"told"}, "landed state not received for 5 s"),
+        (between(70.0, 85.0, "MISSION_CURRENT"), {"told"}, "plan item not received for 5 s"),
+        (between(70.0, 85.0, "HEARTBEAT"), {"told"}, "heartbeat not received; flight mode as well"),
         (between(70.0, 75.0, FIX, fix_type=1), {"told"}, "GPS has lost its fix: holding"),
         (between(70.0, 75.0, "HEARTBEAT", system_status=5), {"told"}, "hands off: a failsafe"),
     ],
@@ -161,9 +161,9 @@ def test_what_is_missing_is_said(spoil, wrong, words):
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (between(69.0, 85.0, POSITION), "position not heard for 2 s: holding"),
-        (frozen(69.0, 85.0), "position not heard for 2 s: holding"),
-        (between(60.0, 85.0, FIX), "GPS status not heard for 5 s"),
+        (between(69.0, 85.0, POSITION), "position not received for 2 s: holding"),
+        (frozen(69.0, 85.0), "position not received for 2 s: holding"),
+        (between(60.0, 85.0, FIX), "GPS status not received for 5 s"),
         (between(69.0, 85.0, FIX, fix_type=0), "GPS has lost its fix: holding"),
     ],
 )
@@ -178,7 +178,7 @@ def test_what_is_said_is_done_as_well(spoil, words):
     [
         ((BY_HAND,), set()),
         ((), {"told"}),
-        (((82.0, "WARNING: it lasts. Pilot: take the vehicle by hand now"),), {"told"}),
+        (((82.0, "WARNING: it lasts. Pilot: take over by hand now"),), {"told"}),
         (((82.0, "ALARM: it lasts. Pilot: be ready"),), {"told"}),
         (((87.0, BY_HAND[1]),), {"told"}),  # too late
         (
@@ -188,7 +188,7 @@ def test_what_is_said_is_done_as_well(spoil, words):
     ],
 )
 def test_a_pilot_is_asked_to_fly_what_stands_for_a_position_that_is_lost(later, wrong):
-    said = [(71.0, "position not heard for 2 s: holding"), *later]
+    said = [(71.0, "position not received for 2 s: holding"), *later]
     assert found(flight(HOVERS, between(69.0, 90.0, POSITION), said=said)) == wrong
 
 
@@ -223,14 +223,14 @@ def test_a_fix_that_is_back_for_three_seconds_is_back():
 
 
 def test_no_leg_begins_from_a_place_that_is_not_known():
-    said = [(71.0, "position not heard for 2 s: holding"), BY_HAND]
+    said = [(71.0, "position not received for 2 s: holding"), BY_HAND]
     spoil, leg = between(69.0, 85.0, POSITION), goto(80.0, 60, 0)
     assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind", "leg"}
     assert found(flight(HOVERS, said=said, more=[leg])) == set()
 
 
 def test_without_its_battery_it_comes_home_though_it_says_so():
-    said = [(30.0, "battery not heard for 5 s: coming home at 30 s")]
+    said = [(30.0, "battery not received for 5 s: coming home at 30 s")]
     long = track(ROUND * 5)
     spoil = between(25.0, 300.0, "SYS_STATUS")
     assert found(flight(long, spoil, said=said)) == {"home"}
@@ -359,7 +359,7 @@ def test_a_companion_that_heard_nothing_of_a_climb_has_not_seen_the_altitude_dri
 
 def test_a_clearance_that_is_lost_is_said_and_held_for():
     early = (22.0, "22.0 s  READY -> INIT")
-    near = (28.5, "too near to no-fly zone 'shed': 3.0 m, 5 m are to be kept: holding")
+    near = (28.5, "too near to no-fly zone 'shed': 3.0 m, 5 m are required: holding")
     for speed_m_s, said, wrong in (
         (5.0, [early], {"told", "held"}),
         (5.0, [early, near], {"held"}),
@@ -382,7 +382,7 @@ def test_for_a_home_that_is_moved_up_or_down_it_is_held(up_m, wrong):
     ("said", "wrong"),
     [
         ("not reloaded: mission.yaml:9: the zone has two corners", set()),
-        ("the operator: refused: zones are being changed just now; ask again", set()),
+        ("the operator: refused: zones are being changed just now; request it again", set()),
         ("not reloaded: its fences and no-fly zones are as they were", {"told"}),
         ("EXPL -> SEARCH", {"told"}),
     ],
@@ -428,11 +428,11 @@ def test_landed_at_home_is_said_of_nothing_else(states):
 
 
 def test_a_silent_link_and_the_way_home_are_measured_by_the_companions_own_clock():
-    said = [(84.0, "nothing heard from the vehicle for 3 s")]
+    said = [(84.0, "nothing received from the vehicle for 3 s")]
     silent = flight(spoil=between(70.0, 100.0), said=said)
     assert found(silent) == {"told"}
     assert found(dataclasses.replace(silent, speed=5.0)) == set()
-    said = [(46.0, "GPS status not heard for 5 s: holding at 10 s"), (61.0, BY_HAND[1])]
+    said = [(46.0, "GPS status not received for 5 s: holding at 10 s"), (61.0, BY_HAND[1])]
     spoil = between(41.0, 73.0, FIX)
     for leg_s, wrong in ((60.0, {"blind"}), (68.5, set())):
         stands = [*FLOWN[:950], *[FLOWN[950]] * 460, *FLOWN[950:]]
@@ -519,7 +519,7 @@ def test_after_a_way_home_was_accepted_something_is_sent():
     accepted = "accepted: it comes home"
     assert found_of(FLOWN, "home", accepted) == {"request"}
     assert found_of(FLOWN, "home", accepted, more=[command(71.0, 176)]) == set()
-    assert found_of(FLOWN, "home", f"{accepted} as soon as it is known where it is") == set()
+    assert found_of(FLOWN, "home", f"{accepted} as soon as its position is known") == set()
 
 
 def test_the_next_request_is_another_wish():

@@ -232,7 +232,7 @@ def test_what_is_drawn_within_twelve_metres_may_be_left_first(deep_m, wrong):
     box = "[[40, 3], [80, 3], [80, 60], [40, 60]]"
     drawn = (SceneEvent(33.0, SceneEventKind.MISSION_FILE, f"{TEXT}  - {{polygon: {box}}}\n"),)
     states = track(((0, 0), (60, 0), (60, 3 + deep_m), (60, -6), (0, -6), (0, 0)))
-    assert ("are to be kept" in texts(evidence(states, happenings=drawn))) == wrong
+    assert ("m are required" in texts(evidence(states, happenings=drawn))) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(4.0, False), (10.0, True)])
@@ -242,7 +242,7 @@ def test_what_is_drawn_counts_six_seconds_later_at_the_latest(later_s, wrong):
     drawn = (SceneEvent(40.0, SceneEventKind.MISSION_FILE, f"{TEXT}  - {{polygon: {box}}}\n"),)
     flies = 40.0, True, False, MISSION
     states = hovering(40.0 + later_s) + [(60.0, min(n * 0.25, 5.0), *flies) for n in range(100)]
-    assert ("are to be kept" in texts(evidence(states, happenings=drawn))) == wrong
+    assert ("m are required" in texts(evidence(states, happenings=drawn))) == wrong
 
 
 RESUMED = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
@@ -261,7 +261,7 @@ def given_back(*after, at, height=40.0):
 def test_given_back_too_near_to_a_zone_it_may_drift_two_metres_nearer(keeps_m, wrong):
     """It was 4 m from the shed."""
     nearer = [(16.0 + (4.0 - keeps_m) * n / 40, 30.0) for n in range(41)]
-    assert ("are to be kept" in given_back(*nearer, at=(16.0, 30.0))) == wrong
+    assert ("m are required" in given_back(*nearer, at=(16.0, 30.0))) == wrong
 
 
 @pytest.mark.parametrize(("on_m", "wrong"), [(8.0, False), (20.0, True)])

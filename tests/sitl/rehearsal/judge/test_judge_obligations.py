@@ -81,7 +81,7 @@ def test_a_landing_is_told(words):
 
 def test_a_hold_that_is_resumed_ends():
     held = [(58.0, "58.0 s  EXPL -> HOLD")]
-    asked = (75.0, "resume", "accepted: it goes on")
+    asked = (75.0, "resume", "accepted: it resumes")
     assert "it holds on" in texts(asked, states=HOVERS, said=held)
     on = [*held, (75.2, "75.2 s  HOLD -> EXPL")]
     assert "it holds on" not in texts(asked, states=HOVERS, said=on)
@@ -145,7 +145,7 @@ def test_points_before_a_hold_are_not_flown_to_again(on, wrong):
     asked = [
         (45.0, tour, "accepted: it flies to 2 points"),
         (50.0, "hold", "accepted: it stops and hovers"),
-        (55.0, "resume", "accepted: it flies on to the points that are left"),
+        (55.0, "resume", "accepted: it flies on to the remaining points"),
     ]
     sent = [goto(45.1, 60, 60), goto(48.0, 0, 60), goto(55.2, *on)]
     assert ("where it was before it was held" in texts(*asked, more=sent)) == wrong
@@ -187,7 +187,7 @@ def test_two_points_within_a_metre_are_the_same(off_m, wrong):
     asked = [
         (45.0, f"goto {degrees(60, 60)} {degrees(0, 60)}", "accepted: it flies to 2 points"),
         (50.0, "hold", "accepted: it stops and hovers"),
-        (55.0, "resume", "accepted: it flies on to the points that are left"),
+        (55.0, "resume", "accepted: it flies on to the remaining points"),
     ]
     sent = [goto(45.1, 60, 60), goto(48.0, 0, 60), goto(55.2, 60 - off_m, 60)]
     assert ("where it was before it was held" in texts(*asked, more=sent)) == wrong
@@ -218,7 +218,7 @@ def test_what_waits_for_a_fence_may_wait_for_sixty_five_seconds(asked_s, sent_s,
 @pytest.mark.parametrize(("later_s", "wrong"), [(3.5, False), (6.0, True)])
 def test_what_is_resumed_goes_on_within_four_seconds(later_s, wrong):
     on = [*HELD, (75.0 + later_s, f"{75.0 + later_s} s  HOLD -> EXPL")]
-    asked = (75.0, "resume", "accepted: it goes on")
+    asked = (75.0, "resume", "accepted: it resumes")
     assert ("it holds on" in texts(asked, states=HOVERS, said=on)) == wrong
 
 

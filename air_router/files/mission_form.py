@@ -1,11 +1,17 @@
-"""A mission's settings with their defaults, and the form of its file: keys, types, limits."""
+"""What a mission file says: keys, types, limits and defaults, in the file's own coordinates.
 
+Files of every format become this form; `PlacedForm` has where its parts are.
+"""
+
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
+from air_router.files.findings import Keys
 from air_router.files.seek_policies import DEFAULT_SEEK_POLICY, SeekPolicy
 from air_router.files.zone_terms import ActiveForm, AltitudeForm, Clearance, ZoneTerms
 
@@ -96,7 +102,8 @@ LARGEST_RADIUS_M = 1_000_000.0  # of a circle
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")]
 Polygon = Annotated[list[Pair], Field(max_length=20_000)]
-_Altitude = Annotated[float, Field(ge=1, le=10_000, description="metres above home")]
+FlownAltitude = Annotated[float, Field(ge=1, le=10_000, description="metres above home")]
+Radius = Annotated[float, Field(gt=0, le=LARGEST_RADIUS_M)]
 
 
 class _Form(BaseModel):
@@ -115,7 +122,7 @@ class CircleForm(BaseModel):
     """A circle."""
 
     centre: Position
-    radius_m: Annotated[float, Field(gt=0, le=LARGEST_RADIUS_M)]
+    radius_m: Radius
 
 
 class AreaForm(_Form):
@@ -174,7 +181,7 @@ class SpotForm(_Form):
 class WaypointForm(SpotForm):
     """A place to explore."""
 
-    altitude_m: _Altitude | None = None
+    altitude_m: FlownAltitude | None = None
 
 
 class HomeForm(SpotForm):
@@ -186,7 +193,7 @@ class HomeForm(SpotForm):
 class UavForm(BaseModel):
     """One of several UAVs that fly the mission."""
 
-    altitude_m: _Altitude | None = None
+    altitude_m: FlownAltitude | None = None
     explore: bool = True
     home: HomeForm | None = None
 
@@ -207,15 +214,28 @@ class SeekForm(_Form):
 
 
 class MissionForm(BaseModel):
-    """A whole file."""
+    """A whole file, and where in it the values stand. Missions are written in this order."""
 
     name: str | None = None
     coordinates: Literal["degrees", "local"] = "degrees"
     frame: FrameForm | None = None
     home: Annotated[HomeForm, Field(description="where the vehicle takes off and lands")]
-    altitude_m: _Altitude
-    altitudes_m: Annotated[list[_Altitude], Field(min_length=2, max_length=2)] | None = None
+    altitude_m: FlownAltitude
+    altitudes_m: Annotated[list[FlownAltitude], Field(min_length=2, max_length=2)] | None = None
     speed_m_s: Annotated[float, Field(ge=SLOWEST_M_S, le=50)] = DEFAULT_SPEED_M_S
+    team: str | None = None
+    world: str | None = None
+    uavs: dict[str, UavForm | None] = {}
+    uav: str | None = None
+    seek: SeekForm = SeekForm()
+    when_explored: WhenExplored = DEFAULT_WHEN_EXPLORED
+    goals_from: list[str] = []
+    timers: Timers = Timers()
+    planner: PlannerSettings = PlannerSettings()
+    duration_s: Seconds | None = None
+    endurance_s: Seconds | None = None
+    battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
+    accepts: list[Accepted] = []
     waypoints: Annotated[
         list[WaypointForm], Field(max_length=5_000, description="what to explore, in order")
     ]
@@ -227,16 +247,65 @@ class MissionForm(BaseModel):
     ]
     no_fly_files: list[ZoneFileForm] = []
     rally_points: list[SpotForm] = []
-    timers: Timers = Timers()
-    planner: PlannerSettings = PlannerSettings()
-    uav: str | None = None
-    uavs: dict[str, UavForm | None] = {}
-    seek: SeekForm = SeekForm()
-    when_explored: WhenExplored = DEFAULT_WHEN_EXPLORED
-    goals_from: list[str] = []
-    team: str | None = None
-    world: str | None = None
-    duration_s: Seconds | None = None
-    endurance_s: Seconds | None = None
-    battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
-    accepts: list[Accepted] = []
+
+    _path: Path = PrivateAttr(default=Path())
+    _places: Mapping[Keys, Keys] = PrivateAttr(default_factory=dict)
+    _unread: frozenset[str] = PrivateAttr(default=frozenset())
+
+    def of_file(
+        self, path: Path, *, places: Mapping[Keys, Keys] | None = None, unread: Collection[str] = ()
+    ) -> Self:
+        """This form, from now on that of a file.
+
+        Args:
+            path: The file.
+            places: The keys of a value in the file, by those here, where they differ. A part of
+                such a value has the name of its own behind them.
+            unread: Sections whose values are placeholders, because theirs cannot be read. An entry
+                of a list that cannot be read is None.
+        """
+        self._path, self._unread = path, frozenset(unread)
+        self._places = {} if places is None else places
+        return self
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
+    def unread(self) -> frozenset[str]:
+        """Sections whose values are placeholders."""
+        return self._unread
+
+    @property
+    def in_own_keys(self) -> bool:
+        """Whether the file's keys are those here: it is one of ours."""
+        return not self._places
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether pairs are metres east and north of the frame's origin, not degrees."""
+        return self.coordinates == "local"
+
+    @property
+    def title(self) -> str:
+        """What people call the mission: its name, or its folder's."""
+        return self.name or self._path.resolve().parent.name
+
+    @property
+    def team_file(self) -> Path | None:
+        """The path of the team file."""
+        return None if self.team is None else self._path.parent / self.team
+
+    @property
+    def world_file(self) -> Path | None:
+        """The path of the world file."""
+        return None if self.world is None else self._path.parent / self.world
+
+    def keys_of(self, *keys: str | int) -> Keys:
+        """The keys of a value in the file."""
+        found = self._places.get(keys)
+        if found is None and keys[:-1] in self._places:
+            found = (*self._places[keys[:-1]], keys[-1])
+        return keys if found is None else found

@@ -1,0 +1,162 @@
+"""`make experiments-remade`: archived runs of experiments, made again from today's sources.
+
+    python -m benchmarks.archives            # ten at random; the exit code is 1 if one differs
+    python -m benchmarks.archives --seed 7 --runs 20
+    python -m benchmarks.archives --index    # write docs/evidence/archives.csv anew
+    python -m benchmarks.archives --again table1 searches-confirmation
+
+`archives.csv` says of each archive what made it, what it costs to make again, and in `moved`,
+by hand, which change has moved its results since. A run of an archive with such a note is not
+expected to come out the same, and none is tried. `--again` makes all runs of archives anew, with
+the seeds that they have, fills docs/evidence/experiments.md from them, and takes the notes away.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import random
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from air_router.files import write_whole
+from benchmarks.patched import ROOT
+from sitl.experiment import Experiment, Record, experiment_names
+from sitl.experiment.campaign import ARCHIVE_ENDING, Remade, read_archive, remade, remakeable
+
+EVIDENCE: Final = ROOT / "docs" / "evidence"
+INDEX: Final = EVIDENCE / "archives.csv"
+ENDING: Final = f"-runs{ARCHIVE_ENDING}"
+
+LONGEST_CPU_S: Final = 20.0
+"""A longer run is not tried: with ten runs the check takes a minute."""
+
+HEADS: Final = ("archive", "runs", "cpu_h", "program", "commit", "constraints", "moved")
+
+HOW: Final = """\
+
+If a change is meant to move results, say so: write the commit and what it changed into the column
+'moved' of docs/evidence/archives.csv, or make the archives again from a committed state:
+    .venv/bin/python -m benchmarks.archives --again {names}
+"""
+
+
+def archives() -> list[str]:
+    """The names of all archives."""
+    return sorted(path.name.removesuffix(ENDING) for path in EVIDENCE.glob(f"*{ENDING}"))
+
+
+def path_of(name: str) -> Path:
+    """Where an archive is."""
+    return EVIDENCE / f"{name}{ENDING}"
+
+
+def moved() -> dict[str, str]:
+    """Which change has moved the results of an archive, by its name; only of those that have."""
+    if not INDEX.is_file():
+        return {}
+    with INDEX.open(encoding="utf-8", newline="") as file:
+        return {row["archive"]: row["moved"] for row in csv.DictReader(file) if row["moved"]}
+
+
+def index(notes: Mapping[str, str]) -> str:
+    """The text of `archives.csv`."""
+    lines = [",".join(HEADS)]
+    for name in archives():
+        _, records = read_archive(path_of(name))
+        cpu_h = sum(record["measures"]["cpu_s"] for record in records) / 3600
+        origin = [_all(record["program"].split()[-1] for record in records)]
+        origin.append(_all(record.get("commit", "") for record in records))
+        locks = (record.get("dependencies", {}).get("constraints", "") for record in records)
+        note = notes.get(name, "").replace('"', '""')
+        cells = [name, str(len(records)), f"{cpu_h:.2f}", *origin, _all(locks)]
+        lines.append(",".join([*cells, f'"{note}"' if note else ""]))
+    return "\n".join(lines) + "\n"
+
+
+def _all(values: Iterable[str]) -> str:
+    return " ".join(sorted(set(values)))
+
+
+def chosen(count: int, rng: random.Random) -> list[tuple[Experiment, Record]]:
+    """Runs at random: an archive first, then one of its runs, so that small archives count."""
+    pool: dict[str, list[tuple[Experiment, Record]]] = {}
+    for name in archives():
+        if name in moved():
+            continue
+        experiment, records = read_archive(path_of(name))
+        if runs := [
+            (experiment, record)
+            for record in records
+            if remakeable(experiment, record) and record["measures"]["cpu_s"] <= LONGEST_CPU_S
+        ]:
+            pool[name] = rng.sample(runs, min(count, len(runs)))
+    found: list[tuple[Experiment, Record]] = []
+    while len(found) < count and any(pool.values()):
+        found.append(pool[rng.choice([name for name, runs in pool.items() if runs])].pop())
+    return found
+
+
+def check(count: int, seed: int) -> int:
+    """Make runs again; the exit code."""
+    notes = moved()
+    for name, note in notes.items():
+        print(f"{name}: not tried, results have moved: {note}")
+    runs = chosen(count, random.Random(seed))
+    differing = set()
+    for experiment, record in runs:
+        result: Remade = remade(experiment, record)
+        print(result.text, flush=True)
+        if not result.same or result.differing:
+            differing.add(experiment.called(record["phase"]))
+    print(f"{len(runs)} runs of {len(archives()) - len(notes)} archives, --seed {seed}")
+    if differing:
+        sys.stderr.write(HOW.format(names=" ".join(sorted(differing))))
+    return 1 if differing else 0
+
+
+def again(names: Iterable[str], jobs: int) -> int:
+    """Make all runs of archives anew; the exit code."""
+    notes = moved()
+    for name in names:
+        experiment, records = read_archive(path_of(name))
+        numbers = [record["number"] for record in records]
+        shipped = experiment.name in experiment_names()
+        if not shipped:
+            sys.stderr.write(f"{name}: no experiment '{experiment.name}' is shipped any more\n")
+            return 1
+        arguments = [experiment.name, "--jobs", str(jobs), "--out", str(ROOT / "build" / name)]
+        arguments += ["--first-seed", str(min(numbers))]
+        arguments += ["--seeds", str(max(numbers) - min(numbers) + 1)]
+        arguments += ["--archive", str(path_of(name)), "--docs", str(EVIDENCE / "experiments.md")]
+        done = subprocess.run([sys.executable, "-m", "sitl", "experiment", *arguments], check=False)  # noqa: S603 - ours
+        if done.returncode:
+            return done.returncode
+        notes.pop(name, None)
+        write_whole(INDEX, index(notes), replace=True)
+    return 0
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=None, help="of the choice of runs")
+    parser.add_argument("--index", action="store_true")
+    parser.add_argument("--again", nargs="+", choices=archives(), metavar="ARCHIVE")
+    parser.add_argument("--jobs", type=int, default=2)
+    arguments = parser.parse_args()
+    if arguments.index:
+        write_whole(INDEX, index(moved()), replace=True)
+        return 0
+    if arguments.again:
+        return again(arguments.again, arguments.jobs)
+    seed = random.SystemRandom().randrange(10**6) if arguments.seed is None else arguments.seed
+    return check(arguments.runs, seed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,6 @@
+# What `sitl.experiment.learning` gives, for type checkers; `__init__.py` says where it is.
+
+from sitl.experiment.learning.decisions import Decision as Decision
+from sitl.experiment.learning.decisions import DecisionRun as DecisionRun
+from sitl.experiment.learning.environment import SeekEnvironment as SeekEnvironment
+from sitl.experiment.learning.environment import environment_of as environment_of
