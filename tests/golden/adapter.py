@@ -250,7 +250,7 @@ def _controller_of_run(run_: Mapping[str, Any], name: str, folder: Path) -> Cont
     settings = _settings_of(run_, folder)
     original = settings.protocol == "original"
     fleet = fleet_of(settings.uavs, settings.ugvs, base=settings.base_station, original=original)
-    return controllers_of(fleet, settings, scenery_of(settings))[name]
+    return controllers_of(fleet, settings, scenery_of(settings, 0))[name]
 
 
 # Recording.

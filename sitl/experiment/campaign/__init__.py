@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = door(
     {
         "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
         "cluster": ("Cluster", "cluster_at"),
-        "journal": ("Journal", "StopClock", "stamp", "utc_now"),
+        "journal": ("Journal", "StopClock"),
         "provenance": ("program",),
         "remaking": ("Remade", "remade", "remakeable"),
         "running": ("make_run", "put_together", "settings_of"),

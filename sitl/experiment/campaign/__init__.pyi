@@ -8,8 +8,6 @@ from sitl.experiment.campaign.cluster import Cluster as Cluster
 from sitl.experiment.campaign.cluster import cluster_at as cluster_at
 from sitl.experiment.campaign.journal import Journal as Journal
 from sitl.experiment.campaign.journal import StopClock as StopClock
-from sitl.experiment.campaign.journal import stamp as stamp
-from sitl.experiment.campaign.journal import utc_now as utc_now
 from sitl.experiment.campaign.provenance import program as program
 from sitl.experiment.campaign.remaking import Remade as Remade
 from sitl.experiment.campaign.remaking import remade as remade

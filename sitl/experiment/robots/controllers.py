@@ -29,7 +29,7 @@ from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
 from sitl.experiment.robots.ferry import Ferry
 from sitl.experiment.robots.node import Fleet
 from sitl.experiment.robots.turns import Nearest, ThreeInTurn
-from sitl.world.towns import Town, generate, load_town, mission_over
+from sitl.world.towns import Town, load_town, mission_over
 
 _DAY: Final = datetime(2026, 6, 1, 12, tzinfo=UTC)
 """When missions are flown: zones that apply at certain times are the same in every run."""
@@ -75,6 +75,8 @@ def scenery_of(settings: RunSettings, seed: int) -> Scenery:
 
 @lru_cache(maxsize=2)
 def _new_town(seed: int, blocks: tuple[int, int], vehicles_per_block: float) -> Town:
+    from sitl.world.towns import generate  # noqa: PLC0415 - loads networkx
+
     count = math.prod(blocks)
     vehicles, starts = round(vehicles_per_block * count), STARTS_PER_BLOCK * count
     return generate(seed, *blocks, goals=vehicles, starts=starts)

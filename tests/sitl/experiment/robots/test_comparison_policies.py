@@ -19,7 +19,7 @@ def heard(places=PLACES, *, now_s=0.0):
     """All met at once, then not any more."""
     targets = TargetList(tuple(places))
     for name, place in places.items():
-        targets.tracks[name].pose_heard(place, 1e9 + now_s, now_s)
+        targets.tracks[name].pose_received(place, 1e9 + now_s, now_s)
         for direction in Direction:
             targets.tracks[name].synced(direction, now_s)
     return targets
@@ -73,7 +73,7 @@ def test_without_ages_a_robot_that_was_just_met_counts_like_the_others():
     targets = heard()
     for direction in Direction:
         targets.tracks["b"].synced(direction, 299.0)
-    targets.tracks["b"].pose_heard(PLACES["b"], 1e9 + 299.0, 299.0)
+    targets.tracks["b"].pose_received(PLACES["b"], 1e9 + 299.0, 299.0)
     tour = first(Tour(), targets)
     blind = first(TourWithoutAges(), targets)
     assert "b" not in {*tour.over, tour.robot}
@@ -82,7 +82,7 @@ def test_without_ages_a_robot_that_was_just_met_counts_like_the_others():
 
 def test_without_paths_a_robot_is_looked_for_where_it_was():
     targets = heard({"a": Point(0, 0)})
-    targets.tracks["a"].path_heard((Point(0, 0), Point(200, 0)), 1e9 + 0.1, 0.0)
+    targets.tracks["a"].path_received((Point(0, 0), Point(200, 0)), 1e9 + 0.1, 0.0)
     context = context_at(60.0, here=(0.0, -50.0))
     assert Tour().place("a", targets, context).position != Point(0, 0)
     place = TourWithoutPaths().place("a", targets, context)
@@ -91,7 +91,7 @@ def test_without_paths_a_robot_is_looked_for_where_it_was():
 
 def test_a_ferry_s_belief_moves_on_along_the_path_and_leaves_where_it_looked_in_vain():
     targets = heard({"a": Point(0, 0)})
-    targets.tracks["a"].path_heard((Point(0, 0), Point(200, 0)), 1e9 + 0.1, 0.0)
+    targets.tracks["a"].path_received((Point(0, 0), Point(200, 0)), 1e9 + 0.1, 0.0)
     ferry = Ferry(reach_m=10.0)
     places = [ferry.place("a", targets, context_at(now_s)) for now_s in (20.0, 90.0)]
     assert places[0].position.east_m < places[1].position.east_m <= 200.0
