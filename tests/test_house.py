@@ -29,6 +29,7 @@ FILE_LINES = 800
 NAMES = 20
 MORE_NAMES = {  # doors with more names, and why
     "mocha_link": "the whole library, for programs that embed it",
+    "air_router.controller.targets": "what a seek policy is made of, ours or another package's",
     "air_router.controller.model": "a vocabulary: each event, action and request is a name",
     "air_router.files": "what any reader needs: JSON, XML and YAML text, the form of a mission",
     "air_router.files.maps": "each format that is read or written is a name",

@@ -10,7 +10,7 @@ the mission. `states.table.STATES` decides when the mission explores, searches a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -62,7 +62,7 @@ from air_router.controller.states import (
     StateHandlers,
     transitions,
 )
-from air_router.controller.targets import Policy, TargetTrack
+from air_router.controller.targets import LinkSample, Policy, TargetTrack
 from air_router.controller.telemetry_handler import TelemetryHandler
 from air_router.mission import FlightPlan, Mission, Waypoint
 from air_router.routing import Router, WaypointGraph
@@ -78,6 +78,7 @@ from air_router.vehicle import (
     Telemetry,
     WrongVehicle,
 )
+from geo.grid import SemanticGrid
 from mocha_link.links import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
 
@@ -90,6 +91,7 @@ class Controller:
         plan: The plan on board, for the autopilot's item numbers; None: made here.
         policy: Chooses the next robot; None: the mission's policy.
         waypoints: Waypoints to explore, in this order; None: the mission's waypoints, once.
+        ground: The vehicle's map, which others paint; for seek policies.
 
     Other rooms use its methods. The attributes are for the tests of this room.
 
@@ -104,7 +106,7 @@ class Controller:
         airspace_update: Changes zones in flight.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a flight may be given
         self,
         setup: FlightSetup,
         router: Router | None = None,
@@ -112,6 +114,7 @@ class Controller:
         *,
         policy: Policy | None = None,
         waypoints: tuple[Waypoint, ...] | None = None,
+        ground: SemanticGrid | None = None,
     ) -> None:
         mission, explore = setup.mission, setup.explore
         router = router if router is not None else Router(WaypointGraph(mission))
@@ -128,7 +131,7 @@ class Controller:
         # A resumed flight may have skipped some waypoints already.
         explored = mission.waypoints if waypoints is None else waypoints
         exploration = self.exploration = Exploration(explored, mission.skipped)
-        self.search = Search(context, navigator, setup, exploration, policy)
+        self.search = Search(context, navigator, setup, exploration, policy, ground=ground)
         states = self.states = StateHandlers(context, gate, navigator, self.search)
         # Monitors, in the order in which they run.
         self._phase = FlightPhase(context, gate)
@@ -340,6 +343,11 @@ class Controller:
     def telemetry(self) -> Telemetry | None:
         """The vehicle's last telemetry; None: none was received yet."""
         return self.context.telemetry
+
+    @property
+    def links(self) -> Sequence[LinkSample]:
+        """The links of this flight that were measured."""
+        return self.search.links.samples
 
     @property
     def in_charge(self) -> bool:

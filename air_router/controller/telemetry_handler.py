@@ -291,6 +291,8 @@ class TelemetryHandler:
         """Remember which waypoints are near."""
         exploration, here = self._exploration, situation.telemetry.position
         exploration.is_at(here)
+        search, altitude_m = self._states.search.search, situation.telemetry.altitude_m
+        search.links.update(here, altitude_m, search.targets, self._context.now_s)
         if math.dist(here, exploration.checked_from) >= exploration.recheck_m:
             exploration.note_nearby(here, self._context.now_s)
         return False

@@ -122,7 +122,7 @@ class Flight:
             name=mission.uav or "",
         )
         recorder.begin(setup, arm=arm, resume=resume, camera=camera)
-        self.controller = Controller(setup, self.router, self._plan)
+        self.controller = Controller(setup, self.router, self._plan, ground=mapper.grid)
         self.stats = FlightStats.of(mission, mapper, seek)
         self.loop = FlightLoop(
             self.controller,

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from air_router.controller import Controller
 from air_router.errors import AirRouterError, ExitCode
+from air_router.gossip import Mapper
 from air_router.record.channels import ABOUT_MOTIONS, RECENT
 from air_router.record.log import Log, RecordEntry
 from air_router.record.serialization import decode, plain_of
@@ -113,13 +114,17 @@ class Replayer:
 
     def __init__(self, controller: Controller | None = None) -> None:
         self.controller = controller
+        self._mapper: Mapper | None = None  # the vehicle's map; None until the setup
         # Recorded motions with the ones decided now: the controller compares motions by identity.
         self._motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
 
     def prepare(self, entry: RecordEntry) -> None:
         """Handle the flight loop's other calls to the controller."""
         if entry.kind == "setup" and self.controller is None:
-            self.controller = Controller(entry.value)
+            self._mapper = Mapper(entry.value.mission)
+            self.controller = Controller(entry.value, ground=self._mapper.grid)
+        elif entry.kind == "patch" and self._mapper:
+            self._mapper.paint(entry.value)
         elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
             self.controller.reacts_within(entry.value.fields["reaction_s"])
         elif entry.kind == "note" and entry.value.name == "HomeBy" and self.controller:
@@ -146,9 +151,11 @@ def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedS
     """Events with their actions, and all other entries, in order.
 
     Events after the release of the vehicle are omitted, as is the last event of a truncated record:
-    its actions may be incomplete.
+    its actions may be incomplete. A patch of the map comes after the event before it, with all of
+    that event's actions.
     """
     current: RecordedStep | None = None
+    patches: list[RecordEntry] = []  # painted since
     left = False
     for entry in entries:
         name = entry.value.name if entry.kind == "note" else entry.kind
@@ -159,8 +166,12 @@ def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedS
             if current is not None and name in {"event", *_TOLD}:
                 yield current
                 current = None
+                yield from patches
+                patches.clear()
             if name == "event":
                 current = RecordedStep(entry.t, entry.value, [])
+            elif name == "patch" and current is not None:
+                patches.append(entry)
             else:
                 left = left or name == "LetGo"
                 yield entry

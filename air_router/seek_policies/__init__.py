@@ -12,6 +12,7 @@ policy decides in milliseconds, by its arguments alone: no clock, file or random
 
 from air_router.controller.targets import (
     Freshest,
+    LinkSample,
     Policy,
     PredictedPath,
     Rendezvous,
@@ -22,12 +23,14 @@ from air_router.controller.targets import (
     TargetList,
     TargetTrack,
     Tour,
+    TourStop,
     policy_of,
 )
 from geo.frame import Point
 
 __all__ = [
     "Freshest",
+    "LinkSample",
     "Point",
     "Policy",
     "PredictedPath",
@@ -39,5 +42,6 @@ __all__ = [
     "TargetList",
     "TargetTrack",
     "Tour",
+    "TourStop",
     "policy_of",
 ]

@@ -123,12 +123,13 @@ class PathLossModel(_Model):
 
     Attributes:
         air: The link between a UAV above the roofs and a robot below. `log_distance`: as between
-            robots on the ground. `umi_av`, `uma_av`: as 3GPP has it, by `sitl.world.air_to_ground`;
-            with these all fading is by place and not by time.
+            robots on the ground. `umi_av`, `uma_av`: as 3GPP has it, by `sitl.world.air_to_ground`.
+            `obstacles`: by the town's own buildings and trees, `sitl.world.obstacles`. With all but
+            the first, fading is by place and not by time.
         carrier_ghz: Frequency of such links.
         shadowing_db: Standard deviation of slow fading; of such links the tables have it.
         building_loss_db_m: Extra loss per metre of building on the line between two robots on the
-            ground; a vehicle above the roofs looks over them.
+            ground; a vehicle above the roofs looks over them, but with `obstacles`.
         most_building_db: No line loses more than this to buildings: waves go around.
         trigger_dbm: At this power a contact begins.
         hysteresis_db: So much weaker it ends.
@@ -141,7 +142,7 @@ class PathLossModel(_Model):
         pull_every_s: Pull again after so long in a contact; None: once per contact.
     """
 
-    air: Literal["log_distance", "umi_av", "uma_av"] = "log_distance"
+    air: Literal["log_distance", "umi_av", "uma_av", "obstacles"] = "log_distance"
     carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
     shadowing_db: AtLeastZero = 4.0
     building_loss_db_m: AtLeastZero = 1.0
@@ -203,6 +204,7 @@ class RunSettings(_Model):
         map_interval_s: A UAV publishes its map so often.
         message_wait: What the paper's waits are compared with, in a calibration.
         telemetry_s: A UAV's controller hears of it so often.
+        link_scores: Models of links are fitted during the run and judged by the links that follow.
     """
 
     town: Path = Path("urban")
@@ -237,6 +239,7 @@ class RunSettings(_Model):
     message_wait: MessageWait = "wait"
     map_interval_s: Positive = 10.0
     telemetry_s: Positive = 0.5
+    link_scores: bool = False
 
 
 def value_of(settings: Mapping[str, Any], key: str) -> Any:

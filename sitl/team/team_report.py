@@ -8,6 +8,7 @@ from mocha_link.store import Message
 from sitl.team.nodes import GroundNodes
 from sitl.team.truth import SimClock
 from sitl.world import World
+from sitl.world.explorers import GroundRobot
 
 
 def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
@@ -96,6 +97,7 @@ def _motion(world: World, name: str) -> dict[str, Any]:
         },
         "driven_m": robot.driven_m,
         "vehicles_seen": len(robot.sightings),
+        **({"errand_s": robot.errand_s} if isinstance(robot, GroundRobot) else {}),
     }
 
 

@@ -5,8 +5,9 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "air_to_ground": ("AirToGround", "HIGHEST_M"),
+        "air_to_ground": ("AirLoss", "AirToGround", "HIGHEST_M"),
         "ground_robots": ("Publication",),
+        "obstacles": ("Obstacles",),
         "radio": ("RadioModel", "TownRadio"),
         "world": ("Reading", "STEP_S", "Step", "Truth", "World"),
         "world_file": ("WorldPlan", "load_world"),

@@ -1,8 +1,10 @@
 # The names of `sitl.world`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.world.air_to_ground import HIGHEST_M as HIGHEST_M
+from sitl.world.air_to_ground import AirLoss as AirLoss
 from sitl.world.air_to_ground import AirToGround as AirToGround
 from sitl.world.ground_robots import Publication as Publication
+from sitl.world.obstacles import Obstacles as Obstacles
 from sitl.world.radio import RadioModel as RadioModel
 from sitl.world.radio import TownRadio as TownRadio
 from sitl.world.world import STEP_S as STEP_S

@@ -16,7 +16,7 @@ import math
 import random
 from collections.abc import Sequence
 from statistics import NormalDist
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -109,6 +109,17 @@ class PlaceField:
         # the cosine of the sum of both
         values: Numbers = np.cos(here) @ np.cos(there).T - np.sin(here) @ np.sin(there).T
         return values * math.sqrt(2 / _WAVES)
+
+
+class AirLoss(Protocol):
+    """What vehicles above the roofs and robots on the ground lose on the way to each other."""
+
+    @property
+    def carrier_ghz(self) -> float:
+        """Frequency."""
+
+    def loss_db(self, air: Numbers, ground: Numbers) -> Numbers:
+        """Loss of all pairs of places, by air and ground; rows are east, north and up in m."""
 
 
 class AirToGround:

@@ -26,8 +26,8 @@ from geo.grid import Terrain
 from sitl.world.air_to_ground import (
     ROOF_M,
     SHADOWING_LIMIT,
+    AirLoss,
     AirScenario,
-    AirToGround,
     Numbers,
     PlaceField,
     free_space_db,
@@ -174,7 +174,7 @@ class TownRadio:
         *,
         building_loss_db_m: float,
         most_building_db: float,
-        air: AirToGround | None = None,
+        air: AirLoss | None = None,
     ) -> None:
         self._radio = radio
         self._raster = raster
@@ -210,7 +210,7 @@ class TownRadio:
         received_dbm[a, b] = received_dbm[b, a] = np.round(rssi_dbm, 6)
         return received_dbm
 
-    def _by_place_dbm(self, air: AirToGround, places: Numbers, away_m: Numbers) -> Numbers:
+    def _by_place_dbm(self, air: AirLoss, places: Numbers, away_m: Numbers) -> Numbers:
         """Power between all robots; of a pair the upper right half counts."""
         radio = self._radio
         low, high = np.flatnonzero(places[:, 2] < ROOF_M), np.flatnonzero(places[:, 2] >= ROOF_M)

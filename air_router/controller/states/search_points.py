@@ -11,9 +11,17 @@ import shapely
 from air_router.controller.model import FlightSetup, Goal, MissionContext
 from air_router.controller.motion import Navigator
 from air_router.controller.states.explore_state import Exploration
-from air_router.controller.targets import Policy, SearchPlace, SeekContext, TargetList, policy_of
+from air_router.controller.targets import (
+    LinkLog,
+    Policy,
+    SearchPlace,
+    SeekContext,
+    TargetList,
+    policy_of,
+)
 from air_router.routing import NoRoute, Way
 from geo.frame import Point
+from geo.grid import SemanticGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +59,11 @@ class Search:
         setup: The robots to seek, in order, and whether the vehicle explores between two searches.
         exploration: The vehicle's position, and where to seek a robot that was never received.
         policy: Chooses the next robot and place; None: the mission's policy.
+        ground: The vehicle's map; None: it maps nothing.
 
     Attributes:
         targets: The robots with their last data.
+        links: Where their radios were received.
         name: This UAV's name. Of two UAVs that seek the same robot, the one with the lower name
             keeps it.
         exploration: Where the vehicle is and was.
@@ -61,20 +71,23 @@ class Search:
         policy: Chooses the next robot and place.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a search depends on
         self,
         context: MissionContext,
         navigator: Navigator,
         setup: FlightSetup,
         exploration: Exploration,
         policy: Policy | None = None,
+        *,
+        ground: SemanticGrid | None = None,
     ) -> None:
         self.name = setup.name
         self.targets = TargetList(setup.seek)
+        self.links = LinkLog()
         self.policy: Policy = (
             policy_of(context.airspace.mission.seek_policy) if policy is None else policy
         )
-        self._context, self._navigator = context, navigator
+        self._context, self._navigator, self._ground = context, navigator, ground
         self.exploration = exploration
         self.to_explore = exploration if setup.explore else None
         timers = context.airspace.mission.timers
@@ -97,6 +110,11 @@ class Search:
     def foresees(self) -> bool:
         """Whether a robot is sought where it will be, so its path matters too."""
         return self.policy.foresees
+
+    @property
+    def hovers(self) -> bool:
+        """Whether the policy also says where to hover while data are exchanged."""
+        return bool(getattr(self.policy, "hovers", False))
 
     @property
     def next_due_s(self) -> float:
@@ -151,6 +169,10 @@ class Search:
             self._straight_s,
             unseen=exploration.longest_unseen().position,
             round_s=self._visit_s + self._explore_s * explores,
+            here=exploration.here,
+            altitude_m=self._context.airspace.mission.altitude_above_home_m,
+            links=self.links.samples,
+            ground=self._ground,
         )
 
     def _flight_s(self, place: Point) -> float:

@@ -198,7 +198,7 @@ class SearchState(StateHandler):
         searching = context.task.state is State.SEARCH
         if robot is None or track is None or track.pose is None or (searching and self._more):
             return Rest("it is not known where the robot is, or others are flown over first")
-        if searching and self.search.foresees:
+        if (searching and self.search.foresees) or self.search.hovers:
             point = self._point(robot)
             hover, offset_m = point.goal, point.offset_m
         else:
@@ -262,6 +262,7 @@ class SearchState(StateHandler):
         track, here = self.search.targets.tracks.get(event.peer), self.search.exploration.here
         if track is None:
             return None
+        self.search.links.contact(event.peer, linked=not isinstance(event, ContactEnded))
         if here is not None:
             track.radio_received(here, self._context.now_s)
         if isinstance(event, SyncEnded) and event.complete:

@@ -1,6 +1,7 @@
 """Which robot to seek next, and where it is and will be."""
 
 from air_router.controller.targets.limits import MOVES_S, SOUGHT_BY_OTHER_S, YIELDS_S
+from air_router.controller.targets.link_log import LinkLog, LinkSample
 from air_router.controller.targets.policies import SeekPolicyError, policy_of
 from air_router.controller.targets.pose_check import PeerRate, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath
@@ -13,6 +14,8 @@ __all__ = [
     "SOUGHT_BY_OTHER_S",
     "YIELDS_S",
     "Freshest",
+    "LinkLog",
+    "LinkSample",
     "PeerRate",
     "Policy",
     "PoseVerdict",

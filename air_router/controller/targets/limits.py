@@ -64,6 +64,17 @@ SET_BACK: Final = 3
 BEFORE_S: Final = 30.0
 """A pose older than the path by this does not show the robot's position on it."""
 
+# For link_log.py
+
+LINK_INTERVAL_S: Final = 2.0
+"""Links are sampled so often: a vehicle of 5 m/s flies 10 m in it, over which a link lasts."""
+
+LINK_POSE_S: Final = 30.0
+"""A pose not older than this says where a robot is: it is off its path by less than `NOISE_M`."""
+
+MOST_LINK_SAMPLES: Final = 2000
+"""So many of the latest are kept: more than an hour of one robot, and evaluated in milliseconds."""
+
 # For tour.py
 
 MOST_STOPS: Final = 3

@@ -94,6 +94,15 @@ class GuardedPolicy:
             self.fault = _text_of(error)
             return False
 
+    @property
+    def hovers(self) -> bool:
+        """As `Policy` has it."""
+        try:
+            return self.fault is None and bool(getattr(self._policy, "hovers", False))
+        except Exception as error:  # noqa: BLE001 - code of others
+            self.fault = _text_of(error)
+            return False
+
     def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
         """As `Policy.order`."""
         if self.fault is None:

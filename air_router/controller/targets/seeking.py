@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
 from air_router.controller.targets.limits import EARLY_SHARE, MEETING_M, RECENT_POSE_S
+from air_router.controller.targets.link_log import LinkSample
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
+from geo.grid import SemanticGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,10 @@ class SeekContext:
         unseen: The waypoint that the vehicle passed longest ago.
         round_s: Time of a round of exploring (while waypoints are left), waiting and communicating,
             without the flight.
+        here: Where the vehicle is; None: it has not flown yet.
+        altitude_m: The mission's altitude above home.
+        links: Where robots' radios were received in this flight, and where they were not.
+        ground: The vehicle's map, for reading only; None: it maps nothing.
     """
 
     now_s: float
@@ -36,6 +42,10 @@ class SeekContext:
     straight_s: Callable[[Point], float]
     unseen: Point
     round_s: float
+    here: Point | None = None
+    altitude_m: float = math.nan
+    links: Sequence[LinkSample] = ()
+    ground: SemanticGrid | None = None
 
 
 @runtime_checkable
@@ -44,6 +54,9 @@ class Policy(Protocol):
 
     A policy is called before each search. A flight must not depend on its state: a flight resumed
     after a restart has a new policy.
+
+    A policy with an attribute `hovers` that is true also chooses, with `place`, where to hover
+    while data are exchanged. Others leave that to the vehicle: over the robot.
     """
 
     @property

@@ -20,6 +20,7 @@ from air_router.files import write_whole
 from air_router.words import counted
 from mocha_link.errors import needs_extra
 from sitl.experiment import Experiment, Record, Row, settings_text, value_of
+from sitl.experiment.analysis.link_prediction import MODELS_SHOWN, calibration, of_links
 from sitl.experiment.analysis.outcome import OUTCOMES, Scenarios, is_of_scenarios
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
@@ -232,6 +233,32 @@ def draw_outcome(experiment: Experiment, records: Sequence[Record]) -> Figure | 
     return figure
 
 
+def draw_links(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """How well models of links predict: calibration, and the Brier score of every run."""
+    runs = of_links(experiment, records)
+    if not runs or not all(run["curves"] for run in runs):
+        return None
+    figure, axes = sheet(
+        2,
+        "Links predicted by the UAV's map, by path loss and by distance",
+        f"{counted(len(runs), 'runs')}, links that no model had seen",
+        high=3.4,
+        one_scale="none",
+    )
+    curves, scores = axes
+    curves.plot([0, 1], [0, 1], color=FAINT, lw=0.8)
+    for (name, label), colour in zip(MODELS_SHOWN.items(), COLOURS, strict=False):
+        expected, seen = calibration(runs, name)
+        curves.plot(expected, seen, color=colour, marker="o", ms=3.5, lw=1.4, label=label)
+        values = np.sort([run["measures"][f"brier_{name.replace(' ', '_')}"] for run in runs])
+        share = (np.arange(len(values)) + 1) / len(values)
+        scores.step([0.0, *values], [0.0, *share], where="post", color=colour, lw=1.6, label=label)
+    curves.set(xlabel="predicted probability", ylabel="share that was there", ylim=(0, 1))
+    scores.set(xlabel="Brier score of a run", ylabel="share of runs", xlim=(0, None), ylim=(0, 1))
+    legend_below(figure)
+    return figure
+
+
 def draw_cost(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
     """Processor time for each robot and simulated second over the size of the team.
 
@@ -348,7 +375,11 @@ _OF_MEASURES: Final[Mapping[str, _Draw]] = {
     "cost": draw_cost,
     "outcome": draw_outcome,
 }
-_OF_CURVES: Final[Mapping[str, _Draw]] = {"goals": draw_goals, "bandwidth": draw_bandwidth}
+_OF_CURVES: Final[Mapping[str, _Draw]] = {
+    "links": draw_links,
+    "goals": draw_goals,
+    "bandwidth": draw_bandwidth,
+}
 """Figures in the order in which to look at them; archives have no curves."""
 
 

@@ -8,11 +8,11 @@ summary.json    the table and the verdicts on the claims, for programs
 
 A document gets it between marks: `<!-- begin NAME WHAT -->` and `<!-- end -->`; NAME is the
 experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, paper,
-claims, fidelity, fit, blind, outcome. So the document can be made again from any runs. Figures go
-beside it, into `images`; tables, rows compared by seeds, the numbers behind claims, settings that
-were fitted, what they predict, and policies compared over scenarios into `NAME-table.csv`,
-`-pairs.csv`, `-claims.csv`, `-draws.csv`, `-cells.csv`, `-policies.csv` and `-strata.csv`, where
-these exist.
+claims, fidelity, fit, blind, outcome, links. So the document can be made again from any runs.
+Figures go beside it, into `images`; tables, rows compared by seeds, the numbers behind claims,
+settings that were fitted, what they predict, and policies compared over scenarios into
+`NAME-table.csv`, `-pairs.csv`, `-claims.csv`, `-draws.csv`, `-cells.csv`, `-policies.csv` and
+`-strata.csv`, where these exist.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
+from sitl.experiment.analysis.link_prediction import links_text
 from sitl.experiment.analysis.outcome import Scenarios, is_of_scenarios, standings, strata, told
 from sitl.experiment.analysis.parquet import write_parquet
 from sitl.experiment.analysis.statistics import Runs
@@ -281,6 +282,7 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
         "paper": tables.nearness(report.lines) if whole else "",
         "fit": report.calibration.told() if report.calibration else "",
         "outcome": told(report.scenarios, experiment.relevant) if report.scenarios else "",
+        "links": links_text(experiment, report.records),
         "blind": report.prediction.told() if report.prediction else "",
         "archive": "" if archive is None else _archive(archive, document, report),
     }

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from mocha_link.node import TIMEOUT_S
 from sitl.experiment import PaperModel, PathLossModel
-from sitl.world import AirToGround, RadioModel, TownRadio
+from sitl.world import AirLoss, AirToGround, Obstacles, RadioModel, TownRadio
 from sitl.world.towns import Town
 
 FULL_RATE_DB: Final = 30.0
@@ -215,12 +215,20 @@ class PathLossChannel(Channel):
             shadowing_db=model.shadowing_db,
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
         )
-        air, ghz = model.air, model.carrier_ghz
+        loss: AirLoss | None = None
+        if model.air == "obstacles":
+            loss = Obstacles(
+                *(town, model.carrier_ghz, seed),
+                building_loss_db_m=model.building_loss_db_m,
+                most_building_db=model.most_building_db,
+            )
+        elif model.air != "log_distance":
+            loss = AirToGround(model.air, model.carrier_ghz, seed)
         self._radio = TownRadio(
             *(radio, town.raster, names, seed),
             building_loss_db_m=model.building_loss_db_m,
             most_building_db=model.most_building_db,
-            air=None if air == "log_distance" else AirToGround(air, ghz, seed),
+            air=loss,
         )
         # All by the numbers of both robots, and the same in both directions:
         self._rssi_dbm = np.full((len(names), len(names)), -np.inf)  # at the last look

@@ -53,6 +53,10 @@ class ChannelSim:
         """Pulls that are under way or wait."""
         return len(self._exchanges)
 
+    def in_contact(self, a: int, b: int) -> bool:
+        """Whether two robots, by their numbers, are in contact now."""
+        return (min(a, b), max(a, b)) in self._contacts
+
     def contacts(self) -> list[ContactInterval]:
         """All contacts so far, in the order of their beginnings."""
         now_s = self._queue.now_s
@@ -135,9 +139,6 @@ class ChannelSim:
         """Who pulls, and from whom."""
         return self._nodes[exchange.link.asking], self._nodes[exchange.link.answering]
 
-    def _in_contact(self, link: Link) -> bool:
-        return (min(link), max(link)) in self._contacts
-
     def _pull(self, link: Link) -> None:
         self._pulled_s[link] = self._queue.now_s
         node = self._nodes[link.asking]
@@ -150,7 +151,7 @@ class ChannelSim:
     def _arm(self, exchange: Exchange) -> None:
         """Have an exchange wait for the channel if it has something to send."""
         link = exchange.link
-        if exchange.over or exchange.start_s is not None or not self._in_contact(link):
+        if exchange.over or exchange.start_s is not None or not self.in_contact(*link):
             return
         while exchange.requests and not any(map(needs_turn, exchange.requests)):
             self._request(exchange, exchange.requests.popleft())
@@ -333,10 +334,10 @@ class ChannelSim:
         self._withdraw(exchange)
         exchange.over = True
         del self._exchanges[exchange.link]
-        if exchange.again and self._in_contact(exchange.link):
+        if exchange.again and self.in_contact(*exchange.link):
             self._queue.at(self._queue.now_s, lambda: self._pull_again(exchange.link))
 
     def _pull_again(self, link: Link) -> None:
-        if link not in self._exchanges and self._in_contact(link):
+        if link not in self._exchanges and self.in_contact(*link):
             self._pull(link)
             self._grant()

@@ -36,6 +36,7 @@ from sitl.experiment.engine.channel import (
 )
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats, ContactInterval
+from sitl.experiment.engine.link_scores import LinkScores
 from sitl.experiment.robots import (
     CAMERA,
     COMMAND_S,
@@ -95,6 +96,7 @@ class Run:
         nodes: Of all robots, by number.
         airtime: What was on the air.
         channel_sim: Connects the nodes.
+        link_scores: Judges models of links; None: that was not asked for.
         travelled_m: How far each robot has come over ground, by number.
         goal_bound_share: At most this share of the goals can be reached, in the mean over time.
         held: What robots held of each other, when it is over.
@@ -128,12 +130,16 @@ class Run:
         who, drawn = (self.town, self.fleet.ugvs, seed), settings.starts == "seed"
         self.robots = Exploration(*who, settings.explorer, drawn_starts=drawn).robots()
         self._starts = [robot.position for robot in self.robots.values()]
+        origin, raster = self.town.frame.origin, self.town.raster
+        painters = {name: MapPainter(origin, raster, CAMERA) for name in self.fleet.uavs}
+        maps = {name: painter.grid for name, painter in painters.items()}
+        made = controllers_of(self.fleet, settings, scenery, policies, maps)
         self.uavs = [
             Uav(
                 *(name, scenery.mission, scenery.plan, settings, self.queue, self.log, controller),
-                MapPainter(self.town.frame.origin, self.town.raster, CAMERA),
+                painters[name],
             )
-            for name, controller in controllers_of(self.fleet, settings, scenery, policies).items()
+            for name, controller in made.items()
         ]
         self.ages = Ages(self.queue)
         for uav in self.uavs:
@@ -156,6 +162,7 @@ class Run:
         elif settings.channel == "path_loss":
             channel = PathLossChannel(settings.path_loss, self.town, self.fleet.names, seed)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
+        self.link_scores = LinkScores(self.channel_sim.in_contact) if settings.link_scores else None
         self._known_sum = 0.0  # of the town in the first UAV's map, 0..1, at each step
         self._known_count = 0  # of these steps
         self._goals: dict[str, Visit] = {}  # first visits, by goal
@@ -248,6 +255,10 @@ class Run:
         self.ages.update()
         self.channel_sim.settle()
         self.channel_sim.update(self._places)
+        if self.link_scores is not None:
+            ground = {name: self._numbers[name] for name in self.robots}
+            flown = {self._numbers[uav.name]: uav for uav in self.uavs if uav.flies}
+            self.link_scores.update(now_s, flown, ground, self._places)
 
     def _locate(self, uav: Uav) -> None:
         self._places[self._numbers[uav.name]] = (

@@ -127,10 +127,11 @@ class WorldRun:
         )
         flight_plan, router = FlightPlan.of(mission), Router(WaypointGraph(mission))
         setup = FlightSetup(mission, mission.seek or roles.ground, name=roles.vehicles[0])
+        painter = MapPainter(mission.frame.origin, self._world.raster, plan.camera)
         self.uav = uav = Uav(
             *(roles.vehicles[0], mission, flight_plan, settings, queue, log),
-            Controller(setup, router, flight_plan),
-            MapPainter(mission.frame.origin, self._world.raster, plan.camera),
+            Controller(setup, router, flight_plan, ground=painter.grid),
+            painter,
         )
         uav.node = Node(0, uav.name, team, queue, triggered=True, publish=uav.say, hear=uav.hear)
         self.nodes = {uav.name: uav.node}

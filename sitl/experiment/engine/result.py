@@ -59,9 +59,12 @@ def measured(run: Run) -> dict[str, float | int | None]:
         "contact_median_s": _or_none(np.median, contacts_s),
         "busiest_tenth_percent": _share_percent(busy[: len(busy) // 10].sum(), busy.sum()),
         "silent_percent": _share_percent((busy == 0).sum(), len(busy)),
+        "delivered_MB": _delivered_bytes(run) / 1e6,
+        **(run.link_scores.measures() if run.link_scores else {}),
         **_ages(run),
         "map_known_percent": 100 * run.uavs[0].painter.known_share if run.uavs else 0.0,
         "map_area_percent": 100 * run.map_known_share,
+        "errand_percent": _errand_percent(run),
         "driven_km": _way_m(run, "ugv") / 1e3,
         "flown_km": _way_m(run, "uav") / 1e3,
         "decisions": run.log.actions,
@@ -81,7 +84,26 @@ def curves(run: Run) -> dict[str, Any]:
             [*pair, mean_age_s(held, duration_s), peak_age_s(held, duration_s)]
             for pair, held in run.held.items()
         ],
+        **({"links": run.link_scores.bins()} if run.link_scores else {}),
     }
+
+
+def _errand_percent(run: Run) -> float | None:
+    """The share of robots' time that their policy had them elsewhere; None: none has a policy."""
+    if run.settings.explorer.policy is None or not run.robots:
+        return None
+    spent_s = sum(robot.errand_s for robot in run.robots.values())
+    return 100 * spent_s / (len(run.robots) * run.settings.duration_s)
+
+
+def _delivered_bytes(run: Run) -> int:
+    """Bytes of data that arrived whole over links of UAVs, either way."""
+    uavs = {number for number, kind in enumerate(run.fleet.kinds) if kind == "uav"}
+    return sum(
+        sent.bytes
+        for sent in run.airtime.transmissions
+        if sent.complete and sent.stage == Stage.DATA and {sent.asking, sent.answering} & uavs
+    )
 
 
 _COUNTED: Final = {"": tuple(Stage), "data_": (Stage.DATA,), "header_": (Stage.HEADER,)}

@@ -22,6 +22,7 @@ from air_router.controller.targets import Policy, Rendezvous, Tour
 from air_router.files import Timers
 from air_router.mission import FlightPlan, Mission, checked, read_placed
 from air_router.routing import Router, WaypointGraph
+from geo.grid import SemanticGrid
 from sitl.experiment import OFF_BOARD, RunSettings
 from sitl.experiment.robots.ablations import TourOfOne, TourWithoutAges, TourWithoutPaths
 from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
@@ -119,10 +120,15 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
 
 
 NO_POLICIES: Final[Mapping[str, Policy]] = MappingProxyType({})
+NO_MAPS: Final[Mapping[str, SemanticGrid]] = MappingProxyType({})
 
 
 def controllers_of(
-    fleet: Fleet, settings: RunSettings, scenery: Scenery, own: Mapping[str, Policy] = NO_POLICIES
+    fleet: Fleet,
+    settings: RunSettings,
+    scenery: Scenery,
+    own: Mapping[str, Policy] = NO_POLICIES,
+    maps: Mapping[str, SemanticGrid] = NO_MAPS,
 ) -> dict[str, Controller]:
     """The controllers of a run's UAVs: the first explores and searches, the others only search.
 
@@ -131,6 +137,7 @@ def controllers_of(
         settings: Of the run.
         scenery: Where it flies.
         own: Policies of UAVs, by name, in the place of that of the settings.
+        maps: What each UAV maps, by name; painted as it flies.
     """
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
@@ -162,6 +169,7 @@ def controllers_of(
             scenery.plan,
             policy=own[setup.name] if setup.name in own else made(),  # each UAV has its own
             waypoints=waypoints,
+            ground=maps.get(setup.name),
         )
         for setup in setups
     }

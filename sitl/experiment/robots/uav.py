@@ -7,6 +7,7 @@ sent a moment later and looked at again before they leave.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -25,6 +26,7 @@ from air_router.controller.model import (
     Seeking,
     StateChanged,
 )
+from air_router.controller.targets import LinkSample
 from air_router.gossip import TeamMessageDecoder
 from air_router.messages import MAP_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage, SeekMessage
 from air_router.mission import FlightPlan, Mission
@@ -137,6 +139,16 @@ class Uav:
         """Where it flew to last, in whole degrees clockwise from north."""
         east, north = self.flyer.direction
         return float(round(math.degrees(math.atan2(east, north))) % 360)
+
+    @property
+    def flies(self) -> bool:
+        """Whether it is so high that it sees and is received from above."""
+        return self.flyer.altitude_m >= self.painter.camera.min_height_m and not self.flyer.landed
+
+    @property
+    def links(self) -> Sequence[LinkSample]:
+        """The links that its controller has measured."""
+        return self.controller.links
 
     def tick(self) -> None:
         """Fly on, and pass telemetry to the controller."""

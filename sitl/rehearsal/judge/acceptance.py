@@ -102,9 +102,7 @@ ACCEPTED: Final = MappingProxyType(
             ),
             _HOME,
         ),
-        "JUMPING_POSES": _row(
-            End.LANDED, announcement="the position of [a-z]+ jumped .*: it is not followed"
-        ),
+        "JUMPING_POSES": _row(End.LANDED, announcement="the position of [a-z]+ jumped .*: ignored"),
         # Unusual values are read correctly, false ones are not believed, requests are carried out.
         **dict.fromkeys(
             (

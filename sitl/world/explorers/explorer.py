@@ -71,6 +71,7 @@ class GroundRobot:
         position: Where it is.
         heading_deg: Clockwise from north.
         driven_m: Metres driven so far.
+        errand_s: For so long it drove where its policy had it, or waited there.
         sightings: Vehicles that it has recognised itself, in order.
         visited: Goals reached, in order; each id at most once per robot.
         unmapped: Vehicles that it does not recognise on maps.
@@ -92,7 +93,7 @@ class GroundRobot:
         self.settings = settings
         self.position = start
         self.heading_deg = 0.0
-        self.driven_m = 0.0
+        self.driven_m = self.errand_s = 0.0
         self.sightings: list[Point] = []
         self.unmapped: Sequence[Point] = ()
         self.policy = None if settings.policy is None else robot_policy_of(settings.policy)
@@ -129,6 +130,7 @@ class GroundRobot:
             self._enter(self.town.lattice.cell(self.position))
         else:
             self._drive(now_s - self._now_s, now_s)
+            self.errand_s += (now_s - self._now_s) * (self._errand is not None)
         self._now_s = now_s
         if self.book.current is not None and now_s > self._deadline_s:
             self._leave(now_s, failed=True)

@@ -1,6 +1,7 @@
 """A recorded flight decides the same again; one that would not is told where and how."""
 
 import dataclasses
+import itertools
 import json
 import math
 import os
@@ -10,20 +11,25 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from air_router.cli.cli import main
+from air_router.controller import Controller
 from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
+from air_router.controller.targets.seeking import RoundRobin
+from air_router.gossip import RESOLUTION_M, Mapper
 from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder, record_of
 from air_router.record.replay import CONTEXT, ReplayError, replay_record
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
+from geo.grid import GridPatch
 from mocha_link.cli import Options
 
 ROOT = Path(__file__).parents[3]
@@ -88,6 +94,46 @@ def test_a_flight_decides_the_same_again_in_another_process(flown):
     told = json.loads(done.stdout)
     assert (told["same"], told["difference"], told["ending"]) == (True, None, None)
     assert told["actions"] > 20
+
+
+class ByMap(RoundRobin):
+    """Announces what is mapped so far."""
+
+    def order(self, targets, context):
+        mapped = f"{context.ground.known_cells} cells are mapped"
+        return [dataclasses.replace(p, reason=mapped) for p in super().order(targets, context)]
+
+
+def test_a_policy_that_reads_the_map_has_the_same_map_again(pretend, pennovation, tmp_path):
+    timers = dataclasses.replace(pennovation.timers, init_s=5.0, explore_s=10.0, search_s=5.0)
+    own = {"timers": timers, "duration_s": 90.0, "seek_policy": f"{__name__}:ByMap"}
+    flight, mapper = pretend(**own, **SETUP), Mapper(pennovation)
+    setup = FlightSetup(flight.mission, **SETUP)
+    flight.controller = Controller(setup, flight.router, flight.plan, ground=mapper.grid)
+    handle, seen = flight.controller.handle, itertools.count()
+    with Recorder(tmp_path, "m", unix_s=lambda: 1.7e9) as recorder:
+        recorder.begin(setup)
+
+        def recorded(event, now_s):
+            recorder.event(event, now_s)
+            actions = handle(event, now_s)
+            recorder.actions(actions, now_s)
+            west_m = RESOLUTION_M * (next(seen) % 100)
+            patch = GridPatch(west_m, 0.0, RESOLUTION_M, np.ones((1, 1), dtype=np.uint8)).encode()
+            mapper.paint(patch)
+            recorder.patch(patch, now_s)
+            return actions
+
+        flight.controller.handle = recorded
+        flight.take_off()
+        flight.fly_until(lambda: flight.finished is not None, 400.0)
+        recorder.note("LetGo", flight.now_s, {})
+    entries = list(Log(recorder.path))
+    announced = [str(entry.value) for entry in entries if entry.kind == "action"]
+    assert any("cells are mapped" in text for text in announced)
+    assert replay_record(entries).difference is None
+    blind = [entry for entry in entries if entry.kind != "patch"]
+    assert replay_record(blind).difference is not None
 
 
 def test_the_first_difference_is_told_with_what_was_before(flown, capsys):

@@ -42,6 +42,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
             broken=team // 3,
         ),
         channel_sim=SimpleNamespace(open=1),
+        link_scores=None,
         contacts=_contacts(chance, team, duration_s),
         uavs=[uav] * settings.uavs,
         held=_held(chance, robots, kinds, duration_s),

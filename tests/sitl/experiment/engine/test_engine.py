@@ -350,3 +350,50 @@ def test_robots_share_goals_and_one_alone_has_a_way_between_them(street):
         20.0 / (first_m + 20.0) / 2, abs=0.03
     )
     assert goal_bound_share(street, [], AT_ONE_M_S, 400.0) == 0.0
+
+
+class TestLinkScores:
+    SETTINGS = RunSettings(
+        blocks=(3, 3),
+        ugvs=3,
+        base_station=False,
+        protocol="ours",
+        channel="path_loss",
+        path_loss=PathLossModel(air="obstacles", trigger_dbm=-62.0),
+        uav_altitude_m=40.0,
+        duration_s=400.0,
+        link_scores=True,
+        policy="link_tour",
+    )
+
+    def test_models_are_judged_by_links_that_they_have_not_seen(self):
+        made = run(self.SETTINGS)
+        found = measured(made)
+        names = ("constant", "distance", "path_loss", "semantic_map")
+        times = (400 - 120) // 5
+        assert found["links_scored"] == 3 * times
+        assert 0 < found["linked_percent"] < 100
+        for name in names:
+            assert 0 < found[f"brier_{name}"] < 1
+            assert 0 < found[f"log_loss_{name}"] < 7
+        assert found["brier_semantic_map"] < found["brier_constant"]
+        bins = made.link_scores.bins()
+        for rows in bins.values():
+            assert sum(count for count, _, _ in rows) == found["links_scored"]
+            assert all(seen <= count for count, _, seen in rows)
+
+    def test_judging_changes_nothing_else_of_a_run(self):
+        with_scores, without = (
+            measured(run(but(self.SETTINGS, link_scores=each))) for each in (True, False)
+        )
+        assert "brier_constant" not in without
+        kept = {"sent_MB", "contacts", "goals_found", "delivered_MB", "decisions"}
+        assert {key: with_scores[key] for key in kept} == {key: without[key] for key in kept}
+        assert 0 < without["delivered_MB"] <= without["sent_MB"]
+
+    def test_a_town_s_obstacles_are_in_the_channel(self):
+        hidden, free = (
+            measured(run(but(self.SETTINGS, path_loss=PathLossModel(air=air, trigger_dbm=-62.0))))
+            for air in ("obstacles", "log_distance")
+        )
+        assert hidden["linked_percent"] != free["linked_percent"]
