@@ -41,6 +41,7 @@ NOT_HERE = {  # patterns of lines, and why or where else
     r"air-router watch": "flights elsewhere: tests/air_router/live",
     r"air-router (replay|report)": "a record: walk_tutorial.py, tests/air_router/record",
     r"sitl experiment (?!--list)": "minutes to hours: tests/sitl/experiment runs small ones",
+    r"sitl leaderboard|my_policy": "tests/sitl/experiment",
     r"sitl rehearse (?!.*--fault)": "minutes: `make rehearse`",
     r"sitl (conform$|conform --json)": "all conversations: tests/sitl/conformance",
     r"air-router new|--rover": "tests/system/test_rovers.py",
