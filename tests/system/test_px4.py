@@ -195,7 +195,7 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
 
 def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
     run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed", Severity.INFO))
-    assert "was not told 'zones changed': no vehicle is connected yet" in caplog.text
+    assert "'zones changed' was not sent: no vehicle is connected yet" in caplog.text
 
 
 def test_no_answer(mission, udp_port, monkeypatch):

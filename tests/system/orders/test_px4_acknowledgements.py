@@ -372,7 +372,7 @@ def test_a_vehicle_that_is_disarmed_as_soon_as_it_was_armed_is_not_armed_again(r
 
 @pytest.mark.parametrize("answer", [silent, deaf])
 def test_an_arming_that_is_not_answered_is_not_repeated(run, answer):
-    assert run(answer, refuses("does not show"), **STANDING).commands() == ARM
+    assert run(answer, refuses("the vehicle stays in Hold mode"), **STANDING).commands() == ARM
 
 
 def test_an_arming_that_shows_needs_no_answer(run):
