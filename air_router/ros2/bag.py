@@ -14,15 +14,12 @@ from mcap.writer import CompressionType, Writer
 
 from air_router.control import View
 from air_router.flight import FlightStats, FlightView, situation
-from air_router.gossip import MAP_INTERVAL_S
 from air_router.live import RecordedFlight
 from air_router.record import RecordEntry
 from air_router.ros2.messages import TOPICS, OutgoingMessage, Scene
+from air_router.ros2.sampler import POLL_S, Sampler
 from mocha_link.bridges import channel
 from mocha_link.ros import RosCodec, RosTypes
-
-POSE_S, TEAM_S = 0.2, 1.0
-"""Seconds between two messages of the vehicle, and of its team."""
 
 _PROFILE, _SCHEMA, _MESSAGE = "ros2", "ros2msg", "cdr"
 
@@ -96,29 +93,18 @@ def _messages(
     mission = flight.router().graph.mission
     stats = FlightStats.of(mission, flight.mapper, flight.status().targets)
     view = FlightView(mission, flight.status, flight.router, stats)
-    scene = Scene(name, mission.frame.origin)
-    revision, cells = 0, 0
-    team_s = map_s = -math.inf
-    steps = math.floor((flight.end_s - flight.begin_s) / POSE_S) + 1
+    sampler = Sampler(
+        Scene(name, mission.frame.origin),
+        lambda what: view.fields_for(View.model_validate({"request": "view", what: True})),
+    )
+    steps = math.floor((flight.end_s - flight.begin_s) / POLL_S) + 1
     for step in range(steps):
-        now_s = flight.begin_s + step * POSE_S
+        now_s = flight.begin_s + step * POLL_S
         while not flight.go_on(now_s, stats):
             pass
         fields: dict[str, Any] = {
             **situation(mission.frame, flight.status(), None),
             **view.fields_for(View(request="view")),
         }
-        unix_s = epoch_s + now_s
-        for message in scene.vehicle(fields, unix_s):
+        for message in sampler.messages(fields, epoch_s + now_s):
             yield now_s, message
-        if now_s - team_s < TEAM_S:
-            continue
-        team_s = now_s
-        yield now_s, scene.team(fields)
-        yield now_s, scene.diagnostics(fields, unix_s)
-        if fields["areas_revision"] != revision:
-            revision = fields["areas_revision"]
-            yield now_s, scene.areas(view.fields_for(View(request="view", areas=True))["areas"])
-        if fields["known_cells"] != cells and now_s - map_s >= MAP_INTERVAL_S:
-            map_s, cells = now_s, fields["known_cells"]
-            yield now_s, scene.map(view.fields_for(View(request="view", map=True))["map"], unix_s)

@@ -8,7 +8,7 @@ import json
 import math
 import queue
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
@@ -22,17 +22,11 @@ from air_router.control import (
 from air_router.errors import AirRouterError
 from air_router.ros2 import actions, messages
 from air_router.ros2.actions import ActionServer, Answer
-from air_router.ros2.messages import TOPICS, OutgoingMessage, Scene, Values
+from air_router.ros2.messages import TOPICS, Scene, Values
 from air_router.ros2.ros_graph import RosGraph
+from air_router.ros2.sampler import POLL_S, Sampler
 from mocha_link.bridges import channel
 from mocha_link.errors import RequestError
-
-POLL_S: Final = 0.2
-SLOW_POLLS: Final = 5
-"""Polls between two messages about what changes slowly."""
-
-MAP_POLLS: Final = 5 * SLOW_POLLS
-"""Of the map, which takes the flight's time: as often as robots are given it."""
 
 _MOST_WAITING: Final = 100
 """Requests of ROS programs that wait for their turn; more are refused."""
@@ -76,8 +70,7 @@ class Ros2Bridge:
         self._name = ""  # the flight's; empty: none was found yet
         self._scene: Scene  # of the flight found last
         self._view: dict[str, Any] = {}  # the newest answer to `view`
-        self._polls = 0  # large things are polled less often
-        self._seen: dict[str, int] = {}  # revisions published last
+        self._sampler: Sampler  # of the same flight
         self._actions: dict[str, ActionServer] = {}  # by name
         self._silent = False  # the operator knows that the flight does not answer
 
@@ -102,7 +95,8 @@ class Ros2Bridge:
         try:
             view = self._newest_view()
             now_s = self._unix_s()
-            for out in (*self._scene.vehicle(view, now_s), *self._slow(view, now_s)):
+            self._feed(view)
+            for out in self._sampler.messages(view, now_s):
                 self._publish(*out)
         except (ControlUnreachableError, ControlError) as error:
             self._is_silent(str(error))
@@ -115,22 +109,6 @@ class Ros2Bridge:
             action.goals.follow(view["changes"])
             action.publish()
         return view
-
-    def _slow(self, view: dict[str, Any], now_s: float) -> Iterator[OutgoingMessage]:
-        self._polls += 1
-        if self._polls % SLOW_POLLS != 1:
-            return
-        self._feed(view)
-        yield self._scene.team(view)
-        yield self._scene.diagnostics(view, now_s)
-        if self._seen.get("areas") != view["areas_revision"]:
-            answer = self._client.request({"request": "view", "areas": True})
-            self._seen["areas"] = answer["areas_revision"]
-            yield self._scene.areas(answer["areas"])
-        if self._polls % MAP_POLLS == 1 and self._seen.get("cells") != view["known_cells"]:
-            answer = self._client.request({"request": "view", "map": True})
-            self._seen["cells"] = answer["known_cells"]
-            yield self._scene.map(answer["map"], now_s)
 
     def _feed(self, view: dict[str, Any]) -> None:
         """Give the actions their feedback."""
@@ -161,17 +139,23 @@ class Ros2Bridge:
             raise AnotherVehicleError(f"{name} flies there now, not {self._name}; start anew")
         if not self._name:
             self._name = name
-            self._scene = Scene(name, view["origin"])
+            self._show(view)
             self._offer()
             self._say(f"ready: /{name} is on ROS 2")
         elif self._silent:
             self._say("the flight answers again")
         self._silent = False
         if self._view and _number(view) < _number(self._view):
-            self._seen.clear()
-            self._scene = Scene(name, view["origin"])
+            self._show(view)
             for action in self._actions.values():
                 action.goals.abort("that flight has ended")
+
+    def _show(self, view: dict[str, Any]) -> None:
+        """Another flight begins: everything is published anew."""
+        self._scene = Scene(self._name, view["origin"])
+        self._sampler = Sampler(
+            self._scene, lambda what: self._client.request({"request": "view", what: True})
+        )
 
     # Requests of ROS programs.
 

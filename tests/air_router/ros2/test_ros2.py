@@ -34,9 +34,10 @@ from air_router.flight.flight_loop import CommandService
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.gossip.mapper import Mapper
-from air_router.ros2.bridge import MAP_POLLS, AnotherVehicleError, Ros2Bridge
+from air_router.ros2.bridge import AnotherVehicleError, Ros2Bridge
 from air_router.ros2.messages import TOPICS, Scene
 from air_router.ros2.ros_graph import RosGraph
+from air_router.ros2.sampler import MAP_POLLS
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.bridges.dds import DdsTypes
