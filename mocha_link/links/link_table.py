@@ -213,18 +213,21 @@ class LinkTable:
         if why is not None and link.is_to_be_reminded(now):
             NodeLog(me, peer).warning("%s: %s", me, why)
 
-    def duplicate(self, me: str, peer: str, now: Instant, *, ours: bool) -> None:
-        """Two processes run as a peer, or (`ours`) as `me` by what the peer says."""
+    def duplicate(self, me: str, peer: str, now: Instant, robot: str | None) -> None:
+        """Take in as which robot two processes run: the peer, or `me` by the peer's report.
+
+        None: as neither, or not any more.
+        """
         link = self._links[peer]
-        link.metrics = replace(link.metrics, duplicate=True)
-        if link.is_to_be_reminded(now):
-            robot = me if ours else peer
+        if link.metrics.duplicate != (robot is not None):
+            link.metrics = replace(link.metrics, duplicate=robot is not None)
+        if robot is not None and link.is_to_be_reminded(now):
             NodeLog(me, peer).warning(
                 "%s: two processes run as %s, by their boot ids%s; end one, or give each robot its "
                 "own name",
                 me,
                 robot,
-                f" (so {peer} says)" if ours else "",
+                f" (so {peer} reports)" if robot == me else "",
             )
 
     def measure(

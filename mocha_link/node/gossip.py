@@ -371,8 +371,8 @@ class Gossip:
             self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
         elif link.differs:
             self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
-        if peer.duplicate or peer.duplicated:
-            self._link_table.duplicate(self.me.name, peer.name, now, ours=peer.duplicated)
+        twice = peer.name if peer.duplicate else self.me.name if peer.duplicated else None
+        self._link_table.duplicate(self.me.name, peer.name, now, twice)
         for event in peer.events:
             self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:

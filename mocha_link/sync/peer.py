@@ -42,6 +42,7 @@ MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer too
 RETRY_EVERY = 8  # then they are tried again only so often
 _TOKENS = 3  # address tokens that are good at the same time
 _BOOT_IDS = 8  # that are remembered: a process that was replaced does not come back
+_ALONE = 16  # openings of one process in a row: no second one runs any more
 _BEGUN_BYTES = 64 * 1024 * 1024
 
 GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
@@ -134,6 +135,7 @@ class Peer:
         self._address_tokens: deque[int] = deque(maxlen=_TOKENS)  # given to it, the newest last
         self._boot_id: int | None = None  # of its process; another one: it has forgotten
         self._past_boot_ids: deque[int] = deque(maxlen=_BOOT_IDS)
+        self._in_a_row = 0  # openings of its present process
         self._agreed: frozenset[int] | None = None  # topic keys that are exchanged; None: all
         self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
         self._begun: dict[int, Record] = {}  # given in part, by message id
@@ -243,7 +245,10 @@ class Peer:
     def met(self, boot_id: int) -> None:
         """The peer reported its boot id; a new one clears what it held."""
         if boot_id == self._boot_id:
+            self._in_a_row += 1
+            self.duplicate = self.duplicate and self._in_a_row < _ALONE
             return
+        self._in_a_row = 1
         self._held.clear()
         self.restarted = self._boot_id is not None
         if boot_id != TRIAL_BOOT_ID:

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.fleet.network_sim import NetworkSim, team_of
 from mocha_link.links.link_table import REMIND_S
 from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
+from mocha_link.node.gossip import Gossip
 from mocha_link.store.trust import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync.protocol import Send
@@ -173,6 +174,21 @@ def test_two_processes_of_a_robot_are_known_by_their_boot_ids(caplog):
     said = [r.message for r in caplog.records if "two processes run as b" in r.message]
     assert {line.partition(":")[0] for line in said} == {"a", "b"}
     assert len([line for line in said if line.startswith("a:")]) == 1
+    for _ in range(20):  # one of them was ended
+        field.pull("b", "a")
+    assert not field.nodes["a"].links(field.now)["b"].duplicate
+    assert not field.nodes["b"].links(field.now)["a"].duplicate
+
+
+def test_a_trial_beside_the_node_is_no_second_process():
+    """As `mocha-link doctor` makes one."""
+    field = Field(TEAM)
+    own = field.nodes["b"]
+    trial = Gossip(TEAM, "b", by_timer=True, trial=True)
+    for each in (own, trial, own, trial, own):
+        field.become("b", each)
+        field.pull("b", "a")
+    assert not field.nodes["a"].links(field.now)["b"].duplicate
 
 
 def test_restarts_are_no_duplicates():
