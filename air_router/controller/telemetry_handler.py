@@ -382,7 +382,7 @@ FINDINGS: Final = (
         TelemetryHandler.fallen,
         TelemetryHandler.announce_fallen,
         "an alarm; nothing is commanded",
-        "no command can help, whoever flies it",
+        "no command of the pilot or the companion can help",
     ),
     Finding(
         "TAKEN",

@@ -1,4 +1,4 @@
-"""Host names become addresses in threads of their own: a name server that hangs holds up nobody."""
+"""Host names become addresses in threads of their own: a name server that hangs delays no peer."""
 
 from __future__ import annotations
 

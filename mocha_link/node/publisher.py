@@ -98,7 +98,7 @@ class Publisher:
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
         latest_ms = wire.latest_ms(now_s)
         if newest is not None and is_void(newest.stamp_ms, latest_ms):
-            newest = None  # our clock was wrong by more than a century: nobody takes that message,
+            newest = None  # our clock was wrong by more than a century: no node takes that message,
         if last_ms is not None and is_void(last_ms, latest_ms):
             last_ms = None  # nor any later one
         if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):

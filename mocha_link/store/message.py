@@ -87,7 +87,7 @@ class Message:
 
 
 def as_bytes(data: bytes, topic: str) -> bytes:
-    """The payload of a message as bytes, which nobody can change any more.
+    """The payload of a message as bytes, which the caller cannot change any more.
 
     Args:
         data: bytes, a bytearray or a memoryview; other objects with a buffer, e.g. numpy arrays,

@@ -30,8 +30,8 @@ class Puller:
     """Pulls from one peer on request, and stores the messages that it pushes.
 
     After a complete pull the node *follows* the peer: the peer pushes what it stores on the same
-    connection. The next pull goes on over a connection that stands, whoever has opened it; of two
-    that stand the robot whose name sorts last leaves its own.
+    connection. The next pull goes on over a connection that stands, whichever node opened it; of
+    two that stand the robot whose name sorts last leaves its own.
 
     Attributes:
         pull: the one under way, if any.

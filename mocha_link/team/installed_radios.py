@@ -21,7 +21,7 @@ def registered() -> dict[str, EntryPoint]:
 
 
 def radios_of_others(ours: Container[str]) -> dict[str, EntryPoint]:
-    """The entry points by scheme, without those of our schemes, whoever has them.
+    """The entry points by scheme, without our schemes, even if another package registers one.
 
     Args:
         ours: the schemes of mocha_link's own radios.

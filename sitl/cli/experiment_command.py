@@ -168,9 +168,7 @@ def run_with(
     with run_log(folder, fresh=arguments.fresh) as log:
         campaign = Campaign(experiment, rows, numbers, log.records, folder)
         if try_out is not None:
-            for task in {task.row.label: task for task in campaign.missing}.values():
-                status.show(partial("putting a run of '{}' together".format, task.row.label))
-                try_out(task)
+            campaign.try_out(try_out, status)
         if arguments.fresh:
             log.clear()
         journal = Journal(folder)

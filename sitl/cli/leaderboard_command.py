@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import click
@@ -16,7 +16,7 @@ from air_router.files import known_policy
 from air_router.flight import StatusLine
 from mocha_link.cli import PATH, Options, Parsed, command, option
 from sitl.cli.experiment_command import count, terminated
-from sitl.experiment import OFF_BOARD, Experiment
+from sitl.experiment import OFF_BOARD, Experiment, Task
 from sitl.experiment.campaign import Campaign, RunLog, Work, cluster_at, make_runs, run_log
 
 _EPILOG = """\
@@ -68,13 +68,15 @@ def _policy(text: str) -> str:
 @option("--json", is_flag=True, help="one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Fly the test set, and print the table."""
-    from sitl.experiment.campaign import make_run  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.campaign import make_run, put_together  # noqa: PLC0415 - only with SciPy
 
-    return run_with(arguments, make_run)
+    return run_with(arguments, make_run, put_together)
 
 
-def run_with(arguments: Options, work: Work) -> int:
-    """The command, with the function that makes one run."""
+def run_with(
+    arguments: Options, work: Work, try_out: Callable[[Task], object] | None = None
+) -> int:
+    """The command, with the function that makes one run, and the one that checks for it."""
     from sitl.experiment.board import BASELINE, entries, frozen_set  # noqa: PLC0415 - with SciPy
 
     test_set = frozen_set()
@@ -84,6 +86,8 @@ def run_with(arguments: Options, work: Work) -> int:
     folder = Path(arguments.out)
     with run_log(folder, fresh=arguments.fresh) as log:
         campaign = Campaign(experiment, experiment.rows, numbers, log.records, folder)
+        if try_out is not None:
+            campaign.try_out(try_out, StatusLine())
         if arguments.fresh:
             log.clear()
         try:

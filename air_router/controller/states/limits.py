@@ -35,7 +35,7 @@ ANNOUNCE_AGAIN_S: Final = 30.0
 """Interval of repeated announcements that there is no way home."""
 
 NAMED: Final = 3
-"""Number of walls named in an announcement; nobody reads more in flight."""
+"""Number of walls named in an announcement; a pilot reads no more in flight."""
 
 # For search_state.py
 

@@ -43,8 +43,12 @@ def _class_of(name: str) -> object:
         return entry.load()
     except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others
         package = "" if entry.dist is None else f" of the package '{entry.dist.name}'"
+        remedy = ""
+        if isinstance(error, ModuleNotFoundError):
+            remedy = "; install it, or add its folder to PYTHONPATH"
         raise SeekPolicyError(
             f"the seek policy '{sanitize(name)}'{package} cannot be loaded: {_text_of(error)}"
+            f"{remedy}"
         ) from None
 
 

@@ -116,6 +116,12 @@ class Campaign:
         keys = [(row.label, number) for row in self._rows for number in self._numbers]
         return [self._finished[key] for key in keys if key in self._finished]
 
+    def try_out(self, try_out: Callable[[Task], object], status: StatusLine) -> None:
+        """Try one missing run of each row, before many are begun; `try_out` raises its errors."""
+        for task in {task.row.label: task for task in self.missing}.values():
+            status.show(partial("putting a run of '{}' together".format, task.row.label))
+            try_out(task)
+
     def run(self, outcomes: Outcomes, keep: Callable[[Record], None], status: StatusLine) -> None:
         """Take the missing runs as they are made, and `keep` each at once."""
         count, done, began_s = len(self.missing), 0, time.monotonic()

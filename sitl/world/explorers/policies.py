@@ -60,7 +60,7 @@ class RobotView:
         goals: Goals that it knows and that no robot has claimed or visited, nearest first.
         way_m: How long its way to a place is over the ground that it knows; infinite: none leads
             there. The first call of a decision takes milliseconds.
-        received: The newest message of each robot and topic, by both, whoever carried it.
+        received: The newest message of each robot and topic, by both, whichever robot carried it.
     """
 
     name: str

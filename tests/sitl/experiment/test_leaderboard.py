@@ -6,10 +6,12 @@ import json
 import made_up
 import pytest
 
+from air_router.controller.targets import SeekPolicyError
 from air_router.errors import ExitCode
 from sitl.cli import leaderboard_command as command
 from sitl.experiment.board import board, testset
 from sitl.experiment.board.testset import ChangedSetError, entries, frozen_set
+from sitl.experiment.campaign import put_together
 from tests.command_lines import options_for
 from tests.distributions import ROOT
 
@@ -130,3 +132,13 @@ def test_more_goals_come_first(tmp_path):
     assert path.read_text() == (ROOT / "docs" / "evidence" / "leaderboard.csv").read_text()
     policies = [line.split()[0] for line in board.table_text(shipped).splitlines()[1:]]
     assert policies == [own.policy for own in board.read_board(path)]
+
+
+def test_a_policy_that_cannot_be_loaded_is_one_error_before_any_run(tmp_path, monkeypatch):
+    def no_runs(*_):
+        raise AssertionError("a run was begun")
+
+    monkeypatch.setattr(command, "make_runs", no_runs)
+    arguments = options_for(command.run, "no_such_package:Policy", "--out", str(tmp_path / "out"))
+    with pytest.raises(SeekPolicyError, match=r"no_such_package.*add its folder to PYTHONPATH"):
+        command.run_with(arguments, made_up.work, put_together)
