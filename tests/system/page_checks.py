@@ -29,8 +29,8 @@ IS_PLOTTED = f"""() => {{
   const colours = new Set(new Uint32Array(pixels(canvas).buffer));
   return canvas.width > 100 && colours.size > 20;
 }}"""
-# Cards and controls that overlap, or leave the page; buttons that are covered, or do not say what
-# for, or why not. What is scrolled out of its box is not looked at.
+# Cards and controls that overlap, or leave the page; buttons that are covered, cut off at the side
+# of their box, or do not say what for, or why not. What is scrolled out of its box is ignored.
 CROWDED = """() => {
   const box = (one) => one.getBoundingClientRect();
   const seen = (one) => one.checkVisibility() && box(one).width > 0;
@@ -54,8 +54,10 @@ CROWDED = """() => {
     let scrolled = false;
     for (let around = one.parentElement; around; around = around.parentElement) {
       const inner = box(around);
-      if (getComputedStyle(around).overflow !== "visible")
-        scrolled ||= x < inner.left || x > inner.right || y < inner.top || y > inner.bottom;
+      if (getComputedStyle(around).overflow === "visible") continue;
+      scrolled ||= y < inner.top || y > inner.bottom;
+      if (!around.matches("#tabs, #tools") && (left < inner.left - 1 || right > inner.right + 1))
+        wrong.push(`${name(one)} is cut off`);
     }
     const top_one = document.elementFromPoint(x, y);
     if (!scrolled && !one.contains(top_one)) wrong.push(`${name(one)} is covered`);

@@ -53,7 +53,7 @@ def mission(shared_folder):
 @pytest.fixture(scope="module")
 def record(mission):
     """Five minutes of flight in a circle; a robot takes the map after three."""
-    entries = [RecordEntry(0.0, "setup", FlightSetup(mission, ("io",)))]
+    entries = [RecordEntry(0.0, "setup", FlightSetup(mission, ("io", "callisto")))]
     for t in np.arange(0.0, END_S + 1.0):
         place = Point(60 * float(np.cos(t / 20)), 60 * float(np.sin(t / 20)))
         told = Telemetry(
