@@ -1,8 +1,9 @@
-"""Words for numbers of things (one zone, two zones), for directions, and for the wind. Pure."""
+"""Words for numbers of things (one zone, two zones), times, progress, directions and wind. Pure."""
 
 import math
 from typing import Final
 
+_BAR: Final = 24  # characters
 _POINTS: Final = (
     *("north", "north-east", "east", "south-east"),
     *("south", "south-west", "west", "north-west"),
@@ -32,3 +33,21 @@ def counted(count: int, things: str) -> str:
     if place is not None:
         words[place] = words[place].removesuffix("s")
     return " ".join(("1", *words))
+
+
+def duration_text(time_s: float) -> str:
+    """A duration in the unit that suits it: seconds, minutes or hours."""
+    if time_s < 90:
+        return f"{time_s:.0f} s"
+    if time_s < 5400:
+        return f"{time_s / 60:.0f} min"
+    return f"{time_s / 3600:.1f} h"
+
+
+def progress_text(done: int, count: int, things: str, elapsed_s: float) -> str:
+    """A bar, how many of `count` things are done, and an estimate of the time that is left."""
+    full = round(_BAR * done / max(count, 1))
+    text = f"[{'#' * full}{'.' * (_BAR - full)}] {done} of {counted(count, things)}"
+    if not 0 < done < count:
+        return text
+    return f"{text}, about {duration_text(elapsed_s * (count / done - 1))} left"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import os
 import shlex
@@ -10,8 +9,9 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,9 @@ import click
 
 from air_router.cli import print_json
 from air_router.errors import ExitCode
+from air_router.flight import StatusLine
 from air_router.report import went_on_without
+from air_router.words import progress_text
 from mocha_link.cli import PATH, Options, command, option
 from sitl.rehearsal import Fault, Scene, SimulatedFlight, scenes
 from sitl.rehearsal.judge import End, Verdict, Violation, judge
@@ -118,38 +120,47 @@ MOST_VIOLATIONS: Final = 3
 @option("--json", is_flag=True, help="print one JSON object per flight instead of the table")
 def run(arguments: Options) -> int:
     """Rehearse, and print what became of it."""
-    began_s, verdicts = time.monotonic(), []
+    began_s, verdicts, status = time.monotonic(), [], StatusLine()
     programs = bool(arguments.mavlink or arguments.px4)
-    for scene, verdict in _flown_by_programs(arguments) if programs else _flown(arguments):
+    count, flown = _flown_by_programs(arguments) if programs else _flown(arguments)
+    for scene, verdict in flown:
         verdicts.append((scene.fault.name, verdict))
         if arguments.json:
             print_json(_as_json(scene, verdict))
             sys.stdout.flush()
         for violation in verdict.violations[:MOST_VIOLATIONS]:
-            sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: {violation}\n")
+            status.print_line(f"{verdict.scene}: {verdict.end.value}: {violation}")
         if programs and verdict.good:  # one takes a minute
-            sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: good\n")
+            status.print_line(f"{verdict.scene}: {verdict.end.value}: good")
         if lost := went_on_without(verdict.pace):
-            sys.stderr.write(f"{verdict.scene}: the clock {lost}\n")
+            status.print_line(f"{verdict.scene}: the clock {lost}")
+        elapsed_s = time.monotonic() - began_s
+        status.show(partial(progress_text, len(verdicts), count, "flights", elapsed_s))
+    status.end()
     if not arguments.json:
         sys.stdout.write(table(verdicts, {fault.name: fault.value.words for fault in Fault}) + "\n")
-    sys.stderr.write(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s\n")
+    status.print_line(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s")
     good = all(verdict.good for _, verdict in verdicts)
     return ExitCode.DONE if good else ExitCode.ENDED_OTHERWISE
 
 
-def _flown(arguments: Options) -> Iterator[tuple[Scene, Verdict]]:
-    """Scenes in processes of ours."""
+def _flown(arguments: Options) -> tuple[int, Iterator[tuple[Scene, Verdict]]]:
+    """How many scenes there are, and each, flown in processes of ours."""
     chosen = [
         scene
         for scene in scenes(arguments.share, arguments.seed)
         if not arguments.fault or scene.fault.name in arguments.fault
     ]
-    fly_one = functools.partial(fly, arguments.mission)
-    if arguments.jobs <= 1:
+    return len(chosen), _in_processes(partial(fly, arguments.mission), chosen, arguments.jobs)
+
+
+def _in_processes(
+    fly_one: Callable[[Scene], Verdict], chosen: Sequence[Scene], jobs: int
+) -> Iterator[tuple[Scene, Verdict]]:
+    if jobs <= 1:
         yield from zip(chosen, map(fly_one, chosen), strict=True)
         return
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with ProcessPoolExecutor(jobs) as pool:
         yield from zip(chosen, pool.map(fly_one, chosen, chunksize=2), strict=True)
 
 
@@ -164,8 +175,8 @@ def fly(path: Path, scene: Scene) -> Verdict:
         logging.disable(logging.NOTSET)
 
 
-def _flown_by_programs(arguments: Options) -> Iterator[tuple[WireScene, Verdict]]:
-    """Scenes in which the real programs fly, each in processes of its own."""
+def _flown_by_programs(arguments: Options) -> tuple[int, Iterator[tuple[WireScene, Verdict]]]:
+    """How many scenes there are, and each, flown by the real programs in processes of its own."""
     chosen = [
         scene
         for scene in wire_scenes(arguments.share)
@@ -181,9 +192,12 @@ def _flown_by_programs(arguments: Options) -> Iterator[tuple[WireScene, Verdict]
         except Exception as error:  # noqa: BLE001 - as in `fly`
             return _not_flown(str(scene), scene.judged, error)
 
-    # Threads only wait for the programs; of PX4s one flies at a time.
-    with ThreadPoolExecutor(1 if arguments.px4 else arguments.jobs) as pool:
-        yield from zip(chosen, pool.map(fly_one, chosen), strict=True)
+    def flown() -> Iterator[tuple[WireScene, Verdict]]:
+        # Threads only wait for the programs; of PX4s one flies at a time.
+        with ThreadPoolExecutor(1 if arguments.px4 else arguments.jobs) as pool:
+            yield from zip(chosen, pool.map(fly_one, chosen), strict=True)
+
+    return len(chosen), flown()
 
 
 def _not_flown(scene: str, faults: frozenset[str], error: Exception) -> Verdict:

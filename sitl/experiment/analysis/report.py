@@ -34,7 +34,7 @@ from typing import Any, Final
 
 from air_router.errors import UsageError
 from air_router.files import write_whole
-from air_router.words import counted
+from air_router.words import counted, duration_text
 from mocha_link.errors import MissingExtraError
 from mocha_link.path_safety import new_file
 from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
@@ -45,7 +45,6 @@ from sitl.experiment.analysis.link_prediction import links_text
 from sitl.experiment.analysis.outcome import Scenarios, is_of_scenarios, standings, strata, told
 from sitl.experiment.analysis.parquet import write_parquet
 from sitl.experiment.analysis.statistics import Runs
-from sitl.experiment.campaign import duration_text
 
 _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "policy", "passive")
 """Settings that have a column even where all rows agree."""

@@ -5,7 +5,7 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "campaign": ("Campaign", "Work", "duration_text", "make_runs"),
+        "campaign": ("Campaign", "Work", "make_runs"),
         "cluster": ("Cluster", "cluster_at"),
         "journal": ("Journal", "StopClock"),
         "provenance": ("program",),

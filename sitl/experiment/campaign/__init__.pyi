@@ -2,7 +2,6 @@
 
 from sitl.experiment.campaign.campaign import Campaign as Campaign
 from sitl.experiment.campaign.campaign import Work as Work
-from sitl.experiment.campaign.campaign import duration_text as duration_text
 from sitl.experiment.campaign.campaign import make_runs as make_runs
 from sitl.experiment.campaign.cluster import Cluster as Cluster
 from sitl.experiment.campaign.cluster import cluster_at as cluster_at

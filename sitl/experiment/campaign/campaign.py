@@ -21,11 +21,10 @@ from typing import Final, NamedTuple
 
 from air_router.errors import EXPECTED, UsageError
 from air_router.flight import StatusLine
-from air_router.words import counted
+from air_router.words import counted, duration_text, progress_text
 from mocha_link.errors import error_text
 from sitl.experiment import Experiment, Record, Row, Task, value_of
 
-_BAR: Final = 24
 _MOST_FAILURES: Final = 5
 """After so many runs that ended in an error of the program the rest would too."""
 
@@ -131,7 +130,9 @@ class Campaign:
                     if outcome is not None:
                         done += not outcome.again
                         self._take(outcome, keep, status)
-                    status.show(partial(progress, done, count, time.monotonic() - began_s))
+                    status.show(
+                        partial(progress_text, done, count, "runs", time.monotonic() - began_s)
+                    )
                     if len(self.failed) == done >= _MOST_FAILURES:
                         status.print_line("every run fails; the rest is not begun")
                         break
@@ -152,25 +153,6 @@ class Campaign:
         else:
             self.failed.append(outcome)
         status.print_line(text)
-
-
-def progress(done: int, count: int, elapsed_s: float) -> str:
-    """How far it is, in one line; the rest is taken to cost as much each as what is done."""
-    full = round(_BAR * done / max(count, 1))
-    text = f"[{'#' * full}{'.' * (_BAR - full)}] {done} of {counted(count, 'runs')}"
-    left = (
-        f", about {duration_text(elapsed_s * (count / done - 1))} left" if 0 < done < count else ""
-    )
-    return text + left
-
-
-def duration_text(time_s: float) -> str:
-    """A time as people say it."""
-    if time_s < 90:
-        return f"{time_s:.0f} s"
-    if time_s < 5400:
-        return f"{time_s / 60:.0f} min"
-    return f"{time_s / 3600:.1f} h"
 
 
 # Processes.

@@ -19,7 +19,7 @@ from sitl.cli.cli import main
 from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.report import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
-from sitl.experiment.campaign.campaign import MixedRunsError, RunOutcome, duration_text, progress
+from sitl.experiment.campaign.campaign import MixedRunsError, RunOutcome
 from sitl.experiment.campaign.provenance import program
 from sitl.experiment.campaign.running import UnfitSettingsError
 from sitl.experiment.campaign.runs import InUseError, RunLogError, read_archive, run_log
@@ -422,12 +422,6 @@ def test_intervals_hold_what_they_say():
     every = np.repeat(values, counts.astype(int))
     found = interval(values * counts, counts, values**2 * counts, statistic=spread)
     assert found.value == pytest.approx(every.std())
-
-
-def test_progress_says_how_long_the_rest_takes():
-    assert "left" not in progress(0, 8, 0.0)
-    assert progress(2, 8, 7.0) == "[######..................] 2 of 8 runs, about 21 s left"
-    assert [duration_text(t) for t in (30, 600, 9000)] == ["30 s", "10 min", "2.5 h"]
 
 
 def test_what_there_is_can_be_listed(capsys):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from air_router.vehicle.px4.versions import FLOWN, NEWEST
+from sitl.cli.cli import main
 from sitl.cli.rehearse_command import fly, table
 from sitl.rehearsal.companion import SimulatedLoop, World
 from sitl.rehearsal.courses import PHASES, ScheduledFault
@@ -180,3 +181,11 @@ def test_the_table():
     text = table(verdicts, {"GUSTS": "gusty wind"})
     assert "| gusty wind | 2 | 1 | 1 | -0.5 m | 1 |" in text
     assert "**all**" in text
+
+
+def test_a_rehearsal_reports_its_progress_on_stderr_and_the_table_on_stdout(capsys):
+    options = ["--fault", "PILOT", "--seed", "2", "--jobs", "1"]
+    assert main(["rehearse", str(PENNOVATION), *options]) == 0
+    output = capsys.readouterr()
+    assert "1 of 1 flight" in output.err
+    assert output.out.startswith("| fault |")
