@@ -135,7 +135,7 @@ class FencePlan:
     """The fence as items, and the areas that the items cannot represent.
 
     Attributes:
-        items: To upload. Each vertex of a polygon has their number; circles come last.
+        items: To upload. Each vertex of a polygon has the number of its vertices; circles are last.
         simpler: Name and reason of each area that PX4 cannot enforce as drawn.
     """
 

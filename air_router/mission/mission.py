@@ -35,7 +35,7 @@ from mocha_link.sanitize import sanitize
 from mocha_link.team import Problem
 
 LAUNCH_WAIT = timedelta(hours=1)
-"""Latest take-off after the given start time."""
+"""Longest delay of the take-off after the given start time."""
 
 COMING_HOME = timedelta(minutes=10)
 """Time allowed for coming home and landing after `duration_s`; a longer way home extends it."""

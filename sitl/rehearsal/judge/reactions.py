@@ -140,7 +140,7 @@ def announces(
 def stands(
     case: Case, incident: Incident, span: tuple[float, float], kind: str = "blind"
 ) -> Iterator[Violation]:
-    """Within the span no leg begins, and some seconds later the vehicle is stationary."""
+    """Within the span no leg begins, and seconds later the vehicle has slowed to half speed."""
     (from_s, until_s), began_s = span, incident.began_s
     if from_s >= until_s or not case.could_react(began_s, from_s):
         return
