@@ -326,7 +326,7 @@ def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
             first, until = case.at(request.time_s), case.at(end_s) + 1
             for count, place in enumerate(places_of(case, request), 1):
                 clear = open_space(case.version_at(end_s).mission.cruised, _MARGIN_M)
-                away = clear.distance(shapely.Point(place))  # allowed distance to the point
+                away = clear.distance(shapely.Point(place))  # to the nearest clear place
                 if away and case.has_announced(f"point {count} left out", request.time_s, end_s):
                     continue
                 of = rf"point(?: {count})?: (?:(?!point).)* so ([\d.]+) m beside"
