@@ -1,14 +1,14 @@
-"""`make experiments-remade`: archived runs of experiments, made again from today's sources.
+"""`make experiments-remade`: repeats archived runs of experiments with the current sources.
 
     python -m benchmarks.archives            # ten at random; the exit code is 1 if one differs
     python -m benchmarks.archives --seed 7 --runs 20
-    python -m benchmarks.archives --index    # write docs/evidence/archives.csv anew
+    python -m benchmarks.archives --index    # rewrite docs/evidence/archives.csv
     python -m benchmarks.archives --again table1 searches-confirmation
 
-`archives.csv` says of each archive what made it, what it costs to make again, and in `moved`,
-by hand, which change has moved its results since. A run of an archive with such a note is not
-expected to come out the same, and none is tried. `--again` makes all runs of archives anew, with
-the seeds that they have, fills docs/evidence/experiments.md from them, and takes the notes away.
+`archives.csv` lists for each archive its command, the time to repeat it, and in `moved` (edited by
+hand) the change that has altered its results since. Archives with such a note are not repeated.
+`--again` repeats all runs of archives with the same seeds, updates docs/evidence/experiments.md,
+and removes the notes.
 """
 
 from __future__ import annotations
@@ -141,13 +141,21 @@ def again(names: Iterable[str], jobs: int) -> int:
 
 
 def main() -> int:
-    """The command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=10)
-    parser.add_argument("--seed", type=int, default=None, help="of the choice of runs")
-    parser.add_argument("--index", action="store_true")
-    parser.add_argument("--again", nargs="+", choices=archives(), metavar="ARCHIVE")
-    parser.add_argument("--jobs", type=int, default=2)
+    """Run the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.archives", description=__doc__.splitlines()[0]
+    )
+    parser.add_argument("--runs", type=int, default=10, help="number of runs to repeat (10)")
+    parser.add_argument("--seed", type=int, default=None, help="seed of the choice of runs")
+    parser.add_argument("--index", action="store_true", help="rewrite docs/evidence/archives.csv")
+    parser.add_argument(
+        "--again",
+        nargs="+",
+        choices=archives(),
+        metavar="ARCHIVE",
+        help="repeat all runs of these archives, and update the docs",
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="number of processes (2)")
     arguments = parser.parse_args()
     if arguments.index:
         write_whole(INDEX, index(moved()), replace=True)

@@ -1,4 +1,4 @@
-"""A recorded flight on the map page: the README's animation, 20 seconds long, and its timeline.
+"""Renders a recorded flight on the map page: the README's 20 s animation, and stills.
 
 make film RECORD=logs/sim-....mcap
 """
@@ -27,7 +27,7 @@ IS_THERE = "([to]) => parseInt(document.getElementById('clock').textContent) >= 
 
 
 async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list[Image.Image]:
-    """The page at so many moments of the flight; its timeline at the last goes to the folder."""
+    """Screenshots at regular times; one of the timeline at the last time goes to the folder."""
     from playwright.async_api import async_playwright  # noqa: PLC0415 - not for the other ones
 
     film = RecordedFlight(Log(record))
@@ -55,15 +55,21 @@ async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list
 
 
 def main() -> None:
-    """Make it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("record", type=Path)
-    parser.add_argument("folder", type=Path, help="where flight.webp and the stills go")
-    parser.add_argument("--from-s", type=float, default=0.0, help="since the record's beginning")
-    parser.add_argument("--to-s", type=float, default=600.0)
-    told = parser.parse_args()
-    first, *others = asyncio.run(frames(told.record, told.folder, told.from_s, told.to_s))
-    picture = told.folder / "flight.webp"
+    """Render animation and stills."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.film",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("record", type=Path, help="record of a flight (.mcap)")
+    parser.add_argument("folder", type=Path, help="folder to write flight.webp and the stills into")
+    parser.add_argument(
+        "--from-s", type=float, default=0.0, help="start, in seconds of the record (0)"
+    )
+    parser.add_argument("--to-s", type=float, default=600.0, help="end (600)")
+    given = parser.parse_args()
+    first, *others = asyncio.run(frames(given.record, given.folder, given.from_s, given.to_s))
+    picture = given.folder / "flight.webp"
     duration_ms = 1000 // FRAMES_PER_S
     options = {
         "duration": duration_ms,

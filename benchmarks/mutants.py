@@ -1,10 +1,9 @@
-"""`python -m benchmarks.mutants [--check] [NAME ...]`: which mistakes the tests of a part notice.
+"""`python -m benchmarks.mutants [--check] [NAME ...]`: mutation test of the decision code.
 
-Each row changes one line of the decision code and runs the tests beside that part with it, no
-others. With --check it is only looked whether each applies to one place of the source, and whether
-its tests are there. A mutant that survives is a test that is missing, unless the program does the
-same with it: then its row says why. Prints a table; the exit code is 1 when one survived that must
-not.
+Each mutant changes one line and runs only the tests beside that part. --check only tests whether
+each mutant applies to exactly one place, and whether its tests exist. A mutant that survives shows
+a missing test, unless the program behaves the same; then its row gives the reason. Prints a table;
+the exit code is 1 if a mutant survives without a reason.
 """
 
 import argparse
@@ -260,9 +259,11 @@ def survives(mutant: Mutant) -> bool:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="only these")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time")
-    parser.add_argument("--check", action="store_true", help="only whether each still applies")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="run only these mutants")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="number of parallel mutants"
+    )
+    parser.add_argument("--check", action="store_true", help="only check that every mutant applies")
     arguments = parser.parse_args()
     chosen = [m for m in MUTANTS if not arguments.names or m.name in arguments.names]
     problems = [f"{mutant.name}: {why}" for mutant in chosen if (why := _problem(mutant))]

@@ -1,10 +1,10 @@
-"""`make tolerances`: whether a test notices when a tolerance of the rehearsal's judge is moved.
+"""`make tolerances`: whether tests detect a changed tolerance of the rehearsal's judge.
 
-The tests of the judge are run once, and every flight that they have judged is kept. Then each
-number at the top of a module of the judge is made larger and smaller by a factor, and the flights
-are judged again by the rules that use it. A number that may be moved either way without another
-verdict on any flight is a tolerance that no test holds. Prints a table; the exit code is 1 if there
-is one that is not listed in `LOOSE`, with the reason.
+Runs the tests of the judge once, and stores every flight that they judge. Then it multiplies and
+divides each constant of the judge's modules by a factor, and judges the flights again by the rules
+that use it. A constant that can be changed both ways without a different verdict is not covered by
+a test. Prints a table; the exit code is 1 if such a constant is not listed, with a reason, in
+`LOOSE`.
 """
 
 import argparse
@@ -179,7 +179,9 @@ def found(case: Case | str, rules: tuple[Rule, ...]) -> Findings:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.tolerances", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="MODULE.NAME", help="only these")
+    parser.add_argument(
+        "names", nargs="*", metavar="MODULE.NAME", help="check only these constants"
+    )
     arguments = parser.parse_args()
     kept = []
     for evidence in flights():

@@ -1,18 +1,18 @@
-"""`python -m benchmarks.trunk [--json | --silent] [ROOT]`: what to keep in mind of the trunk.
+"""`python -m benchmarks.trunk [--json | --silent] [ROOT]`: complexity of the flight code.
 
-Read from the source of controller, flight, vehicle and routing, with their rooms:
+Counted in the source of controller, flight, vehicle and routing, with their rooms:
 
 * attributes of a class that are assigned after its construction, and the files that assign them. An
-  assignment to `self` counts for its class, any other for the one class that declares an attribute
-  of this name; where several do, for `MissionContext` if what is assigned to is called a context.
-  A list that grows is not seen.
-* assignments to an attribute of anything but `self`: state that is written from outside.
-* imports of a room's inside from another room.
-* returns of the controller without the motion that is wanted, and without a word:
-  `benchmarks.silence` says what counts. `--silent` lists them.
-* numbers at the top of a file that is not called `limits.py`, but for those of `DEFINED`.
+  assignment to `self` counts for its class, any other for the only class that declares an attribute
+  of this name; if several do, for `MissionContext` if the target is named context. Growing lists
+  are not detected.
+* assignments to an attribute of anything but `self`: state written from outside.
+* imports of another room's private modules.
+* returns of the controller without the requested motion and without a reason, as
+  `benchmarks.silence` defines them. `--silent` lists them.
+* module constants outside `limits.py`, except those in `DEFINED`.
 
-ROOT is another checkout, to compare with. The exit code is always 0: this measures, tests judge.
+ROOT: measure another checkout. The exit code is always 0; limits are checked by tests.
 """
 
 import argparse
@@ -212,10 +212,12 @@ def _controller(trees: Mapping[str, ast.Module]) -> dict[str, ast.Module]:
 
 def main() -> int:
     """Print it; see the module's docstring."""
-    parser = argparse.ArgumentParser(description="What a reader of the trunk has to keep in mind.")
-    parser.add_argument("root", nargs="?", type=Path, default=ROOT, metavar="ROOT")
-    parser.add_argument("--json", action="store_true", help="one JSON object instead")
-    parser.add_argument("--silent", action="store_true", help="list the silent returns instead")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.trunk", description="Measure the complexity of the flight code."
+    )
+    parser.add_argument("root", nargs="?", type=Path, default=ROOT, metavar="ROOT", help="checkout")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--silent", action="store_true", help="list the silent returns")
     arguments = parser.parse_args()
     result = measured(arguments.root.resolve())
     if arguments.json:

@@ -1,4 +1,4 @@
-"""What several commands have in common: arguments, how they are read, and how they answer."""
+"""Arguments and output that several commands share."""
 
 import json
 import math
@@ -17,14 +17,14 @@ _VERSIONS = ", ".join(map(name_of, FLOWN))
 
 
 def print_json(facts: Any) -> None:
-    """What `--json` prints: one object on a line of its own, at once."""
+    """Print the object of `--json` on one line, unbuffered."""
     json.dump(facts, sys.stdout)
     sys.stdout.write("\n")
     sys.stdout.flush()
 
 
 def say(text: str) -> None:
-    """Print a line for the operator, on stderr and at once."""
+    """Print a line for the operator on stderr, unbuffered."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -43,12 +43,12 @@ def _rover(text: str) -> tuple[str, str]:
 
 
 def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
-    """The type of an argument that is a number from `lowest` to `highest`.
+    """The parser of a number from `lowest` to `highest`.
 
     Args:
-        what: What the text is not, if it is none: "a speed between 0.1 and 100".
-        lowest: The least; `MORE_THAN_0` where 0 is too little.
-        highest: The largest; `ANY_FINITE` where none is too large.
+        what: Describes the number in the error message: "a speed between 0.1 and 100".
+        lowest: The smallest value; `MORE_THAN_0` to exclude 0.
+        highest: The largest value; `ANY_FINITE` for no limit.
     """
 
     def read(text: str) -> float:
@@ -66,11 +66,11 @@ def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
 
 
 def note_options(arguments: Options, fields: Mapping[str, str]) -> None:
-    """Note options whose values are not usual.
+    """Print notes on options with unusual values.
 
     Args:
         arguments: The command line.
-        fields: Of each option, by its name among the arguments, the field of `usual_values`.
+        fields: By argument name, the option's field in `usual_values`.
     """
     from air_router.files import option_notes  # noqa: PLC0415 - few commands need it
 
@@ -79,18 +79,18 @@ def note_options(arguments: Options, fields: Mapping[str, str]) -> None:
         say(note)
 
 
-_FIRST_YEAR, _LAST_YEAR = 1970, 9000  # of flights: before and after there is time left to reckon
+_FIRST_YEAR, _LAST_YEAR = 1970, 9000  # of flights; leaves room for arithmetic with times
 
 MORE_THAN_0, ANY_FINITE = sys.float_info.min, sys.float_info.max
 speed_factor = number("a speed between 0.1 and 100", 0.1, 100.0)
-"""Of a simulation or a recorded flight, times real time."""
+"""Parser of the speed of a simulation or playback, times real time."""
 
 
 def place(text: str) -> Geodetic:
-    """An argument LAT,LON in degrees.
+    """Parse LAT,LON in degrees.
 
     Raises:
-        ValueError: it is none.
+        ValueError: The text is not a position.
     """
     try:
         latitude_deg, longitude_deg = map(float, text.split(","))
@@ -101,7 +101,7 @@ def place(text: str) -> Geodetic:
 
 
 def _place_advice(text: str) -> str:
-    """What to write instead of a text that was to be a place, behind a semicolon."""
+    """Advice for a text that is not a position, after a semicolon; may be empty."""
     halves = [decimal_degrees(plain(half)) for half in text.split(",")]
     if pair := pair_in(text.strip()):
         return f"; write {pair.strip('[]').replace(' ', '')}"
@@ -113,10 +113,10 @@ def _place_advice(text: str) -> str:
 
 
 def home(text: str) -> Geodetic:
-    """An argument LAT,LON in degrees where a mission may begin.
+    """Parse the LAT,LON of a home in degrees.
 
     Raises:
-        ValueError: it is none, or not on Earth.
+        ValueError: The text is not a position on Earth.
     """
     given = place(text)
     try:
@@ -126,10 +126,10 @@ def home(text: str) -> Geodetic:
 
 
 def moment(text: str) -> datetime:
-    """An argument that is a time with its time zone.
+    """Parse a time with its time zone.
 
     Raises:
-        ValueError: it is none, or at an end of the calendar.
+        ValueError: The text is not a time, or outside the supported years.
     """
     try:
         given = moment_of(text)
@@ -147,10 +147,10 @@ start_option = option(
     "--at",
     type=Parsed(moment),
     metavar="TIME",
-    help="time at which the mission starts, e.g. 2026-11-20T08:00:00Z (default: now); zones may "
-    "depend on it",
+    help="start time of the mission, e.g. 2026-11-20T08:00:00Z (default: now), for zones with "
+    "hours",
 )
-"""Add `--at`: when the mission is to start, for zones that do not apply at all times."""
+"""Add `--at`: the start time, for zones that do not apply at all times."""
 
 
 uav_option = option(
@@ -158,7 +158,7 @@ uav_option = option(
     metavar="NAME",
     help="UAV to use, if the mission file has several (`uavs`)",
 )
-"""Add `--uav`: whose mission it is, where it is for several."""
+"""Add `--uav`: the UAV to use of a mission for several."""
 
 
 rover_option = option(
@@ -166,15 +166,15 @@ rover_option = option(
     multiple=True,
     type=Parsed(_rover),
     metavar="NAME=ENDPOINT",
-    help="your own program plays robot NAME: the simulation serves the robot's node at ENDPOINT, "
-    "and the program sets its position, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be "
-    "repeated",
+    help="run robot NAME by a program of your own: the simulation serves the robot's node at "
+    "ENDPOINT, and the program publishes the position, e.g. rover=ipc:///tmp/rover "
+    "(docs/robot.md); may be repeated",
 )
-"""Add `--rover`: which robots of a simulation the user's own programs play."""
+"""Add `--rover`: robots of a simulation that the user's own programs run."""
 
 
 def px4_version_option(purpose: str) -> Decorator:
-    """Add --px4-version: of the simulated autopilot; None where it is not given."""
+    """Add --px4-version, of the simulated autopilot; None if not given."""
     return together(
         option(
             "--px4-version",

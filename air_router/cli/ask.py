@@ -34,14 +34,15 @@ exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
     nargs=-1,
     required=True,
     metavar="[ENDPOINT] VERB [WHAT] ...",
-    help=f"ENDPOINT: the flight's --control, if that has one; VERB: one of {', '.join(MODELS)}; "
-    "WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], of altitude METERS, of resume upload",
+    help=f"ENDPOINT: the value of the flight's --control, if not the default; VERB: one of "
+    f"{', '.join(MODELS)}; WHAT: NAME for seek, LAT,LON[,LAT,LON...] for goto, METERS for "
+    "altitude, optionally upload for resume",
 )
 @option(
     "--hold-s",
     type=float,
     metavar="S",
-    help="with goto: time to hover at the last point, in seconds",
+    help="for goto: time to hover at the last point, in seconds",
 )
 @option("--by", metavar="WHO", help="name of the requester, for the flight's record")
 @option(
@@ -51,7 +52,7 @@ exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
     default=5.0,
     help="time to wait for an answer, in seconds (default 5)",
 )
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Ask, and print the answer."""
     endpoint, words = None, arguments.words

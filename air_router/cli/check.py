@@ -28,16 +28,18 @@ from mocha_link.team import DocumentError, Problem
 _EPILOG = """\
 examples:
   air-router check missions/pennovation/mission.yaml
-  air-router check broken.yaml --png broken.png       (faults are drawn in red)
-  air-router check site.yaml --at 2026-11-21T06:30Z   (with the zones that apply then)
+  air-router check broken.yaml --png broken.png       (problems are drawn in red)
+  air-router check site.yaml --at 2026-11-21T06:30Z   (with the zones that apply at that time)
 
-exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its place and code
+exit codes: 0 the mission can be flown, 3 it cannot: every problem is listed with line and code
 """
 
 
-@command("Check a mission: prints every error as file:line:column, or a summary.", _EPILOG)
+@command(
+    "Check a mission: print every problem as file:line:column, or a summary of the flight.", _EPILOG
+)
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 @option("--png", type=PATH, metavar="F", help="draw the mission into file F, even if it has errors")
 @start_option
 @uav_option

@@ -17,7 +17,7 @@ exit codes:
 """
 
 COMMANDS = {
-    "new": ("air_router.start.new", "make a first mission, with team, world and rover"),
+    "new": ("air_router.start.new", "create a first mission, with team, world and rover"),
     "check": ("air_router.cli.check", "check a mission file, and summarize the flight"),
     "plan": ("air_router.cli.plan", "plan a route between two waypoints or places"),
     "cover": (
@@ -25,7 +25,7 @@ COMMANDS = {
         "plan lawnmower waypoints over an area, clear of no-fly zones",
     ),
     "edit": ("air_router.cli.edit", "edit a mission on a map"),
-    "tiles": ("air_router.web.fetch_command", "fetch map tiles for the pages, for use offline"),
+    "tiles": ("air_router.web.fetch_command", "download map tiles for use offline"),
     "convert": (
         "air_router.cli.convert",
         "convert a mission, zones or a record to another format",
@@ -33,10 +33,10 @@ COMMANDS = {
     "preflight": ("air_router.cli.preflight", "check whether a vehicle is ready to fly a mission"),
     "signing-key": (
         "air_router.cli.signing_key_command",
-        "make a key for signed MAVLink, and give it to PX4",
+        "make a key for signed MAVLink, and transfer it to PX4",
     ),
     "fly": ("air_router.cli.fly", "fly a mission with a real vehicle"),
-    "sim": ("air_router.sim.sim", "fly a mission in a simulated world"),
+    "sim": ("air_router.sim.sim", "fly a mission in simulation"),
     "watch": ("air_router.cli.watch", "show several flights on one map page"),
     "ask": (
         "air_router.cli.ask",
@@ -44,7 +44,7 @@ COMMANDS = {
     ),
     "ros2": ("air_router.ros2.command", "publish a flight on ROS 2, and accept its requests"),
     "replay": ("air_router.cli.replay", "replay a recorded flight and compare the decisions"),
-    "report": ("air_router.cli.report", "write a recorded flight as one HTML page"),
+    "report": ("air_router.cli.report", "write the report of a recorded flight as one HTML page"),
 }
 
 

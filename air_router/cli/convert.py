@@ -63,10 +63,10 @@ _RECORD: Final = ".mcap"
 _LOSING: Final = frozenset({_RECORD, ".yaml", ".yml"})  # written anew they lack something
 
 _EPILOG = """\
-FROM is a flight's record (.mcap), which becomes .mcap with all that Foxglove and Rerun draw; or a
+FROM is a flight's record (.mcap; TO is then .mcap with channels for Foxglove and Rerun); or a
 mission (.yaml, .plan, waypoints and fences of ArduPilot's programs, .gpx with --altitude); or
 a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air, .json with ED-269 or ED-318
-geozones). TO is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last three.
+geozones). TO is .plan, .yaml, .geojson, .kml or .kmz; for zones alone one of the last three.
 
 examples:
   air-router convert town.plan town.yaml
@@ -81,7 +81,7 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 
 
 @command(
-    "Convert a mission, zones or a flight's record; reports what the format cannot hold.",
+    "Convert a mission, zones or a flight's record; list what the new format cannot represent.",
     _EPILOG,
 )
 @click.argument("source", type=PATH, metavar="FROM", help="mission, zones or flight record to read")
@@ -99,14 +99,14 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
     "--allow",
     multiple=True,
     metavar="NAME",
-    help="leave out zones with this restriction (CONDITIONAL, ...), class or identifier; may be "
-    "repeated",
+    help="permit, and so leave out, zones with this restriction (CONDITIONAL, ...), class or "
+    "identifier; may be repeated",
 )
 @option(
     "--skip",
     multiple=True,
     metavar="NAME",
-    help="leave out zones of this name or kind, which do not concern this mission; may be repeated",
+    help="leave out zones of this name or kind as irrelevant; may be repeated",
 )
 @option(
     "--altitude",
@@ -115,7 +115,7 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
     help="altitude above home at which a GPX route is flown, in meters",
 )
 @option("--force", is_flag=True, help="replace TO if it exists")
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Convert, and say what got lost."""
     source, target = arguments.source, arguments.target

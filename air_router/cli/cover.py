@@ -1,6 +1,7 @@
 """`air-router cover`: lawnmower waypoints over an area, its no-fly zones cut out."""
 
 import sys
+import textwrap
 from typing import Final
 
 import click
@@ -43,18 +44,20 @@ _FIELDS: Final = {
 
 _positive = number("more than 0", MORE_THAN_0, ANY_FINITE)
 
+_NAMES = textwrap.fill("names: " + ", ".join(CAMERAS), 100, break_on_hyphens=False)
+
 _EPILOG = f"""\
-AREA is a mission (.yaml, .plan: its own fence is covered), one or more polygons (.geojson, .kml,
-.kmz, a .gpx track around the area), or .yaml with 'polygon' and 'holes', or 'circle', as in a
-mission; degrees.
+AREA is a mission (.yaml, .plan; its fence is the area), one or more polygons (.geojson, .kml, .kmz,
+or a .gpx track around the area), or .yaml with 'polygon' and 'holes', or 'circle', as in a mission,
+in degrees.
 
 CAMERA is a name, a sensor and its lens in mm (13.2x8.8/10.4, with pixels 13.2x8.8/10.4@5472x3648),
 or the angles of view (60x45deg). It looks straight down, its longer side across the rows.
-names: {", ".join(CAMERAS)}
+{_NAMES}
 
-Without --out the waypoints are printed as a section of a mission file. With --out a whole mission
-is written: that of AREA or of --mission with these waypoints (comments of a YAML file are kept), or
-a new one from --home.
+Without --out the waypoints are printed as a section of a mission file. --out writes a whole
+mission: AREA or --mission with these waypoints (comments of a YAML file are kept), or a new mission
+at --home.
 
 examples:
   air-router cover missions/urban/mission.yaml --camera 60x45deg
@@ -79,11 +82,9 @@ def _angle(text: str) -> float | None:
     return None if text == "auto" else number("an angle", -ANY_FINITE, ANY_FINITE)(text) % 180.0
 
 
-@command("Plan rows from which a camera sees an area, clear of no-fly zones.", _EPILOG)
+@command("Plan survey rows over an area for a downward camera, clear of no-fly zones.", _EPILOG)
 @click.argument("area", type=PATH, help="file with the area to cover; see below")
-@option(
-    "--camera", metavar="CAMERA", required=True, help="camera that takes the pictures; see below"
-)
+@option("--camera", metavar="CAMERA", required=True, help="the camera; see below")
 @option("--portrait", is_flag=True, help="mount the camera with its longer side along the rows")
 @option(
     "--overlap",
@@ -110,27 +111,27 @@ def _angle(text: str) -> float | None:
     type=Parsed(_angle),
     metavar="DEG",
     help="direction of the rows, in degrees clockwise from north, or 'auto' (default): the "
-    "direction that takes the least time",
+    "direction of the shortest flight",
 )
-@option("--mission", type=PATH, metavar="F", help="mission whose airspace and home are used")
+@option("--mission", type=PATH, metavar="F", help="mission that defines airspace and home")
 @option(
     "--home",
     type=Parsed(place),
     metavar="LAT,LON",
-    help="home, in degrees, if no mission gives it",
+    help="home in degrees, without --mission",
 )
 @option(
     "--zones",
     multiple=True,
     type=PATH,
     metavar="F",
-    help="file with no-fly zones, if no mission gives them; may be repeated",
+    help="file with no-fly zones, without --mission; may be repeated",
 )
 @option(
     "--clearance",
     type=Parsed(number("within 0 to 1000 m", 0.0, 1000.0)),
     metavar="M",
-    help="distance kept from zones and fence, in meters, if no mission gives it",
+    help="distance to keep from zones and fence, in meters, without --mission",
 )
 @option("--inside", is_flag=True, help="never leave the area, not even in turns")
 @option(
@@ -148,7 +149,7 @@ def _angle(text: str) -> float | None:
 @option("--out", type=PATH, metavar="F", help="write a whole mission (YAML) into file F")
 @option("--force", is_flag=True, help="replace the file of --out if it exists")
 @option("--png", type=PATH, metavar="F", help="draw area and rows into file F")
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Plan rows, and write the requested files."""
     if arguments.out is not None and arguments.out.suffix.lower() not in {".yaml", ".yml"}:

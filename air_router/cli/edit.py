@@ -18,9 +18,8 @@ _DEFAULT_PORT = 8424
 
 
 @command(
-    "Open a map page to drag waypoints and zone corners, see the route graph and "
-    "all problems change at once, and save the same file with its comments intact. "
-    "Ctrl-C ends.",
+    "Edit a mission on a map page: drag waypoints and zone corners, with the route graph and all "
+    "problems updated live, and save to the same file with comments preserved. Ctrl-C quits.",
     "example: air-router edit missions/pennovation/mission.yaml",
 )
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
@@ -37,7 +36,7 @@ _DEFAULT_PORT = 8424
     "--new",
     type=Parsed(home),
     metavar="LAT,LON",
-    help="create MISSION with its home at this place, in degrees; the file must not exist yet",
+    help="create MISSION with home at this position, in degrees; the file must not exist yet",
 )
 @option("--no-open", is_flag=True, help="do not open a browser")
 def run(arguments: Options) -> int:

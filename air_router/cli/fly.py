@@ -200,7 +200,7 @@ def _system_id(text: str) -> int:
 
 
 def link_options(connect: str | None = DEFAULT_URL) -> Decorator:
-    """Which vehicle is meant, and where it is."""
+    """Add the options that name the vehicle and its link."""
     return together(
         option(
             "--connect",
@@ -231,7 +231,7 @@ vehicle_options = together(
     ),
     option("--team", type=PATH, metavar="FILE", help="team file (default: the mission's)"),
 )
-"""What `fly` and `preflight` have in common."""
+"""Options common to `fly` and `preflight`."""
 
 
 flight_options = together(
@@ -240,7 +240,7 @@ flight_options = together(
         "--duration",
         type=Parsed(number("a positive number of seconds, at most 1e9", MORE_THAN_0, 1e9)),
         metavar="S",
-        help="come home after this time in the air, in seconds of the vehicle's clock "
+        help="come home after this flight time, in seconds of the vehicle's clock "
         "(default: the mission's)",
     ),
     recording_options,
@@ -267,23 +267,24 @@ flight_options = together(
         "tcp://127.0.0.1:PORT",
     ),
     web_options(),
-    option("--json", is_flag=True, help="one JSON object on stdout"),
+    option("--json", is_flag=True, help="print one JSON object on stdout"),
     option(
         "--seek",
         type=Parsed(_seek_policy),
         shell_complete=_seek_policies,
         metavar="POLICY",
         help="policy that chooses the next robot: round_robin, freshest, rendezvous, tour, the "
-        "name of one in another package, or package.module:Class (default: the mission's)",
+        "name of an installed policy, or package.module:Class (default: the mission's)",
     ),
 )
-"""What `fly` and `sim` have in common."""
+"""Options common to `fly` and `sim`."""
 
 
 @command(
-    "Fly a mission with a PX4 vehicle or a running SITL. Waits for the pilot to arm "
-    "and to choose Mission mode, unless --arm is confirmed.",
-    "example: air-router fly missions/pennovation/mission.yaml --connect udpin://127.0.0.1:14540",
+    "Fly a mission with a PX4 vehicle or a running SITL. Waits until the pilot arms and chooses "
+    "Mission mode, unless --arm is confirmed.",
+    "example:\n  air-router fly missions/pennovation/mission.yaml "
+    "--connect udpin://127.0.0.1:14540",
 )
 @vehicle_options
 @uav_option
@@ -292,11 +293,11 @@ flight_options = together(
     metavar="URL",
     help="ZeroMQ endpoint that publishes map patches, e.g. tcp://127.0.0.1:24600",
 )
-@option("--arm", is_flag=True, help="arm and take off after the operator has confirmed it")
+@option("--arm", is_flag=True, help="arm and take off once the operator has confirmed")
 @option(
     "--resume",
     is_flag=True,
-    help="take over a flight of this mission that is already in the air",
+    help="continue a flight of this mission that is already in the air",
     not_with=["arm"],
 )
 @option("--yes", is_flag=True, help="arm without asking for confirmation")

@@ -42,7 +42,7 @@ def _stop(text: str) -> Stop:
         raise ValueError(message) from None
 
 
-@command("Plan the route between two waypoints (0 is home) or places in degrees.", _EPILOG)
+@command("Plan the route between two waypoints (0 is home) or positions in degrees.", _EPILOG)
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @start_option
 @uav_option
@@ -52,7 +52,7 @@ def _stop(text: str) -> Stop:
     type=Parsed(_stop),
     required=True,
     metavar="N|LAT,LON",
-    help="start of the route: number of a waypoint (0: home), or a place in degrees",
+    help="start of the route: a waypoint number (0: home), or a position in degrees",
 )
 @option(
     "--to",
@@ -60,9 +60,9 @@ def _stop(text: str) -> Stop:
     type=Parsed(_stop),
     required=True,
     metavar="N|LAT,LON",
-    help="end of the route: number of a waypoint (0: home), or a place in degrees",
+    help="end of the route: a waypoint number (0: home), or a position in degrees",
 )
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 @option("--png", type=PATH, metavar="F", help="draw mission and route into file F")
 def run(arguments: Options) -> int:
     """Plan, and print the route's legs."""

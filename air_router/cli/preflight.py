@@ -21,18 +21,17 @@ TELEMETRY_S: Final = 4.0
 
 
 @command(
-    "Check everything a flight depends on and print a list. Uploads mission "
-    "and fence, reads them back and has PX4 check them, unless --look is given. "
-    "Nothing is armed, and no parameter is changed.",
-    "example: air-router preflight missions/pennovation/mission.yaml "
+    "Run all pre-flight checks and print the pre-flight card. Without --look, upload mission and "
+    "fence, read them back, and let PX4 check them. Arms nothing and changes no parameter.",
+    "example:\n  air-router preflight missions/pennovation/mission.yaml "
     "--connect udpin://127.0.0.1:14540",
 )
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
 @vehicle_options
 @uav_option
-@option("--look", is_flag=True, help="upload nothing: only compare the plan on board")
+@option("--look", is_flag=True, help="upload nothing, only compare the plan on board")
 @recording_options
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Run the checks, and print the card on stdout."""
     mission = load_flown(arguments.mission, arguments.uav)

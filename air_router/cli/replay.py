@@ -9,15 +9,15 @@ from mocha_link.errors import needs_extra
 
 
 @command(
-    "Give the events of a recorded flight to a new controller and compare what it "
-    "decides. Exit code 0: same decisions; 1: different ones, the first is printed; 3: the "
-    "record is damaged or holds no decision, so the comparison is not complete.",
+    "Feed the events of a recorded flight to a new controller and compare its decisions. Exit "
+    "code 0: same decisions; 1: different decisions, the first is printed; 3: the record is "
+    "damaged or has no decisions, so the comparison is incomplete.",
     "examples:\n"
     "  air-router replay flight-20261120T234403Z-titan.mcap\n"
     "  air-router replay LOG --web --speed 10    (on a map page)",
 )
 @record_argument
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 @web_options()
 @option(
     "--speed",

@@ -10,16 +10,18 @@ from mocha_link.cli import PATH, Options, command, option
 
 
 @command(
-    "Draw a recorded flight: track, states, contacts and syncs, bandwidth, age of "
-    "information, map coverage, requests. One HTML file that needs nothing else.",
+    "Write the report of a recorded flight as one self-contained HTML file: track, states, "
+    "contacts and syncs, bandwidth, age of information, map coverage, requests.",
     "example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html",
 )
 @record_argument
-@option("-o", "--output", type=PATH, metavar="F", help="file of the page (default: LOG with .html)")
+@option(
+    "-o", "--output", type=PATH, metavar="F", help="HTML file to write (default: LOG with .html)"
+)
 @option(
     "--json",
     is_flag=True,
-    help="print the report as JSON on stdout; the page is written only with -o",
+    help="print the report as one JSON object on stdout; write the page only with -o",
 )
 def run(arguments: Options) -> int:
     """Draw it."""

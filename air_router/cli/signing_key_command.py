@@ -13,22 +13,20 @@ from mocha_link.cli import PATH, Options, command, option
 
 
 @command(
-    "Make a signing key, or, with --connect, give it to PX4 (1.18 or newer), which from then "
+    "Make a signing key or, with --connect, transfer it to PX4 (1.18 or newer), which from then "
     "on accepts only signed messages. The key is sent unencrypted: connect PX4 by USB, "
-    "with all its radios off.",
-    "example: air-router signing-key uav.key; "
-    "air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600",
+    "with all radios off.",
+    "examples:\n  air-router signing-key uav.key\n"
+    "  air-router signing-key uav.key --connect serial:///dev/ttyACM0:57600",
 )
-@click.argument(
-    "file", type=PATH, help="file of the key; without --connect a new key is written to it"
-)
+@click.argument("file", type=PATH, help="key file; without --connect a new key is written to it")
 @link_options(None)
-@option("--old", type=PATH, metavar="FILE", help="PX4's present key, which FILE replaces")
+@option("--old", type=PATH, metavar="FILE", help="PX4's current key, which FILE replaces")
 @option("--remove", is_flag=True, help="remove the key in FILE from PX4")
 @option(
     "--in-the-clear",
     is_flag=True,
-    help="send the key over a network even though others may be able to read it",
+    help="send the key over a network, where others may be able to read it",
 )
 def run(arguments: Options) -> int:
     """Make the key, or give it to the vehicle."""

@@ -10,9 +10,9 @@ from mocha_link.errors import needs_extra
 
 
 @command(
-    "Serve one map page for several flights, each flown with --web on a machine "
-    "of its own. Flights may start later: the page finds each when it starts, and again "
-    "after its link was lost. Ctrl-C ends the page, not the flights.",
+    "Serve one map page for several flights that run with --web on other machines. The page "
+    "connects to a flight as soon as it starts, and reconnects after a lost link. Ctrl-C ends the "
+    "page, not the flights.",
     "examples:\n"
     "  air-router watch 'http://192.168.1.11:8425/?token=aTbZ' 192.168.1.12:8425\n"
     "  air-router watch titan.local atlas.local --web 0    (any free port)",

@@ -87,26 +87,26 @@ class Controller:
 
     Args:
         setup: The mission to fly, and how.
-        router: Plans routes over the mission's graph; None: made here.
-        plan: The plan on board, for the autopilot's item numbers; None: made here.
+        router: Plans routes over the mission's graph; None: a new one.
+        plan: The plan on board, for the autopilot's item numbers; None: a new one.
         policy: Chooses the next robot; None: the mission's policy.
         waypoints: Waypoints to explore, in this order; None: the mission's waypoints, once.
-        ground: The vehicle's map, which others paint; for seek policies.
+        ground: The vehicle's map, for seek policies; its owner updates it.
 
-    Other rooms use its methods. The attributes are for the tests of this room.
+    Other rooms use the methods only; the attributes are for this room's tests.
 
     Attributes:
         context: State of the flight.
-        gate: Sends motions, and knows the last one sent.
+        gate: Sends motions, and keeps the last one sent.
         navigator: Flies the vehicle to one goal at a time.
-        exploration: Knows the next waypoint.
-        search: Knows the robots and where to seek them.
+        exploration: Chooses the next waypoint.
+        search: Chooses the next robot and where to seek it.
         states: The handler of each state.
         returns: Decides when the vehicle comes home.
         airspace_update: Changes zones in flight.
     """
 
-    def __init__(  # noqa: PLR0913 - what a flight may be given
+    def __init__(  # noqa: PLR0913 - optional parts of a flight
         self,
         setup: FlightSetup,
         router: Router | None = None,
@@ -153,7 +153,7 @@ class Controller:
             self.airspace_update,
             standstill,
         )
-        # Displays must not change the flight, so they plan the way home with their own monitor.
+        # Displays must not change the flight, so they use a separate monitor.
         shown = ReturnMonitor(context, states.reachability)
         self._shown_commands = replace(commands, _returns=shown)
         vehicle = TelemetryHandler(
@@ -238,23 +238,23 @@ class Controller:
     # Outcomes of commands.
 
     def _item_reached(self, event: ItemReached) -> None:
-        """PX4 reports a plan item as reached: perhaps the end of the current leg."""
+        """Handle PX4's report of a reached item, which may be the end of the current leg."""
         context = self.context
         waits = context.airspace.change is not None or context.interlocks.is_raised(*Anomaly)
         if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):
-            return  # the report may concern the previous node: the jump is not confirmed
+            return  # the jump is not confirmed, so this may be the previous node
         node = self._plan.node_of(event.item)
         self.navigator.advance(self.navigator.update(context.telemetry, reached_node=node))
 
     def _confirmed(self, event: CommandConfirmed) -> None:
-        """The vehicle follows a command; after the hold of a release, it is released."""
+        """Handle a confirmed command; a confirmed hold may complete a release."""
         self.gate.confirmed(event)
         self._authority.check()
 
     def _failed(self, event: CommandFailed) -> None:
-        """The vehicle does not follow a command, perhaps because a pilot chose another mode."""
+        """Handle a command without effect, perhaps because a pilot chose another mode."""
         telemetry = self.context.telemetry
         ours = event.action is self.gate.pending and self.context.in_charge
         if event.taken is None or telemetry is None or not ours:
@@ -266,7 +266,7 @@ class Controller:
     # State transitions.
 
     def _signal(self, signal: Signal) -> None:
-        """Enter the next state for a signal; it may be the same state again."""
+        """Enter the next state for a signal; a state may follow itself."""
         context, left = self.context, self.context.task.state
         target = self._transitions[left].get(signal)
         if target is None:
@@ -288,7 +288,7 @@ class Controller:
         self.exploration.go_on(event.visited, event.left_out)
 
     def _let_go(self) -> None:
-        """Hands off, or the flight is over."""
+        """Stop commanding: hands off, or the end of the flight."""
         context = self.context
         done = context.task.state is State.DONE
         context.authority.let_go()
@@ -312,12 +312,12 @@ class Controller:
 
     @property
     def seek_fault(self) -> str | None:
-        """What went wrong in the seek policy of another package; None: nothing did."""
+        """The fault of a seek policy from another package; None: no fault."""
         return self.search.fault
 
     @property
     def flown(self) -> FlownBefore | None:
-        """What another companion needs to resume this flight; None if there is none."""
+        """The data that `--resume` needs; None before take-off and after the flight."""
         airborne_s = self.context.task.airborne_s
         if airborne_s is None or self.state is State.DONE:
             return None
@@ -341,12 +341,12 @@ class Controller:
 
     @property
     def telemetry(self) -> Telemetry | None:
-        """The vehicle's last telemetry; None: none was received yet."""
+        """The latest telemetry; None before the first."""
         return self.context.telemetry
 
     @property
     def links(self) -> Sequence[LinkSample]:
-        """The links of this flight that were measured."""
+        """The links measured in this flight."""
         return self.search.links.samples
 
     @property
@@ -361,7 +361,7 @@ class Controller:
 
     @property
     def ending_why(self) -> str | None:
-        """Why the vehicle comes home or lands; None: it does neither."""
+        """Why the vehicle comes home or lands; None if it does neither."""
         return self.context.ending_why
 
     def status(self) -> FlightStatus:
@@ -403,16 +403,16 @@ class Controller:
         age_s = self.context.now_s - track.ours_s(track.pose.stamp_s)
         return TargetStatus(track.pose.position, max(age_s, 0.0))
 
-    # For the flight loop, which carries the actions out.
+    # For the flight loop, which executes the actions.
 
     @property
     def pending(self) -> Motion | None:
-        """The motion that was commanded and is not confirmed yet."""
+        """The motion that is commanded but not confirmed yet."""
         return self.gate.pending
 
     @property
     def our_modes(self) -> frozenset[FlightMode]:
-        """The flight modes that follow from our commands."""
+        """The flight modes that our commands lead to."""
         return self.gate.modes
 
     @property
@@ -425,7 +425,7 @@ class Controller:
         return self.navigator.objection(motion, now_s)
 
     def why_not_started(self, before: Telemetry, *, armed: bool) -> str | None:
-        """What a pilot or ground station has done with a vehicle that we were to start."""
+        """Why take-off must not be commanded (a pilot or ground station intervened), or None."""
         return self.states.ready.why_not_started(before, armed=armed)
 
     @property

@@ -58,7 +58,7 @@ class Situation(NamedTuple):
         moved: Response to a change of home in this update; None: home did not change.
         ours: This program commands the vehicle, in flight or for take-off.
         flies: The vehicle is armed and in the air.
-        order: A foreign command that the vehicle seems to follow; None: there is none.
+        order: A foreign command that the vehicle seems to follow; None: no sign of one.
     """
 
     telemetry: Telemetry
@@ -74,11 +74,11 @@ class TelemetryHandler:
 
     Args:
         context: State of the flight.
-        gate: Sends motions, and knows the last one sent.
+        gate: Sends motions, and keeps the last one sent.
         navigator: Plans and flies routes.
-        exploration: Notes which waypoints are near.
+        exploration: Remembers which waypoints were near.
         states: The handler of each state.
-        phase: Whether the vehicle has taken off, landed, or fallen.
+        phase: Detects take-off, landing, and motors stopped in the air.
         home: Checks home's position and the altitude.
         monitor: Detects foreign commands, and breaches of zones and fences.
         returns: Decides when the vehicle comes home.
@@ -88,8 +88,8 @@ class TelemetryHandler:
         airspace_update: Changes zones in flight.
         commands: Handles requests; some wait for a later state.
         standstill: Announces a vehicle that does not move as commanded.
-        pilot_arms: The pilot arms the vehicle. If it is disarmed again on the ground, the mission
-            waits.
+        pilot_arms: Whether the pilot arms the vehicle; if it is then disarmed on the ground, the
+            mission waits.
     """
 
     _context: MissionContext
@@ -132,7 +132,7 @@ class TelemetryHandler:
         self._standstill.update(telemetry, ours=flies and context.in_charge)
 
     def _with_believed_charge(self, telemetry: Telemetry) -> Telemetry:
-        """Return it with the filtered charge, and announce a jump."""
+        """The telemetry with the filtered charge; announces a jump."""
         battery, before = self._battery, self._battery.doubted
         charge = battery.take(telemetry)
         if charge == telemetry.battery:
@@ -160,20 +160,20 @@ class TelemetryHandler:
         return ends and not self._phase.flies and self._phase.over(situation.telemetry)
 
     def fallen(self, _: Situation) -> str | None:
-        """Where the motors were stopped in the air, as text."""
+        """Where the motors were stopped in the air, as text; None: they were not."""
         return None if self._phase.flies else self._phase.killed_now()
 
     def taken(self, situation: Situation) -> bool:
         """The vehicle flies in a mode that this program did not request, or PX4 is in a failsafe.
 
-        On the ground PX4 changes the mode on its own when it disarms. A failsafe may act in the
-        mode that was requested: a fence failsafe holds a vehicle that hovers in Hold.
+        On the ground PX4 itself changes the mode when it disarms. A failsafe may use the requested
+        mode: a fence failsafe in Hold stays in Hold.
         """
         chosen = situation.telemetry.failsafe or situation.telemetry.mode not in self._gate.modes
         return situation.ours and situation.flies and chosen
 
     def sent_elsewhere(self, situation: Situation) -> str | None:
-        """Which foreign command the vehicle certainly follows, as text."""
+        """The confirmed foreign command, as text; None: there is none."""
         return (
             situation.order.words if situation.order is not None and situation.order.sure else None
         )
@@ -184,7 +184,7 @@ class TelemetryHandler:
         return authority.releasing is not None or authority.plan_check is not None
 
     def breach(self, situation: Situation) -> str | None:
-        """Which zone the vehicle is in, or which fence it is outside, as text."""
+        """The zone that the vehicle is in, or the fence that it is outside, as text; or None."""
         if not situation.ours:
             return None
         return self._monitor.breach(situation.telemetry, self._context.airspace.exempt_zones)
@@ -211,7 +211,7 @@ class TelemetryHandler:
             self._context.signal(Signal.GROUNDED)
 
     def announce_fallen(self, _situation: Situation, where: str) -> None:
-        """Announce it; no command can help."""
+        """Announce the fall; no command can help."""
         self._authority.fallen(where)
 
     def give_away(self, situation: Situation, _found: bool) -> None:
@@ -231,13 +231,13 @@ class TelemetryHandler:
         self._authority.give_up(f"{where} is not resumed by itself", FLY_OUT)
 
     def watch_take_off(self, situation: Situation, _found: bool) -> None:
-        """Observe a pilot's take-off, or lead the climb."""
+        """Observe the pilot's take-off, or control the climb."""
         context, telemetry = self._context, situation.telemetry
         if telemetry.in_air and not context.authority.handed_over:
             self._authority.observe(telemetry)
         elif telemetry.in_air:
             status = context.inputs.update(telemetry)
-            if status is not INPUTS_NOMINAL:  # PX4 ends the climb above home on its own
+            if status is not INPUTS_NOMINAL:  # PX4 ends the climb above home without commands
                 self._deviations.inputs_missing(status, telemetry)
         if context.task.state is State.READY:
             self._states.ready.watch(telemetry)
@@ -250,7 +250,7 @@ class TelemetryHandler:
             context.come_home("home was moved in the climb", BE_READY_AT_HOME)
 
     def observe(self, situation: Situation, _found: bool) -> None:
-        """Announce conditions that the pilot may not see."""
+        """Announce conditions that the pilot may not notice."""
         self._authority.observe(situation.telemetry)
         self._deviations.forget()
 
@@ -266,7 +266,7 @@ class TelemetryHandler:
     def check_inputs(self, situation: Situation) -> bool:
         """Announce missing inputs and hold; battery and duration are still checked.
 
-        The state's timer runs on, unless zones are being changed.
+        The state's timer keeps running, unless zones are being changed.
         """
         status = self._context.inputs.update(situation.telemetry)
         return status is not INPUTS_NOMINAL and self._deviations.inputs_missing(
@@ -306,7 +306,7 @@ class TelemetryHandler:
         """Continue a zone update or a climb; wait for all other interlocks."""
         context, climb = self._context, self._gate.climb
         if context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
-            return True  # a hold would override a pilot's command before it is confirmed as one
+            return True  # a hold might override a pilot's command that is not confirmed yet
         if context.airspace.change is not None:
             self._airspace_update.go_on(situation.telemetry)
             return True
@@ -353,9 +353,9 @@ class Finding:
     Attributes:
         name: Its name in docs/state-machine.md.
         shows: The condition, as text.
-        found: Checks the condition; None or False: not true.
-        then: Handles it.
-        does: The handling, as text.
+        found: Evaluates the condition; None or False: it is not true.
+        then: Responds to it.
+        does: The response, as text.
         why: Why it comes after the rows above and before those below.
     """
 
@@ -373,7 +373,7 @@ FINDINGS: Final = (
         "it is on the ground and disarmed, after it was armed",
         TelemetryHandler.over,
         TelemetryHandler.end,
-        "the flight is over; if it has not flown and the pilot arms, the mission waits for that",
+        "the flight is over; before take-off a pilot may arm again, and the mission waits for that",
         "no command has an effect anymore",
     ),
     Finding(
@@ -394,11 +394,11 @@ FINDINGS: Final = (
     ),
     Finding(
         "SENT_ELSEWHERE",
-        "for 1.5 s its plan item, or its target in Hold, has been another station's",
+        "for 1.5 s it has followed a plan item, or a target in Hold, that another station set",
         TelemetryHandler.sent_elsewhere,
         TelemetryHandler.follow_order,
         "hands off at once",
-        "this shows a pilot too, but takes 1.5 s to confirm; the mode above shows one at once",
+        "this also reveals a pilot, but takes 1.5 s to confirm; the mode above does so at once",
     ),
     Finding(
         "WAITS_FOR_HOLD",
@@ -410,7 +410,7 @@ FINDINGS: Final = (
     ),
     Finding(
         "BREACH",
-        "it is in a no-fly zone (not one just drawn over it), or outside a fence",
+        "it is in a no-fly zone (except one just drawn over it), or outside a fence",
         TelemetryHandler.breach,
         TelemetryHandler.release,
         "it holds, and is released with an alarm",
@@ -429,7 +429,7 @@ FINDINGS: Final = (
         "a pilot or a failsafe flies it",
         TelemetryHandler.is_not_ours,
         TelemetryHandler.observe,
-        "missing inputs are announced, and breaches while the position is known",
+        "missing inputs are announced, and breaches if the position is known",
         "the mission is flown only while we command the vehicle",
     ),
     Finding(
@@ -490,7 +490,7 @@ STEPS: Final = (
         "INTERLOCKS",
         TelemetryHandler.wait_for_interlocks,
         "an interlock is raised, or the vehicle climbs first",
-        "meanwhile no leg starts and no state times out; requests and the return are still handled",
+        "no leg starts and no state times out; requests and the return are still handled",
     ),
     Step(
         "STATE_TIMER",

@@ -1,4 +1,4 @@
-"""The edit page: missions edited on a map, in place in the text of their file."""
+"""The edit page: edits missions on a map, in place in the text of their files."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""Parts of all file formats: documents whose values know their place, text edited in place."""
+"""Common to all file formats: documents that keep each value's line and column, edits of text."""
 
 from air_router.files.digits import Digits, degrees, degrees_text, metres
 from air_router.files.findings import DocumentSource, Findings, Keys, RefusedRing

@@ -65,15 +65,15 @@ class Flight:
         vehicle: A vehicle that is not yet connected.
         clock: The vehicle's clock, set by its messages.
         gossip: The UAV's node, not yet started.
-        mapper: The map that `gossip` publishes.
+        mapper: Makes the map that `gossip` publishes.
         seek: The robots to seek, in order.
         recorder: Records every event and action.
         status: The operator's status line.
         camera: Endpoint of the camera's patches, None without a camera.
-        control: Endpoint for requests of other programs; None: none.
-        arm: Arm and start; else wait for the pilot.
+        control: Endpoint for requests of other programs; None: no such requests.
+        arm: Whether to arm and take off; False: wait for the pilot.
         survey: The pre-flight checks; None: a survey of mission and router only.
-        resume: Resume a flight in progress instead of starting one.
+        resume: Whether to resume a flight in progress instead of starting one.
 
     Attributes:
         router: Plans the mission's routes.
@@ -147,11 +147,11 @@ class Flight:
             None if control is None else ControlServer(control, self.commands.execute, gossip.node)
         )
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
-        self._newest: Telemetry  # before the vehicle is admitted
-        self._early: list[_EarlyEvent] = []  # likewise
-        self._starts: FlightMode | None = None  # the mode before the take-off command
+        self._newest: Telemetry  # latest before admission
+        self._early: list[_EarlyEvent] = []  # events before admission
+        self._starts: FlightMode | None = None  # mode before the take-off command
         self._interrupted = False  # by a signal of the operating system
-        self._admitted = False  # the vehicle may be flown: decisions start
+        self._admitted = False  # the vehicle may be flown, and decisions start
         self._vehicle_s = -math.inf  # latest telemetry; inf: the vehicle restarted
 
     async def run(self, page: Page | None = None) -> FlightResult:
@@ -186,7 +186,7 @@ class Flight:
     async def _begin(self) -> None:
         await self._prepare()
         self.loop.start(self.loop.motions.run())
-        if self._clock.most_ahead_s == math.inf:  # else the vehicle's time waits for ours
+        if self._clock.most_ahead_s == math.inf:  # else the simulation waits for this program
             self.loop.start(watch_lag(self.loop.on_event))
         if self._camera is not None:
             self.loop.start(receive_patches(self._camera, self._paint))
@@ -212,7 +212,7 @@ class Flight:
             self._status.print_line(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         try:
-            # wait_for of 3.11 may swallow a cancellation
+            # asyncio.wait_for of Python 3.11 may swallow a cancellation
             async with asyncio.timeout(VEHICLE_LOST_S):
                 telemetry = await self._first
         except TimeoutError:
@@ -258,7 +258,7 @@ class Flight:
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
-            return  # in Mission mode the flight continues already
+            return  # in Mission mode the flight already continues
         ack = self.commands.submit(GoOn())
         if not ack.accepted:
             raise RefusedError(
@@ -266,7 +266,7 @@ class Flight:
             )
 
     def _take_card(self, card: Card, *, in_air: bool = False) -> None:
-        """Print the card; refuse an unsafe flight, unless it is in the air already."""
+        """Print the card; refuse an unsafe flight, unless it is already in the air."""
         self._recorder.note(Recorder.PREFLIGHT, self._clock.boot_s(), card.as_json())
         if not (card.ready or in_air):
             raise PreflightRefusedError(card)
@@ -275,7 +275,7 @@ class Flight:
             self._status.print_line(line)
 
     def _check_still(self, *, armed: bool = False) -> None:
-        """Refuse to start if the pilot has taken the vehicle meanwhile."""
+        """Refuse to start if the pilot has intervened since the first telemetry."""
         why = self.controller.why_not_started(self._first.result(), armed=armed)
         if why is not None:
             raise RefusedError(f"{why}; it is left to the pilot")
@@ -284,7 +284,7 @@ class Flight:
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
         if self.loop.leaving:
-            return  # late messages while the link closes
+            return  # late messages of a closing link
         if isinstance(event, Telemetry) and self._restarted(event):
             self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
             return
@@ -304,7 +304,7 @@ class Flight:
             self._status.show(lambda: flight_line(self.status()))
 
     def _before_admission(self, event: VehicleEvent) -> None:
-        """Store events of a vehicle that may still be refused."""
+        """Store the events of a vehicle that may still be refused."""
         if isinstance(event, Telemetry):
             self._newest = event
             if not self._first.done():
@@ -316,7 +316,7 @@ class Flight:
             self.loop.end(f"refused: {event.why_not}; {do}", ExitCode.REFUSED)
 
     def _too_late(self, telemetry: Telemetry) -> bool:
-        """Whether the take-off is too late for the zones' active hours; ends the flight then."""
+        """Whether it is too late to take off, given the zones' hours; then ends the flight."""
         waits = self.controller.state is State.READY and not telemetry.armed
         latest = self.controller.mission.latest_start if waits else None
         if latest is None or self._clock.now_s() <= latest.timestamp():
@@ -329,19 +329,19 @@ class Flight:
         return True
 
     def _restarted(self, telemetry: Telemetry) -> bool:
-        """Whether the vehicle's clock restarted: timers and the verified plan are void then."""
-        anew = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S  # and stays restarted
-        self._vehicle_s = math.inf if anew else telemetry.time_s
-        return anew
+        """Whether the vehicle's clock restarted, which invalidates timers and verified plan."""
+        restarted = telemetry.time_s < self._vehicle_s - VEHICLE_RESTART_S
+        self._vehicle_s = math.inf if restarted else telemetry.time_s  # inf: for good
+        return restarted
 
     def _paint(self, patch: bytes) -> None:
         if self._mapper.paint(patch):
             self._recorder.patch(patch, self._clock.boot_s())
 
-    # The end.
+    # End of the flight.
 
     def _on_interrupt(self) -> None:
-        """First signal: hold (if the vehicle is ours) and end. Second: leave at once."""
+        """First signal: hold, if the companion has control, and end. Second: exit at once."""
         if self._interrupted:
             self._recorder.close()
             os._exit(ExitCode.INTERRUPTED)
@@ -373,7 +373,7 @@ class Flight:
         finally:
             self._status.end()
             if self._control is not None:
-                self._control.close()  # it serves the node, which is closed after it
+                self._control.close()  # before the node, which it serves
             self._gossip.close()
             await self._vehicle.close()
 

@@ -1,7 +1,7 @@
-"""How probable a link is, by what the vehicle has mapped and measured; a seek policy that uses it.
+"""Predicts links from the vehicle's map and measured links; a seek policy that uses it.
 
-A package of its own would have the same: it uses what `air_router.seek_policies` has, and the
-policy is registered as an entry point like a stranger's.
+Written like an external package: it uses only `air_router.seek_policies`, and its policy is
+registered by an entry point.
 """
 
 from air_router.link_model.link_model import (

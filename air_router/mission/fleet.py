@@ -1,8 +1,8 @@
-"""Several UAVs in one mission: each flies a layer of its own, from a home of its own.
+"""Several UAVs in one mission: each flies in its own layer, from its own home.
 
-Two vehicles keep apart because of where they may be, not because they hear of each other. Each
-flies at its own altitude; only above its own home it climbs and descends. A vehicle that flies
-lower keeps away from the climb corridors above the homes of those that fly higher, as from zones.
+Separation does not depend on communication: each vehicle has its own altitude, and climbs and
+descends only above its own home. Lower vehicles avoid the climb corridors above the homes of higher
+ones like zones.
 """
 
 import itertools
@@ -19,20 +19,20 @@ from geo.frame import Point
 from mocha_link.team import Problem
 
 STANDING_SHARE: Final = 0.25
-"""A vehicle takes off where it stands: that is at most this share of the homes' separation away
-from its home, which leaves as much between it and the border of its climb corridor."""
+"""Greatest distance of a vehicle on the ground from its home, as a share of the homes' separation.
+This leaves the same distance to the border of its climb corridor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """Where one UAV of several flies.
+    """The layer of one UAV of several.
 
     Attributes:
-        uav: Its name in the team.
-        home: Where it takes off and lands.
-        altitude_m: Where it flies, above its own home.
-        level_m: The same above a level that is common to all UAVs of the mission.
-        explore: It explores, and does not only search.
+        uav: The UAV's name in the team.
+        home: Its take-off and landing place.
+        altitude_m: Its altitude above its own home.
+        level_m: The same above a reference level common to all UAVs of the mission.
+        explore: Whether it explores; False: it only searches.
     """
 
     uav: str
@@ -43,7 +43,7 @@ class Layer:
 
 
 def layers_of(placed: PlacedForm) -> tuple[Layer, ...]:
-    """The layers of a mission's UAVs, in its order; empty if it is for one only."""
+    """The layers of a mission's UAVs, in its order; empty for a single UAV."""
     heights = _heights_m(placed)
     common = None not in heights
     layers = []
@@ -57,7 +57,7 @@ def layers_of(placed: PlacedForm) -> tuple[Layer, ...]:
 
 
 def variants(placed: PlacedForm, layers: Sequence[Layer]) -> list[PlacedForm]:
-    """The mission (with a home) as each of its UAVs flies it; that of `form.uav` first."""
+    """The mission (with a home) as each of its UAVs flies it; first that of `form.uav`."""
     form, heights = placed.form, _heights_m(placed)
     made = [
         replace(
@@ -68,7 +68,7 @@ def variants(placed: PlacedForm, layers: Sequence[Layer]) -> list[PlacedForm]:
             ),
             home=uav.home or placed.home,
             climb_corridors=_climb_corridors(placed, layers, layer),
-            # Two that return by themselves must not meet on one of them.
+            # Two UAVs in PX4's own Return must not choose the same rally point.
             rally_points=placed.rally_points if len(layers) == 1 else (),
         )
         for uav, layer, height_m in zip(placed.uavs, layers, heights, strict=True)
@@ -77,7 +77,7 @@ def variants(placed: PlacedForm, layers: Sequence[Layer]) -> list[PlacedForm]:
 
 
 def check_fleet(placed: PlacedForm, layers: Sequence[Layer], findings: Findings) -> None:
-    """Note UAVs whose layers or homes are too close, and what they cannot have of their own."""
+    """Report layers or homes that are too close, and settings that layers exclude."""
     if len(placed.uavs) < 2:
         return
     planner = placed.form.planner
@@ -119,12 +119,12 @@ def check_fleet(placed: PlacedForm, layers: Sequence[Layer], findings: Findings)
 
 
 def column_radius_m(placed: PlacedForm) -> float:
-    """How far from a home its climb corridor reaches."""
+    """Radius of the climb corridor above a home."""
     return placed.form.planner.home_separation_m / 2
 
 
 def merge(findings: Findings, found: Sequence[tuple[str | None, Findings]]) -> None:
-    """Add what was found as each UAV flies the mission; what concerns some of them names these."""
+    """Add the findings of each UAV's variant; findings of some UAVs only name these."""
     findings.problems += _merged([(uav, each.problems) for uav, each in found], findings.problems)
     findings.notes += _merged([(uav, each.notes) for uav, each in found], findings.notes)
 
@@ -136,14 +136,14 @@ def _merged(
     for problem in dict.fromkeys(itertools.chain.from_iterable(found for _, found in lists)):
         if problem in known:
             continue
-        whose = [str(uav) for uav, found in lists if problem in found]
-        suffix = "" if len(whose) == len(lists) else f" (for {' and '.join(whose)})"
+        uavs = [str(uav) for uav, found in lists if problem in found]
+        suffix = "" if len(uavs) == len(lists) else f" (for {' and '.join(uavs)})"
         merged.append(replace(problem, message=problem.message + suffix))
     return merged
 
 
 def _climb_corridors(placed: PlacedForm, layers: Sequence[Layer], own: Layer) -> tuple[Area, ...]:
-    """What a UAV keeps away from: where those that fly higher come through its layer."""
+    """The climb corridors of higher UAVs, which cross this UAV's layer."""
     return tuple(
         Area(f"home of {uav.name}", Circle(layer.home, column_radius_m(placed)), uav.keys)
         for uav, layer in zip(placed.uavs, layers, strict=True)
@@ -152,6 +152,6 @@ def _climb_corridors(placed: PlacedForm, layers: Sequence[Layer], own: Layer) ->
 
 
 def _heights_m(placed: PlacedForm) -> list[float | None]:
-    """Of the ground at the UAVs' homes, above the sea; that of the mission's for want of it."""
+    """Ground elevation of each UAV's home above mean sea level; default: the mission's home."""
     own = [uav.home_altitude_amsl_m for uav in placed.uavs]
     return [placed.home_altitude_amsl_m if own_m is None else own_m for own_m in own]

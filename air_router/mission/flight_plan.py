@@ -1,13 +1,12 @@
-"""What goes on board: the mission's nodes as plan items, its fence and its rally points.
+"""The plan to upload: the mission's nodes as plan items, the fence and the rally points.
 
-The vehicle flies by jumping between the items (MISSION_SET_CURRENT in Mission mode), so every
-node stops it: `autocontinue` is 0 everywhere but on the take-off. The pilot sees the operator's
-own waypoints in the ground station, and Return, pause and the fence stay the autopilot's.
+The companion flies the vehicle by jumps between items (MISSION_SET_CURRENT in Mission mode), so the
+vehicle stops at every node: `autocontinue` is 0 except on take-off. The ground station shows the
+operator's own waypoints, and PX4 itself keeps providing Return, pause and fence.
 
-The fence is the second line of defence, should all else fail. PX4's areas are circles and polygons
-without holes, whose sides are straight in degrees; they have no altitude limits, no hours and no
-clearance, and the vehicle stays inside of every inclusion and outside of every exclusion. What they
-cannot say is left to the companion, which keeps to all of it.
+PX4's fence is the second line of defence. Its areas are circles and polygons without holes, with
+sides that are straight in degrees, without altitude limits, hours or clearance. The vehicle stays
+inside every inclusion and outside every exclusion. The companion alone enforces the rest.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from geo.frame import LocalFrame, Point, stepped
 
 
 class Command(IntEnum):
-    """MAV_CMD values that we put on board."""
+    """MAV_CMD values of the items that we upload."""
 
     WAYPOINT = 16
     TAKEOFF = 22
@@ -44,7 +43,7 @@ class Command(IntEnum):
 
 
 class Frame(IntEnum):
-    """MAV_FRAME values: those that PX4 gives back unchanged, and two that it makes of them."""
+    """MAV_FRAME values: three that PX4 returns unchanged, and two that it may return instead."""
 
     GLOBAL_INT = 5
     MISSION = 2
@@ -54,7 +53,7 @@ class Frame(IntEnum):
 
 
 SAME_M: Final = 0.1
-"""Places and altitudes that differ by less are flown alike."""
+"""Places and altitudes that differ by less are equal."""
 
 _E7_M: Final = 0.0111195
 """Metres of 1e-7 degrees of latitude."""
@@ -62,14 +61,14 @@ _E7_M: Final = 0.0111195
 _FRAMES: Final[Mapping[Frame, Frame]] = MappingProxyType(
     {Frame.GLOBAL: Frame.GLOBAL_INT, Frame.RELATIVE_ALT: Frame.RELATIVE_ALT_INT}
 )
-"""Frames that mean the same as another."""
+"""Frames that are equivalent to another."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanItem:
-    """One MISSION_ITEM_INT: parameters as MAVLink numbers them, degrees in units of 1e-7.
+    """One MISSION_ITEM_INT: parameters numbered as in MAVLink, degrees in units of 1e-7.
 
-    `z_m` is above home in frame RELATIVE_ALT_INT and without meaning in the others.
+    `z_m` is above home in frame RELATIVE_ALT_INT, and unused in other frames.
     """
 
     command: Command
@@ -78,12 +77,12 @@ class PlanItem:
     x_deg_e7: int = 0  # latitude
     y_deg_e7: int = 0  # longitude
     z_m: float = 0.0
-    autocontinue: bool = False  # go on to the next item by itself
+    autocontinue: bool = False  # PX4 continues with the next item
 
     def same_as(self, other: PlanItem) -> bool:
-        """Whether the vehicle would fly the same: what a read-back has to hold to.
+        """Whether the vehicle would fly both alike; used to compare a read-back.
 
-        A ground station that uploads a plan anew rounds it, and PX4 gives frames back as others.
+        A ground station that uploads the plan again rounds it, and PX4 returns equivalent frames.
         """
         return (
             self.command == other.command
@@ -92,7 +91,7 @@ class PlanItem:
             and math.isclose(self.z_m, other.z_m, abs_tol=SAME_M)
             and self.autocontinue == other.autocontinue
             and all(
-                # a circle of kilometres is a float of 32 bits on board
+                # PX4 stores the radius of a large circle as a 32-bit float
                 (math.isnan(a) and math.isnan(b)) or math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-2)
                 for a, b in zip(self.params, other.params, strict=True)
             )
@@ -115,17 +114,16 @@ def degrees_e7(frame: LocalFrame, point: Point) -> tuple[int, int]:
 
 
 FENCE_POINTS: Final = 64
-"""So many points of a fence PX4 1.17 stores as it comes: a circle is one, a polygon its corners."""
+"""Fence points that PX4 1.17 stores by default; a circle is one point, a polygon its corners."""
 
 FENCE_TOO_LONG: Final = "fence-points"
-"""The code of the note that a mission has more of them: PX4 would refuse the upload."""
+"""Code of the note that the fence has more points, which PX4 would refuse."""
 
 _STEP_M: Final = 2_000.0
-"""Longer sides get corners in between, where they are not straight in degrees."""
+"""Longer sides get corners in between, because they are not straight in degrees."""
 
 _STRAIGHT_E7: Final = 1.5
-"""Corners that lie so near to the straight line between others, in units of 1e-7 degrees (1 cm),
-are not sent."""
+"""Corners this near to the straight line between others (1e-7 degrees, 1 cm) are omitted."""
 
 _CIRCLES: Final = frozenset({Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION})
 
@@ -134,12 +132,11 @@ _HALF_TURN_E7: Final = 180 * 10**7
 
 @dataclass(frozen=True, slots=True)
 class FencePlan:
-    """The fence as items, and what they cannot say.
+    """The fence as items, and the areas that the items cannot represent.
 
     Attributes:
-        items: For the upload; polygons are runs of vertices that know their number, circles come
-            last.
-        simpler: For each area that is not on board as drawn, its name and why.
+        items: To upload. Each vertex of a polygon has the number of its vertices; circles are last.
+        simpler: Name and reason of each area that PX4 cannot enforce as drawn.
     """
 
     items: tuple[PlanItem, ...]
@@ -147,7 +144,7 @@ class FencePlan:
 
 
 def fence_plan(mission: Mission) -> FencePlan:
-    """The fence of a mission; zones that lie outside of it or do not apply are not in it."""
+    """The fence of a mission, without zones that lie outside it or do not apply."""
     items: list[PlanItem] = []
     simpler: list[tuple[str, str]] = []
 
@@ -175,15 +172,15 @@ def fence_plan(mission: Mission) -> FencePlan:
         for idle in mission.idle_zones
         if idle.below
     ]
-    # PX4 1.17 takes every area behind a circle for a circle, corner by corner.
+    # PX4 1.17 reads every corner after a circle as another circle.
     items.sort(key=lambda item: item.command in _CIRCLES)
     return FencePlan(tuple(items), tuple(simpler))
 
 
 def _hole_around(shape: Shape, home: Point) -> Ring | None:
-    """The hole of a zone that home lies in: the whole flight is in there.
+    """The hole of a zone that contains home, and so the whole flight.
 
-    The other holes are out of reach: filled, they keep no vehicle from anywhere.
+    The vehicle cannot reach other holes, so that PX4 may treat them as part of the zone.
     """
     for hole in () if isinstance(shape, Circle) else shape.holes:
         if Outline(hole).polygon.contains(ShapelyPoint(home)):
@@ -193,7 +190,7 @@ def _hole_around(shape: Shape, home: Point) -> Ring | None:
 
 @lru_cache(maxsize=2_000)
 def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> tuple[PlanItem, ...]:
-    """The items of one area; none if PX4 cannot test it. An edited mission keeps most of them."""
+    """The items of one area; none if PX4 cannot test it. Cached: most edits keep most areas."""
     if isinstance(shape, Circle):
         command = Command.FENCE_CIRCLE_INCLUSION if inclusion else Command.FENCE_CIRCLE_EXCLUSION
         corners, parameter = [degrees_e7(frame, shape.centre)], shape.radius_m
@@ -208,7 +205,7 @@ def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> tuple[Pl
 
 
 def _corners_e7(frame: LocalFrame, ring: Ring) -> list[tuple[int, int]]:
-    """The corners that a ring needs where sides are straight in degrees; none at 180 degrees."""
+    """The corners of a ring with sides straight in degrees; none if it crosses 180 degrees."""
     sides = zip(ring, (*ring[1:], ring[0]), strict=True)
     dense = [place for start, end in sides for place in stepped(start, end, _STEP_M)]
     corners = np.rint(frame.to_geodetic_many(dense) * 1e7)
@@ -222,20 +219,20 @@ def _corners_e7(frame: LocalFrame, ring: Ring) -> list[tuple[int, int]]:
 
 
 HOME_NODE = 0
-"""The node that hovers above home; the operator's waypoints count from 1."""
+"""The node above home; the operator's waypoints are nodes 1, 2 ..."""
 
 _FIRST_NODE_ITEM = 2
-"""The item of that node, behind speed and take-off."""
+"""The item of that node, after speed and take-off."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
-    """What goes on board of a mission, and which item is which node.
+    """The plan to upload, and the mapping between its items and the mission's nodes.
 
     Attributes:
-        items: speed, take-off and nodes.
-        fence: the vertices and circles of fences and zones.
-        rally: where the autopilot's own return may land beside home.
+        items: Speed, take-off and nodes.
+        fence: Vertices and circles of fences and zones.
+        rally: Landing places of PX4's own Return besides home.
     """
 
     items: tuple[PlanItem, ...]
@@ -268,7 +265,7 @@ class FlightPlan:
         speed = PlanItem(Command.CHANGE_SPEED, Frame.MISSION, speed_params, autocontinue=True)
         takeoff = _place_item(mission, Command.TAKEOFF, mission.home, altitude_m, autocontinue=True)
         nodes = [(mission.home, altitude_m)]
-        # A waypoint that a zone was drawn over is not flown to; with it in there PX4 flies nothing.
+        # PX4 rejects a plan with a waypoint in a zone, so skipped waypoints move above home.
         out = mission.skipped
         nodes += [
             (mission.home if w.number in out else w.position, w.altitude_above_home_m)
@@ -290,9 +287,9 @@ def _place_item(
     *,
     autocontinue: bool = False,
 ) -> PlanItem:
-    """An item at a place, with frame, position and NaN yaw as PX4 gives them back.
+    """An item at a place, with frame, position and NaN yaw as PX4 returns them.
 
-    What was sent can be compared with that. Only a waypoint has a radius.
+    So the read-back can be compared with it. Only a waypoint has a radius.
     """
     radius_m = mission.planner.acceptance_radius_m if command is Command.WAYPOINT else 0.0
     params = (0.0, radius_m, 0.0, math.nan)
@@ -301,7 +298,7 @@ def _place_item(
 
 
 def _rally_point(mission: Mission, place: Point) -> PlanItem:
-    # Height 0: the ground there is taken to be as high as home's, as everywhere in a mission.
-    # Return in PX4 1.17 knows no INT frames: with one it passes over the point, and complains.
+    # Altitude 0: a mission assumes that the ground is everywhere as high as at home.
+    # PX4 1.17's Return does not support INT frames: it skips such a point with a warning.
     x, y = degrees_e7(mission.frame, place)
     return PlanItem(Command.RALLY_POINT, Frame.RELATIVE_ALT, (0.0, 0.0, 0.0, 0.0), x, y)

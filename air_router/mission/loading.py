@@ -1,6 +1,6 @@
-"""Loading a mission: a file is read, every problem in it noted, and a checked mission made.
+"""Loads missions: reads the file, collects every problem, and makes the mission.
 
-Missions of other programs that say too little are converted before they are flown.
+Incomplete missions of other programs must be converted before they can be flown.
 """
 
 import math
@@ -42,7 +42,7 @@ DRAWN_OVER: Final = frozenset(
     {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
     | {"rally-point-in-zone", "rally-point-outside-fence", "rally-point-too-near"}
 )
-"""Problems of a file that are none in flight: such a place is left out."""
+"""Problems that do not count in flight, where such a place is skipped."""
 
 
 def load_mission(
@@ -56,16 +56,16 @@ def load_mission(
     """Read and check a mission: a YAML mission file, or a QGroundControl `.plan`.
 
     Args:
-        path: the file.
-        uav: whose mission, by its name in the team; None: the first one's, if it is for several.
-        start: when the vehicle takes off, in UTC; None: soon. Zones that do not apply then are
-            left out of the mission's airspace.
-        duration_s: how long it stays out; None: as in the file.
-        in_flight: it is flown already: places that zones were drawn over since are no problem.
+        path: The file.
+        uav: Name of the UAV in the team; None: the first UAV of a mission for several.
+        start: Take-off time in UTC; None: soon. The mission's airspace omits zones that do not
+            apply then.
+        duration_s: Replaces the duration in the file, if given.
+        in_flight: Whether the mission is in the air; then places in new zones are no problem.
 
     Raises:
-        DocumentError: with every problem of the mission and of its team file.
-        UsageError: the mission is for several UAVs, and this is none of them.
+        DocumentError: Lists every problem of the mission and of its team file.
+        UsageError: The mission is for several UAVs, and `uav` is none of them.
     """
     placed, findings = read_placed(path)
     if uav is not None:
@@ -83,11 +83,11 @@ def load_flown(
     duration_s: float | None = None,
     in_flight: bool = False,
 ) -> Mission:
-    """A mission as one vehicle flies it, or has begun to fly it.
+    """Load a mission to fly, or to resume, with one vehicle.
 
     Raises:
-        DocumentError: it cannot be flown.
-        UsageError: it is for several UAVs, and `uav` is none of them.
+        DocumentError: The mission cannot be flown.
+        UsageError: The mission is for several UAVs, and `uav` is missing or none of them.
     """
     mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
     if uav is None and len(mission.layers) > 1:
@@ -97,10 +97,10 @@ def load_flown(
 
 
 def read_placed(path: Path) -> tuple[PlacedForm, Findings]:
-    """What a file says and where, not yet validated; and what was found in it.
+    """Read a file without validation; returns the form and the findings so far.
 
     Raises:
-        DocumentError: it cannot be read at all.
+        DocumentError: The file cannot be read at all.
     """
     if path.suffix.lower() == ".plan":
         form, findings = read_plan(load_json(path))
@@ -114,7 +114,7 @@ def chosen(placed: PlacedForm, uav: str) -> PlacedForm:
     """The mission of one of its UAVs.
 
     Raises:
-        UsageError: it is for others.
+        UsageError: The mission is for other UAVs.
     """
     names = [each.name for each in placed.uavs]
     if names and uav not in names:
@@ -130,10 +130,10 @@ def checked(
     start: datetime | None = None,
     besides: Collection[str] = (),
 ) -> Mission:
-    """The mission of a form; problems of the codes `besides` do not keep it from being flown.
+    """The mission of a form; problems with the codes `besides` are ignored.
 
     Raises:
-        DocumentError: with every other problem.
+        DocumentError: Lists every other problem.
     """
     mission = validate(placed, findings, start)
     problems = [problem for problem in findings.problems if problem.code not in besides]
@@ -143,22 +143,22 @@ def checked(
 
 
 def unusual(notes: Iterable[Problem]) -> list[Problem]:
-    """The notes on numbers that are not usual: they may be why all the rest is wrong."""
+    """The notes on unusual values, which may explain the other problems."""
     return [note for note in notes if note.code == UNUSUAL]
 
 
 def validate(
     placed: PlacedForm, findings: Findings, start: datetime | None = None
 ) -> Mission | None:
-    """The mission of a form, however wrong; all that is wrong with it is found.
+    """Validate a form; returns its mission even if there are problems.
 
-    A mission for several UAVs is validated as each of them flies it; returned is that of its
-    `uav`. None if the frame or home is missing. Do not fly one with problems.
+    A mission for several UAVs is validated for each of them; the result is that of its `uav`. None
+    if the frame or home is missing. Do not fly a mission with problems.
 
     Args:
         placed: The form.
-        findings: What is found is added to them.
-        start: When the vehicle takes off, in UTC; None: soon.
+        findings: Receives the problems and notes.
+        start: Take-off time in UTC; None: soon.
     """
     if not placed.uavs or placed.frame is None or placed.home is None:
         mission = _validate(placed, findings, start)
@@ -188,7 +188,7 @@ def _validate(
 
 
 def _way_home_s(placed: PlacedForm) -> float:
-    """What the way home may take: from the farthest waypoint, twice as far as straight."""
+    """Longest way home: twice the straight distance from the farthest waypoint."""
     speed_m_s = placed.form.speed_m_s
     if placed.home is None or speed_m_s < SLOWEST_M_S:
         return 0.0
@@ -198,7 +198,7 @@ def _way_home_s(placed: PlacedForm) -> float:
 
 
 def _note_fence(placed: PlacedForm, mission: Mission, findings: Findings) -> None:
-    """Note what of the mission's areas its fence on board will not be."""
+    """Note areas that the fence on board cannot represent, and a fence with too many points."""
     plan = fence_plan(mission)
     areas = {area.name: area for area in (*placed.zones, *placed.climb_corridors, *placed.fences)}
     if len(plan.items) > FENCE_POINTS:
@@ -213,7 +213,7 @@ def _note_fence(placed: PlacedForm, mission: Mission, findings: Findings) -> Non
         findings.note(areas[name].keys, message, "fence-simpler-on-board", areas[name].source)
 
 
-# Missions of other programs that are converted before they are flown: they say too little
+# Incomplete missions of other programs, which must be converted first
 
 
 GPX: Final = ".gpx"
@@ -231,10 +231,10 @@ _ADVICE: Final = {
 
 
 def check_own(path: Path) -> None:
-    """Make sure that a file is none of another program, by its content and name.
+    """Refuse the file of another program, by its content and name.
 
     Raises:
-        DocumentError: it is; the message has what to do.
+        DocumentError: The file has another format; the message has a remedy.
     """
     suffix = path.suffix.lower()
     if suffix in _OWN:
@@ -254,7 +254,7 @@ def _renamed(path: Path) -> str:
 
 
 def is_mission(path: Path) -> bool:
-    """Whether a file is of a mission, ours or one of those that `read_foreign` reads."""
+    """Whether a file is a mission: ours, or one that `read_foreign` reads."""
     suffix = path.suffix.lower()
     return suffix in (*_OWN, WAYPOINTS) or _of_ardupilot(_begin(path))
 
@@ -264,7 +264,7 @@ def _of_ardupilot(begin: bytes) -> bool:
 
 
 def _begin(path: Path) -> bytes:
-    """What a file begins with; nothing, where it cannot be read."""
+    """The beginning of a file; empty if it cannot be read."""
     try:
         with path.open("rb") as file:
             return file.read(_LOOKED_AT).removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -273,15 +273,15 @@ def _begin(path: Path) -> bytes:
 
 
 def read_foreign(path: Path, *, altitude_m: float | None) -> tuple[PlacedForm, Findings] | None:
-    """The mission of such a file; None: it is one of those that are flown.
+    """Read a mission of another program; None if the file can be flown directly.
 
     Args:
         path: The file.
-        altitude_m: Where a route in GPX is flown, above home.
+        altitude_m: Altitude above home for a route in GPX.
 
     Raises:
-        UsageError: the altitude is for other files.
-        DocumentError: the file cannot be read.
+        UsageError: An altitude was given for a file that is not GPX.
+        DocumentError: The file cannot be read.
     """
     suffix = path.suffix.lower()
     if altitude_m is not None and suffix != GPX:

@@ -1,8 +1,8 @@
-"""The mission: what to explore, where not to fly, whom to seek; checked, in one local frame.
+"""The mission: waypoints, fences, no-fly zones and robots to seek, in one local frame.
 
-The vehicle cruises between the lowest and the highest altitude of the mission, and what it may be
-off them (`planner.vertical_margin_m`). Below that it climbs or descends: it takes off, lands, or
-returns, and keeps from every zone from the ground up.
+The vehicle cruises within the *cruise band*: from the lowest to the highest altitude of the
+mission, extended by `planner.vertical_margin_m`. Below that band it takes off, lands or climbs, and
+also keeps clear of zones that end below the band.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from mocha_link.sanitize import sanitize
 from mocha_link.team import Problem
 
 LAUNCH_WAIT = timedelta(hours=1)
-"""So much later than it was to start a mission may start."""
+"""Longest delay of the take-off after the given start time."""
 
 COMING_HOME = timedelta(minutes=10)
-"""What it may take to come home and land, after `duration_s`; more where the way takes more."""
+"""Time allowed for coming home and landing after `duration_s`; a longer way home extends it."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightWindow:
-    """From when to when the vehicle may be in the air; without `end`, for ever.
+    """The period in which the vehicle may be in the air; `end` is None if there is no limit.
 
-    A vehicle that takes off after `latest_start` may still fly when the window is over.
+    After a take-off later than `latest_start` the flight may outlast the window.
     """
 
     start: datetime
@@ -75,9 +75,9 @@ class FlightWindow:
 
 @dataclass(frozen=True, slots=True)
 class IdleZone:
-    """A zone that the mission need not keep away from where it cruises, and why.
+    """A zone that does not apply in the cruise band, and the reason.
 
-    `below`: it applies below the cruise altitudes all the same.
+    `below`: it applies below the cruise band, during climb and landing.
     """
 
     zone: Zone
@@ -87,21 +87,20 @@ class IdleZone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionAreas:
-    """The fences and zones of a mission, and the airspaces that they make for its flight.
+    """The fences and zones of a mission, and the airspaces for its flight.
 
     Attributes:
-        fences: The vehicle stays inside of all of them; empty if there is none.
-        zones: All no-fly zones of the file, also those that do not apply to this flight.
-        cruise: The altitudes above home that it flies at, and `planner.vertical_margin_m`.
-        airspace: Fences, and the zones that apply at these altitudes and in that time, with the
-            clearance that every flown metre keeps.
-        planning_airspace: The same with the tracking margin on top: what routes are checked with.
-        climb_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
-            for taking off and landing.
-        above_airspace: As `airspace`, with the zones that apply above the cruise altitudes too: for
-            a vehicle that a pilot has flown higher.
-        climb_corridors: Where other UAVs climb and descend; kept away from like zones.
-        idle_zones: The zones that are not in `airspace`, and why.
+        fences: The vehicle stays inside all of these; empty: no fence.
+        zones: All no-fly zones of the file, including those that do not apply to this flight.
+        cruise: The cruise band, in meters above home.
+        airspace: The fences, and the zones that apply in the cruise band during the flight, with
+            the clearance that the vehicle must keep everywhere.
+        planning_airspace: The same with the tracking margin added; routes are planned in it.
+        climb_airspace: `airspace` with the zones below the cruise band, for take-off and landing.
+        above_airspace: `airspace` with the zones above the cruise band, for a vehicle that a pilot
+            has flown higher.
+        climb_corridors: Where other UAVs climb and descend; avoided like zones.
+        idle_zones: The zones that are not in `airspace`, with the reasons.
     """
 
     fences: tuple[Shape, ...]
@@ -115,12 +114,12 @@ class MissionAreas:
     idle_zones: tuple[IdleZone, ...]
 
     def parts(self) -> dict[str, Any]:
-        """All of it by name, for a mission that has these areas."""
+        """All fields by name, to construct a `Mission` with these areas."""
         return {field.name: getattr(self, field.name) for field in fields(MissionAreas)}
 
 
 def areas_of(placed: PlacedForm, window: FlightWindow) -> MissionAreas:
-    """The areas of a form. An altitude limit that cannot be read is taken for none."""
+    """The areas of a form. A zone with an invalid altitude limit applies at all altitudes."""
     form = placed.form
     zones = tuple(_zone(area, placed) for area in placed.zones)
     fences = tuple(area.shape for area in placed.fences)
@@ -135,14 +134,13 @@ def areas_of(placed: PlacedForm, window: FlightWindow) -> MissionAreas:
 
 
 def _if_timed(zones: tuple[Zone, ...], window: FlightWindow) -> FlightWindow | None:
-    """The window, if it matters when the flight is; None if all zones always apply."""
+    """The window if any zone has hours; None if all zones always apply."""
     return window if any(zone.validity is not None for zone in zones) else None
 
 
-@lru_cache(
-    maxsize=4
-)  # an edit that changes none of this costs nothing, nor does the search in them
-def _areas(  # noqa: PLR0913, PLR0917 - all that counts
+# Cached: edits of other values keep the airspaces, and the paths found in them.
+@lru_cache(maxsize=4)
+def _areas(  # noqa: PLR0913, PLR0917 - everything that the areas depend on
     fences: tuple[Shape, ...],
     zones: tuple[Zone, ...],
     climb_corridors: tuple[Zone, ...],
@@ -151,7 +149,7 @@ def _areas(  # noqa: PLR0913, PLR0917 - all that counts
     window: FlightWindow | None,
     cruise: Band,
 ) -> MissionAreas:
-    """The areas for a flight at these altitudes in that time; None: whenever it is."""
+    """The areas for a flight in this cruise band; window None: no zone has hours."""
     active = Airspace(fences, (*zones, *climb_corridors), planner.clearance_m)
     if window is not None:
         active = active.during(window.start, window.end)
@@ -185,7 +183,7 @@ def _areas(  # noqa: PLR0913, PLR0917 - all that counts
 def _airspace(
     fences: tuple[Shape, ...], clearance_m: float, zones: tuple[Zone, ...], margin_m: float = 0.0
 ) -> Airspace:
-    """One of the same zones is the same: other altitudes leave what was found in it, the paths."""
+    """Cached: another cruise band with the same zones reuses the paths found in the airspace."""
     return Airspace(fences, zones, clearance_m, margin_m)
 
 
@@ -218,46 +216,46 @@ def _out_of_height(band: Band, cruise: Band) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A place to explore; `number` counts from 1 in the operator's order."""
+    """A place to explore; numbered from 1 in the operator's order."""
 
     number: int
     position: Point
-    altitude_above_home_m: float  # of the flight there
+    altitude_above_home_m: float  # flown at this waypoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission(MissionAreas):
-    """A checked mission. Positions are metres east/north in `frame`, altitudes above home.
+    """A mission. Positions are meters east and north in `frame`, altitudes above home.
 
     Attributes:
-        name: What people call it.
-        path: The file that it came from.
-        frame: Its local frame.
-        home: Where the vehicle takes off and lands.
-        home_altitude_amsl_m: Height of the ground at home above sea level, if known.
-        waypoints: What to explore, in order; numbered 1, 2, 3 ... without gaps.
-        rally_points: Places where the vehicle may land in need.
-        altitude_above_home_m: The mission's altitude, for every point that has no other.
+        name: Name for display.
+        path: The mission file.
+        frame: The local frame.
+        home: Take-off and landing place.
+        home_altitude_amsl_m: Ground elevation at home above mean sea level, if known.
+        waypoints: Places to explore, in order; numbered 1, 2, 3 ... without gaps.
+        rally_points: Emergency landing places.
+        altitude_above_home_m: Altitude of every point that has none of its own.
         speed_m_s: Cruise speed over ground.
         timers: Durations of the states.
-        planner: How routes are planned.
-        seek: Names of the robots to seek, in order; empty for all ground robots of the team.
-        goals_from: Robots whose goals, by gossip, are requests to fly there.
-        seek_policy: How the one that is sought next is chosen, and its place.
-        when_explored: What the vehicle does once every waypoint is explored.
-        uav: Name of this vehicle in the team; None without a team.
-        explore: It explores between two searches; otherwise it only searches.
-        layers: Where it and the other UAVs of the mission fly; empty if it is for one UAV only.
+        planner: Settings of the route planner.
+        seek: Names of the robots to seek, in order; empty: all ground robots of the team.
+        goals_from: Robots that may send goals by gossip.
+        seek_policy: Policy that chooses the next robot and where to seek it.
+        when_explored: Behavior once every waypoint is explored.
+        uav: This vehicle's name in the team; None without a team.
+        explore: Whether the vehicle explores between searches; False: it only searches.
+        layers: The layers of all UAVs of the mission; empty for a single UAV.
         team: The team file; None without one.
         world: The file of the simulated world; None without one.
-        duration_s: When to come home, counted from take-off; None to stay out.
-        battery_reserve: The charge (0..1) at which the vehicle comes home.
-        accepts: What the pre-flight card would stop the flight for and its operator accepts.
-        endurance_s: How long a full battery lasts in cruise flight, if that is known.
-        window: When it flies.
-        notes: What the operator should know.
-        drawn_zones: The zones as the file has them, while `zones` count whatever their height;
-            None: `zones` are.
+        duration_s: Time after take-off at which the vehicle comes home; None: no limit.
+        battery_reserve: The charge (0 to 1) at which the vehicle comes home.
+        accepts: Pre-flight findings that do not stop this mission.
+        endurance_s: Endurance of a full battery in cruise flight, if known.
+        window: The period of the flight.
+        notes: Notes for the operator.
+        drawn_zones: The zones with their own altitude limits, while `zones` apply at all altitudes;
+            None: `zones` have their own limits.
     """
 
     name: str
@@ -296,7 +294,7 @@ class Mission(MissionAreas):
         window: FlightWindow,
         layers: tuple[Layer, ...] = (),
     ) -> Mission | None:
-        """The mission of a form, however wrong it is; None without a frame or a home."""
+        """The mission of a form, even if it has problems; None without a frame or a home."""
         form = placed.form
         if placed.frame is None or placed.home is None:
             return None
@@ -325,9 +323,9 @@ class Mission(MissionAreas):
         )
 
     def airspace_at(self, altitude_m: float) -> Airspace:
-        """The airspace that counts at an altitude above home, with its clearance.
+        """The airspace that applies at an altitude above home, with the clearance.
 
-        Above or below the cruise altitudes: what applies from there to them.
+        Outside the cruise band: all zones between this altitude and the band apply too.
         """
         if altitude_m > self.cruise.upper_m:
             return _between(self.above_airspace, -math.inf, altitude_m)
@@ -336,7 +334,7 @@ class Mission(MissionAreas):
         return self.airspace
 
     def airspace_off_cruise(self, altitude_m: float) -> Airspace:
-        """The same, for legs that begin there: an altitude is good to the vertical margin."""
+        """The same for legs that begin there: the altitude may be wrong by the vertical margin."""
         margin_m = self.planner.vertical_margin_m
         if altitude_m < self.cruise.lower_m:
             return self.airspace_at(altitude_m - margin_m)
@@ -351,45 +349,45 @@ class Mission(MissionAreas):
 
     @property
     def planning_distance_m(self) -> float:
-        """What routes keep away from what has no clearance of its own."""
+        """Planned distance to fences, and to zones without their own clearance."""
         return self.planner.clearance_m + self.tracking.planned_m
 
     @property
     def altitudes_m(self) -> tuple[float, float]:
-        """The lowest and the highest above home that it flies at, or may be sent to."""
+        """Lowest and highest altitude above home that the vehicle flies, or may be commanded to."""
         margin_m, cruise = self.planner.vertical_margin_m, self.cruise
         return round(cruise.lower_m + margin_m, 3), round(cruise.upper_m - margin_m, 3)
 
     @property
     def layer(self) -> Layer | None:
-        """Where it flies among the UAVs of the mission; None if it is for one UAV only."""
+        """The layer of this UAV; None in a mission for a single UAV."""
         return next((layer for layer in self.layers if layer.uav == self.uav), None)
 
     @property
     def ceiling_m(self) -> float:
-        """How high above home it may be without coming near to the UAV above; mostly infinite."""
+        """Highest altitude that keeps separation from the next layer; infinite without one."""
         own = self.layer
         return self._layer_above_m(own) - self.planner.vertical_separation_m if own else math.inf
 
     @property
     def layer_top_m(self) -> float:
-        """Higher above home it counts as in the next layer: halfway there; mostly infinite."""
+        """Border to the next layer, halfway between the two; infinite without one."""
         own = self.layer
         return (self._layer_above_m(own) + own.altitude_m) / 2 if own else math.inf
 
     def _layer_above_m(self, own: Layer) -> float:
-        """How high above home the next layer is; infinite if there is none."""
+        """Altitude of the next layer, above the own home; infinite without one."""
         above = [layer.level_m for layer in self.layers if layer.level_m > own.level_m]
         return own.altitude_m + min(above, default=math.inf) - own.level_m
 
     @property
     def layers_below(self) -> tuple[str, ...]:
-        """The UAVs whose layers it would descend through away from home; mostly none."""
+        """UAVs in lower layers, which a landing away from home would cross."""
         own = self.layer
         return tuple(each.uav for each in self.layers if own and each.level_m < own.level_m)
 
     def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
-        """The same mission among other fences and zones; climb_corridors of other UAVs stay."""
+        """The mission with other fences and zones; climb corridors of other UAVs remain."""
         window = _if_timed(zones, self.window)
         margin_m = self.tracking.planned_m
         areas = _areas(
@@ -398,12 +396,13 @@ class Mission(MissionAreas):
         return replace(self, **areas.parts(), drawn_zones=None)
 
     def with_all_zones(self, above_m: float) -> Mission:
-        """The same mission with its zones at every height: for an altitude that is in doubt.
+        """The mission with its zones at all altitudes, for a vehicle with a doubtful altitude.
 
-        Zones above home keep their heights: it took off below them, and no way would lead home.
+        Zones above home keep their limits: the vehicle took off below them, and otherwise there
+        would be no route home.
 
         Args:
-            above_m: So do zones that begin farther above the cruise altitudes.
+            above_m: Zones that begin this far above the cruise band keep their limits, too.
         """
         drawn, top_m = self.drawn, self.cruise.upper_m + above_m
         home, margin_m = ShapelyPoint(self.home), self.tracking.planned_m
@@ -421,41 +420,41 @@ class Mission(MissionAreas):
         return replace(self.with_areas(self.fences, zones), drawn_zones=drawn)
 
     def as_drawn(self) -> Mission:
-        """The same mission with its zones at the heights that the file has."""
+        """The mission with the altitude limits of the file."""
         return self.with_areas(self.fences, self.drawn) if self.all_zones else self
 
     @property
     def all_zones(self) -> bool:
-        """Whether zones count whatever their height."""
+        """Whether zones apply at all altitudes."""
         return self.drawn_zones is not None
 
     @property
     def drawn(self) -> tuple[Zone, ...]:
-        """The zones as the file has them."""
+        """The zones with the altitude limits of the file."""
         return self.zones if self.drawn_zones is None else self.drawn_zones
 
     @property
     def skipped(self) -> frozenset[int]:
-        """The waypoints that zones or fences were drawn over in flight; none before."""
+        """Numbers of waypoints that are too near to zones or fences changed in flight."""
         places = [waypoint.position for waypoint in self.waypoints]
         clear = self.planning_airspace.points_clear(places)
         return frozenset(w.number for w, ok in zip(self.waypoints, clear, strict=True) if not ok)
 
     def altitude_of(self, node: int | None) -> float:
-        """How high above home the vehicle hovers at a node; None: at any other point."""
+        """Altitude above home at a node; None: at any other point."""
         if not node:
             return self.altitude_above_home_m
         return self.waypoints[node - 1].altitude_above_home_m
 
     @property
     def landings(self) -> tuple[Point, ...]:
-        """The rally points that nothing was drawn over in flight."""
+        """The rally points that are still clear of zones and fences changed in flight."""
         airspace = self.climb_airspace.with_margin(self.tracking.planned_m)
         return tuple(place for place in self.rally_points if airspace.point_clear(place))
 
     @property
     def latest_start(self) -> datetime | None:
-        """After this the zones may be others; None when they are the same at all times."""
+        """Latest take-off for which the zones are valid; None if no zone has hours."""
         return self.window.latest_start if _if_timed(self.zones, self.window) else None
 
 
@@ -465,7 +464,7 @@ _UNCHANGED: Final = (
     - _PLACED
     - {"seek", "team", "world"}
 )
-"""What a mission has from its form as it stands there."""
+"""Fields that a mission copies unchanged from its form."""
 
 
 def _frozen(value: Any) -> Any:
@@ -473,8 +472,8 @@ def _frozen(value: Any) -> Any:
 
 
 def _between(airspace: Airspace, low_m: float, high_m: float) -> Airspace:
-    """The airspace with only the zones that apply somewhere between."""
+    """The airspace with only the zones that apply somewhere between these altitudes."""
     zones = tuple(z for z in airspace.zones if z.band is None or z.band.meets(low_m, high_m))
     if len(zones) == len(airspace.zones):
         return airspace
-    return _airspace(airspace.fences, airspace.clearance_m, zones)  # mostly the same, off altitude
+    return _airspace(airspace.fences, airspace.clearance_m, zones)  # usually cached

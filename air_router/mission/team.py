@@ -1,7 +1,7 @@
-"""Whether a mission's team fits it: who flies, whom it seeks, and how robots are found.
+"""Checks a mission against its team: the UAV, the robots to seek, and their position topics.
 
-A robot is found by the first of its topics that has its position. JSON is known by its topic's
-name, a ROS message by its type, whatever its topic is called.
+A robot is found by the first of its topics that gives a position. JSON is recognized by the name of
+its topic, a ROS message by its type.
 """
 
 import difflib
@@ -18,7 +18,7 @@ from air_router.mission.mission import Mission
 from mocha_link.team import Document, DocumentError, Team, Topic, path_advice
 
 UAV_KIND: Final = "aerial_robot"
-"""The kind of the team's robots that fly; without `uav` in the mission, the only one is meant."""
+"""The kind of flying robots; a mission without `uav` uses the only one of the team."""
 
 FIX: Final = "sensor_msgs/NavSatFix"
 POSE: Final = "geometry_msgs/PoseStamped"
@@ -27,20 +27,20 @@ LOCAL_POSES: Final = (
     "nav_msgs/Odometry",
     "geometry_msgs/PoseWithCovarianceStamped",
 )
-"""In metres of a robot's local frame: they say something where the team file has its `datum`."""
+"""Positions in metres of the robot's local frame; usable if the team file has its `datum`."""
 
 PATH: Final = "nav_msgs/Path"
 
 _GOAL: Final = "goal"
-"""A pose of ROS on a topic with this in its name is where a robot is to go, not where it is."""
+"""A ROS pose on a topic with this in its name is a goal, not the robot's position."""
 
 
 def sought(
     team: Team, uav: str, seek: tuple[str, ...], goals_from: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Whom a UAV seeks: those that its mission names, or else all that drive and have a link to it.
+    """The robots that a UAV seeks: those of its mission, or else all linked ground robots.
 
-    A base station that sends goals, and has no position, is not sought by default.
+    A base station that sends goals but reports no position is not sought by default.
     """
     return seek or tuple(
         peer
@@ -51,15 +51,15 @@ def sought(
 
 
 def pose_topic(team: Team, robot: str) -> Topic | None:
-    """The topic by which a robot is found; None: by none."""
+    """The topic by which a robot is found; None: there is none."""
     return _first(team, robot, POSE_TOPIC, (FIX, *LOCAL_POSES))
 
 
 def finders(mission: Mission) -> dict[str, Topic]:
-    """By which topic each robot that a mission seeks is found; those of no topic are left out.
+    """The position topic of each robot to seek; robots without one are omitted.
 
     Raises:
-        DocumentError: the team file cannot be read.
+        DocumentError: The team file cannot be read.
     """
     if mission.team is None or mission.uav is None:
         return {}
@@ -70,12 +70,12 @@ def finders(mission: Mission) -> dict[str, Topic]:
 
 
 def path_topic(team: Team, robot: str) -> Topic | None:
-    """The topic with a robot's planned path; None: none."""
+    """The topic of a robot's planned path; None: there is none."""
     return _first(team, robot, PATH_TOPIC, (PATH,))
 
 
 def why_not_found(team: Team, robot: str) -> str:
-    """Why a robot is found by none of its topics, and what to do."""
+    """Why a robot cannot be found by any of its topics, and the remedy."""
     local = next((topic for topic in team.topics_of(robot) if _says(topic, LOCAL_POSES)), None)
     if local is not None:
         return (
@@ -107,7 +107,7 @@ def _says(topic: Topic, types: tuple[str, ...]) -> bool:
 # The mission and its team file
 
 ALONE: Final = Path("(no team)")
-"""Shown as the path of the team of a mission without one."""
+"""Displayed as the team path of a mission without a team."""
 
 _ALONE: Final = """
 robots: {{{name}: {{kind: aerial_robot, address: 127.0.0.1, base_port: 24400, clients: []}}}}
@@ -115,18 +115,18 @@ kinds:
   aerial_robot:
     topics: [{{name: /map, type: grid/SemanticMap, priority: high, min_interval_s: 5}}]
 """
-"""The team of a mission without one: no other robot may link to the UAV."""
+"""The team of a mission without a team: the UAV alone, without links."""
 
 
 def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
-    """The team to talk to, and the name that the mission's UAV has in it.
+    """The team of a mission, and the name of its UAV in the team.
 
-    A mission that names no team is flown alone: the UAV explores, and comes home.
+    Without a team the UAV explores alone and comes home.
 
     Raises:
-        RefusedError: the mission seeks a robot, but names no team; it is not clear which robot
-            flies; or a robot that is sought does not say where it is.
-        DocumentError: the team file is wrong.
+        RefusedError: The mission seeks robots without a team, the UAV is ambiguous, or a robot to
+            seek reports no position.
+        DocumentError: The team file is invalid.
     """
     path = path or mission.team
     if path is None and mission.seek:
@@ -147,7 +147,7 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
 
 
 def only_uav(team: Team) -> str:
-    """The team's UAV, for missions that do not say which robot they fly."""
+    """The team's only UAV, for missions without `uav`."""
     uavs = _flying(team)
     if len(uavs) != 1:
         raise RefusedError(
@@ -162,10 +162,10 @@ def _flying(team: Team) -> list[str]:
 
 
 def check_team(placed: PlacedForm, findings: Findings) -> str | None:
-    """Report problems of the team file, and robots that it does not have.
+    """Report problems of the team file, and robots missing in it.
 
     Returns:
-        Whose mission it is: the form's `uav`, or else the only flying robot of the team.
+        The mission's UAV: the form's `uav`, or else the only flying robot of the team.
     """
     form, several = placed.form, [uav.name for uav in placed.uavs]
     _check_file("world", form.world_file, findings)
@@ -223,7 +223,7 @@ def _check_flies(name: str, team: Team, keys: Keys, findings: Findings) -> None:
 
 
 def _only_one(form: MissionForm, team: Team, findings: Findings) -> str | None:
-    """The only flying robot of the team; None, and reported, if it is not clear who flies."""
+    """The only flying robot of the team; None, with a problem reported, if there is not one."""
     flying = _flying(team)
     if len(flying) == 1:
         return flying[0]
@@ -238,7 +238,7 @@ def _only_one(form: MissionForm, team: Team, findings: Findings) -> str | None:
 
 
 def _check_others(uav: str | None, form: MissionForm, team: Team, findings: Findings) -> None:
-    """Report robots that are sought, or send goals, and cannot; and names that are alike."""
+    """Report invalid robots in `seek` and `goals_from`, and note names that differ in case only."""
     first: dict[str, str] = {}
     for name in team.robots:
         other = first.setdefault(name.lower(), name)
@@ -266,7 +266,7 @@ def _check_others(uav: str | None, form: MissionForm, team: Team, findings: Find
 
 
 def _note_unlinked_uavs(uav: str, several: Sequence[str], team: Team, findings: Findings) -> None:
-    """Note UAVs of one mission that cannot exchange whom they seek."""
+    """Note UAVs of one mission that cannot exchange which robots they seek."""
     if uav not in several or uav not in team.robots or len(several) == 1:
         return
     known, keys = {uav, *team.robot(uav).peers}, ("uavs", uav)

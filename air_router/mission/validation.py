@@ -1,4 +1,4 @@
-"""Whether a mission may be flown: every problem of its geometry, and its picture."""
+"""Validates the geometry of a mission: problems, and the faults to draw in its picture."""
 
 import contextlib
 import math
@@ -26,12 +26,12 @@ from geo.paths import barriers, shortest_paths
 from mocha_link.team import Problem
 
 FAR_M = 50_000.0
-"""Places farther from home than this are typing errors; no sheet shows them."""
+"""Places farther from home than this are typing errors, and are not drawn."""
 
 _SAME_PLACE_M = 0.1
 _AT_ZERO_DEG = 0.01
 _WHOLE_DEG = 1e-6
-_ALL_WITHIN_M = 1.0  # degrees, read as metres: no mission is so small
+_ALL_WITHIN_M = 1.0  # a smaller mission has degrees that were read as metres
 _SLIVER_M2 = 0.01
 
 _CODES = {
@@ -39,11 +39,11 @@ _CODES = {
     "waypoint": ("waypoint-outside-fence", "waypoint-in-zone", "waypoint-too-near"),
     "rally point": ("rally-point-outside-fence", "rally-point-in-zone", "rally-point-too-near"),
 }
-"""Of places outside of the fence, in a zone, and nearer to either than they may be."""
+"""Codes of places outside the fence, in a zone, and too near to either."""
 
 
 def checked_areas(placed: PlacedForm, window: FlightWindow, findings: Findings) -> MissionAreas:
-    """The areas of a mission; everything that is wrong with its places and areas is found."""
+    """The areas of a mission; reports every problem of its places and areas."""
     areas, unread = areas_of(placed, window), placed.form.unread
     if placed.frame is None:
         return areas
@@ -58,7 +58,7 @@ def checked_areas(placed: PlacedForm, window: FlightWindow, findings: Findings) 
     _check_fence_crossings(placed, findings)
     _check_same_places(placed, findings)
     far = _check_distances(placed, findings)
-    inside_known = "the fence" not in far  # a fence elsewhere has every place outside of it
+    inside_known = "the fence" not in far  # every place is outside a misplaced fence
     kept = inside_known and _check_spots(placed, areas, far, findings)
     if kept and not far and "planner" not in unread:
         _check_ways(placed, areas, findings)
@@ -110,9 +110,9 @@ def _note_contradiction(placed: PlacedForm, area: Area, findings: Findings) -> N
 
 
 def _check_distances(placed: PlacedForm, findings: Findings) -> set[str]:
-    """Far places are typing errors: digits, signs, or longitude before latitude.
+    """Report far places, which are typing errors: digits, signs, or longitude first.
 
-    Returns the labels of such places: nothing else needs to be reported about them.
+    Returns the labels of such places, for which nothing else is reported.
     """
     far: set[str] = set()
     if placed.home is None:
@@ -135,7 +135,7 @@ def _check_distances(placed: PlacedForm, findings: Findings) -> set[str]:
             far.add(spot.label)
     for area in (*placed.zones, *placed.fences):
         far_m = max(math.dist(corner, home) for corner in area.shape.corners)
-        if area.crosses_fence:  # of any size, as those of other files
+        if area.crosses_fence:  # may be of any size, like zones of other files
             far_m = float(area.shape.polygon.distance(shapely.Point(home)))
         if far_m > FAR_M and area.source is None:
             label = _label(placed, area)
@@ -148,7 +148,7 @@ def _check_distances(placed: PlacedForm, findings: Findings) -> set[str]:
 
 
 def _meant(placed: PlacedForm, position: Point) -> str:
-    """How a far place has to be read to be near home, as text; "" if there is no way."""
+    """The correction that puts a far place near home, as text; empty if there is none."""
     if placed.form.in_metres or placed.frame is None or placed.home is None:
         return ""
     latitude_deg, longitude_deg = placed.frame.to_geodetic(position)
@@ -166,9 +166,9 @@ def _meant(placed: PlacedForm, position: Point) -> str:
 
 
 def _check_units_of_places(placed: PlacedForm, findings: Findings) -> bool:
-    """Whether the places are of another unit, or of none: degrees as metres, or zeros.
+    """Report coordinates in the wrong unit: degrees as metres, or zeros.
 
-    Nothing else needs to be reported about a mission within a metre.
+    Returns whether degrees were read as metres; then nothing else is reported.
     """
     if placed.home is None or placed.frame is None:
         return False
@@ -192,7 +192,7 @@ def _check_units_of_places(placed: PlacedForm, findings: Findings) -> bool:
 
 
 def _note_settings(form: MissionForm, findings: Findings) -> None:
-    """Note settings of which one keeps the other from ever having an effect."""
+    """Note pairs of settings in which one makes the other ineffective."""
     duration_s, endurance_s = form.duration_s, form.endurance_s
     if duration_s is not None and endurance_s is not None and duration_s > endurance_s:
         message = (
@@ -263,7 +263,7 @@ def _check_same_places(placed: PlacedForm, findings: Findings) -> None:
 def _check_spots(
     placed: PlacedForm, areas: MissionAreas, far: Collection[str], findings: Findings
 ) -> bool:
-    """Whether home, waypoints and rally points all keep their distance."""
+    """Report places that are too near; return whether there are none."""
     cruise = areas.planning_airspace
     climb = cruise
     if areas.climb_airspace is not areas.airspace:
@@ -277,11 +277,11 @@ def _check_spots(
         wrong += [(spot, airspace) for spot, ok in zip(spots, clear, strict=True) if not ok]
     wrong = [(spot, airspace) for spot, airspace in wrong if spot.label not in far]
     for spot, airspace in wrong:
-        _complain_of_spot(spot, airspace, placed, findings)
+        _report_spot(spot, airspace, placed, findings)
     return not wrong
 
 
-def _complain_of_spot(
+def _report_spot(
     spot: MissionPoint, airspace: Airspace, placed: PlacedForm, findings: Findings
 ) -> None:
     holders = airspace.zones_at(spot.position)
@@ -297,14 +297,14 @@ def _complain_of_spot(
         message = f"{spot.label} lies inside no-fly zone {zones}; move it out{to}"
         findings.report(spot.keys, message, inside)
     else:
-        spare_m, name = airspace.clearance_left_m(spot.position)
+        left_m, name = airspace.clearance_left_m(spot.position)
         kept_m = airspace.required_m(name)
         what = "the fence" if name == FENCE else f"no-fly zone '{name}'"
         own = any(area.name == name and area.terms.clearance_m is not None for area in placed.zones)
         setting = "its clearance_m" if own else "planner.clearance_m"
         message = (
-            f"{spot.label} is {_metres(kept_m + spare_m)} from {what}, it needs "
-            f"{_needs(placed, kept_m)}; move it by {_metres(-spare_m)} or lower {setting}"
+            f"{spot.label} is {_metres(kept_m + left_m)} from {what}, it needs "
+            f"{_needs(placed, kept_m)}; move it by {_metres(-left_m)} or lower {setting}"
         )
         findings.report(spot.keys, message, near)
 
@@ -323,22 +323,22 @@ def _metres(distance_m: float) -> str:
 
 
 def _check_ways(placed: PlacedForm, areas: MissionAreas, findings: Findings) -> None:
-    """A clear way must lead from home to every waypoint (and so from each to every other)."""
+    """Report waypoints without a clear way from home (and so from the other waypoints)."""
     if placed.home is None:
         return
     home, airspace = placed.home.position, areas.planning_airspace
     paths = shortest_paths(airspace)
-    answers: dict[int | None, str] = {}
+    obstacles: dict[int | None, str] = {}
     needs = _needs(placed, placed.form.planner.clearance_m + _margin_m(placed))
     around_home = paths.part_of(home)
     parts = paths.parts_of([spot.position for spot in placed.waypoints])
     for spot, part in zip(placed.waypoints, parts, strict=True):
         if part == around_home is not None or paths.connected(home, spot.position):
             continue
-        if part not in answers:
-            answers[part] = _walls(barriers(airspace, home, spot.position))
+        if part not in obstacles:
+            obstacles[part] = _walls(barriers(airspace, home, spot.position))
         message = (
-            f"no clear way leads from home to {spot.label}: {answers[part]} at {needs}; open a "
+            f"no clear way leads from home to {spot.label}: {obstacles[part]} at {needs}; open a "
             "gap, or move or remove the waypoint"
         )
         findings.report(spot.keys, message, "waypoint-unreachable")
@@ -351,7 +351,7 @@ def _walls(names: Sequence[str]) -> str:
     return f"{' and '.join(labels)} {'leaves' if len(labels) == 1 else 'leave'} no room"
 
 
-# Where it is wrong, for pictures
+# Faults, for pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,13 +359,12 @@ class Faults:
     """The faults to draw in red.
 
     Attributes:
-        count: how many problems there are.
-        spots: places that are wrong: home, waypoints, rally points.
-        legs: straight legs from one waypoint to the next that begin, end or lead where the vehicle
-            must not be.
-        shapes: fences and zones that are wrong, though they are areas.
-        refused: rings that are no areas.
-        off_sheet: labels of places too far away to be drawn.
+        count: Number of problems.
+        spots: Wrong places: home, waypoints, rally points.
+        legs: Straight legs between consecutive waypoints that touch a forbidden area.
+        shapes: Wrong fences and zones.
+        refused: Rings that do not form an area.
+        off_sheet: Labels of places too far away to be drawn.
     """
 
     count: int
@@ -377,7 +376,7 @@ class Faults:
 
 
 def faults_of(placed: PlacedForm, findings: Findings, mission: Mission) -> Faults:
-    """The faults of a mission that was validated."""
+    """The faults of a validated mission."""
     spots = [*placed.waypoints, *placed.rally_points, *([placed.home] if placed.home else [])]
     wrong = [spot for spot in spots if _blamed(findings.problems, spot.keys)]
     ends = {spot.position for spot in wrong if spot not in placed.rally_points}
@@ -397,12 +396,12 @@ def faults_of(placed: PlacedForm, findings: Findings, mission: Mission) -> Fault
 
 
 def far(position: Point, mission: Mission) -> bool:
-    """Whether a place is too far from home for a sheet."""
+    """Whether a place is too far from home to be drawn."""
     return math.dist(position, mission.home) > FAR_M
 
 
 def blocked_legs(mission: Mission) -> list[tuple[Point, Point]]:
-    """Straight legs from home over the waypoints in order, and home, that are not clear."""
+    """The legs of the tour from home through all waypoints and back that are not clear."""
     stops = [mission.home, *(w.position for w in mission.waypoints), mission.home]
     legs = [(a, b) for a, b in pairwise(stops) if a != b]
     if not legs:
@@ -413,6 +412,6 @@ def blocked_legs(mission: Mission) -> list[tuple[Point, Point]]:
 
 
 def _blamed(problems: Sequence[Problem], keys: Sequence[str | int]) -> bool:
-    """Whether a problem is about the value at these keys, or a part of it."""
+    """Whether a problem concerns the value at these keys, or a part of it."""
     length = len(keys)
     return any(problem.keys[:length] == tuple(keys) for problem in problems if problem.keys)

@@ -65,7 +65,7 @@ recording_options = together(
         "--log-dir",
         type=PATH,
         metavar="D",
-        help="folder that the flight is recorded in (default: ~/.local/state/air-router/flights)",
+        help="folder for the record of the flight (default: ~/.local/state/air-router/flights)",
     ),
     option("--no-record", is_flag=True, help="do not record the flight", not_with=["log_dir"]),
 )
@@ -100,8 +100,7 @@ viewer_option = option(
     type=Parsed(ViewerAddress.of),
     **optional(ViewerAddress()),
     metavar="[[HOST:]PORT]",
-    help="serve the flight to Foxglove, which connects to this port (default 8765, on this "
-    "machine only)",
+    help="serve the flight to Foxglove at this port (default 8765, on this machine only)",
 )
 """Add `--foxglove`."""
 

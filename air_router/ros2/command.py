@@ -30,28 +30,28 @@ def _print_package(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 @command(
-    "Show a flight that runs with --control on this machine to ROS 2, without a ROS "
-    "installation: pose, fix, battery, state, zones, team and map as standard messages. "
-    "It waits until the flight runs. Ctrl-C ends it, not the flight.",
+    "Publish a flight on ROS 2 without a ROS installation: pose, GPS fix, battery, state, zones, "
+    "team and map as standard messages. The flight runs with --control on this machine; the "
+    "command waits for it. Ctrl-C ends the command, not the flight.",
     _EPILOG,
 )
 @click.argument(
     "endpoint",
     type=Parsed(endpoint_of),
     required=False,
-    help="endpoint of the flight's --control, if it is not the default",
+    help="value of the flight's --control, if not the default",
 )
 @option(
     "--domain",
     type=int,
     metavar="N",
-    help="number of the DDS domain (default: ROS_DOMAIN_ID, else 0)",
+    help="DDS domain (default: ROS_DOMAIN_ID, else 0)",
 )
 @option(
     "--requests",
     is_flag=True,
-    help="also serve actions and services: every program in the DDS domain can then make the "
-    "flight hold, resume, explore, come home, land, change its altitude, fly to points or seek a "
+    help="also serve actions and services: every program in the DDS domain can then command the "
+    "flight to hold, resume, explore, come home, land, change altitude, fly to points or seek a "
     "robot",
 )
 @option(
@@ -66,7 +66,7 @@ def _print_package(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     "--bag",
     type=PATH,
     metavar="LOG",
-    help="instead, write the messages of a recorded flight to LOG with .ros2.mcap, for "
+    help="write the messages of the recorded flight LOG to a bag (LOG with .ros2.mcap) for "
     "`ros2 bag play`, and exit",
 )
 def run(arguments: Options) -> int:

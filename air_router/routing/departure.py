@@ -6,9 +6,9 @@
 * For a moving vehicle the whole area that its turn may sweep (`Momentum`) is clear, and so is the
   rest of its current leg: the vehicle stays on that leg until the new command arrives.
 * A vehicle that is already closer (wind, noise, a newly drawn zone), or that would stop closer,
-  gets a leeway: for the first meters the leg may be as close as the vehicle is now or will be when
-  it stops. After that the leg is clear. Zones from which the vehicle keeps the clearance now get
-  the clearance along the whole leg.
+  has leeway: for the first meters the leg may be as close as the vehicle is now or will be when
+  it stops. After that the leg is clear. The vehicle keeps the clearance along the whole leg
+  from zones from which it has it now.
 * A vehicle that would stop within the clearance brakes first.
 * A vehicle inside a zone or outside the fence takes a short way out that enters no other zone.
 * If no such leg leads out of a tight place (a lane between two zones), the vehicle flies the legs
@@ -90,7 +90,7 @@ class PendingSetpoint(NamedTuple):
 
 
 class Stand(Enum):
-    """Where the vehicle is as it sets out, and where it would stop: a row of `RULES`.
+    """Where the vehicle is at departure, and where it would stop: a row of `RULES`.
 
     *Near* means nearer to a zone or the fence than a route may come, *too near* nearer than the
     clearance.
@@ -137,13 +137,13 @@ class Departure:
     Args:
         airspace: Airspace with the margin that this first leg has to keep.
         paths: Shortest paths with the margin that routes keep.
-        start: where the vehicle is.
-        momentum: How far the vehicle coasts; None if it hovers.
+        start: The vehicle's position.
+        momentum: How far the vehicle coasts; None: it hovers.
         pending: Ends of earlier legs that the vehicle may still fly to before the new command
             arrives.
 
     Attributes:
-        start: where the vehicle is.
+        start: The vehicle's position.
         rest: Where the vehicle would stop.
         pending: Ends of earlier legs that it may still be flying to.
         moving: Whether the vehicle may have left `start` when the new command arrives.
@@ -229,7 +229,7 @@ class Departure:
     # What the rules require.
 
     def first_near(self) -> Airspace:
-        """As near as the vehicle is, or as it would stop."""
+        """As near as the vehicle is now, or will be when it stops."""
         airspace = self._airspace
         return airspace.relaxed(
             airspace.margin_m - self._least_left_m + LEG_ROUNDING_M,
@@ -242,7 +242,7 @@ class Departure:
         return 2 * (self._airspace.margin_m - self._least_left_m) + drift_m + LEEWAY_M
 
     def whole_near(self) -> Airspace:
-        """The clearance from every zone from which the vehicle keeps it now."""
+        """The clearance from every zone from which the vehicle has it now."""
         return self._airspace.with_margin(0.0).clear_of_leg(self.start, self.rest)
 
     def warning_near(self) -> str:
@@ -255,11 +255,11 @@ class Departure:
         return f"the vehicle is {where}: it moves away first"
 
     def first_within(self) -> Airspace:
-        """Out of the zone it is in; half of the margin from all others."""
+        """Out of its zone; half of the margin from all other zones."""
         return self._others
 
     def reach_within_m(self) -> float:
-        """Somewhat more than the distance to the nearest clear point."""
+        """The distance to the nearest clear point, plus leeway."""
         nearest = self._paths.nearest(self.start)
         if nearest is None:
             return 0.0
@@ -272,13 +272,13 @@ class Departure:
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """The same, but as near to other zones as the vehicle is, or as it would stop."""
+        """The same, but as near to other zones as the vehicle is now, or will be when it stops."""
         shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 
     def whole_within_near(self) -> Airspace:
-        """Half of the margin from every other zone from which the vehicle keeps it now."""
+        """Half of the margin from every other zone from which the vehicle has it now."""
         return self._others.clear_of_leg(self.start, self.rest)
 
     @cached_property
@@ -302,7 +302,7 @@ class Departure:
         return min(airspace.distance_m(place) for place in (self.start, self.rest))
 
     def clear(self, end: Point) -> bool:
-        """Whether the whole area is clear that the vehicle may sweep if it flies straight to `end`.
+        """Whether the area that the vehicle may sweep on a straight leg to `end` is clear.
 
         The area includes its current position, its stopping point, and `end` itself.
         """
@@ -342,7 +342,7 @@ class Departure:
 
     @property
     def special(self) -> bool:
-        """Whether the first leg has another rule than to be clear."""
+        """Whether another rule than a clear leg applies to the first leg."""
         return self.in_margin or self.moving
 
     @cached_property

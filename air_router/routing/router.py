@@ -25,7 +25,7 @@ from geo.frame import Point
 from geo.paths import barriers
 
 _START = -1
-"""Represents the vehicle's position among the nodes of a way."""
+"""Stands for the vehicle's position among the nodes of a path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Leg:
 class Route:
     """Legs from the start to the goal, and their length.
 
-    `warnings` are about the vehicle's current position, which the route leaves at once.
+    `warnings` concern the vehicle's current position, which the route leaves first.
     """
 
     legs: tuple[Leg, ...]
@@ -50,7 +50,7 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class NoRoute:
-    """There is no route: the reason, and the zones (or the fence) in the way."""
+    """The reason why there is no route, and the zones (or the fence) in the way."""
 
     reason: str  # as text
     blockers: tuple[str, ...] = ()  # names of zones, or of the fence
@@ -67,7 +67,7 @@ class Router:
         self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace  # with the tracking margin
-        # A first leg keeps the whole tracking margin if possible, else the margin that it needs.
+        # A first leg keeps the whole tracking margin if possible, else that required in flight.
         tracking, most_m = graph.mission.tracking, self._airspace.margin_m
         self._flown = self._airspace.with_margin(min(tracking.flown_m, most_m))  # from hovering
         self._turned = self._airspace.with_margin(min(tracking.turned_m, most_m))  # at speed
@@ -90,7 +90,7 @@ class Router:
             start: The vehicle's position.
             goal: A node of the graph, or any point.
             momentum: How far the vehicle coasts; None: it hovers.
-            pending: Ends of earlier legs that it may still fly to until it follows a new command.
+            pending: Ends of earlier legs that it may fly to before it follows a new command.
 
         Returns:
             A Route with clear legs, or NoRoute with the reason: the goal is not clear, zones
@@ -140,13 +140,13 @@ class Router:
     def off_cruise(self, altitude_m: float, swept: Sequence[Point]) -> NoRoute | None:
         """Why a leg that starts off the cruise altitudes is not clear; None if it is.
 
-        The vehicle climbs or descends to the cruise altitudes on this leg, at an unknown place. So
-        all zones between its altitude and the cruise altitudes count along the whole leg, except
-        zones that it is in already and leaves.
+        The vehicle climbs or descends to the cruise altitudes somewhere on this leg. So all zones
+        between its altitude and the cruise altitudes apply along the whole leg, except zones that
+        it is already in and leaves.
 
         Args:
             altitude_m: The vehicle's altitude above home.
-            swept: Corners of the area that it may sweep, from its position to the end of the leg.
+            swept: Corners of the area that the vehicle may sweep up to the end of the leg.
         """
         mission = self._mission
         low = altitude_m < mission.cruise.lower_m
@@ -166,9 +166,9 @@ class Router:
         )
 
     def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
-        """The straight leg if it is clear, else a way on the graph if the mission uses it.
+        """The straight leg if it is clear, else a path on the graph if the mission uses it.
 
-        Otherwise, or without a way on the graph, the shortest clear way.
+        Otherwise, or without a path on the graph, the shortest clear path.
         """
         if rule.allows(target.to):
             return [target]
@@ -181,7 +181,7 @@ class Router:
         return None if path is None else [*map(Leg, path[1:-1]), target]
 
     def _ways_out(self, rule: Departure) -> Iterator[tuple[Point, ...]]:
-        """Straight ways from a start that is not clear to clear places, nearest first."""
+        """Ways from a start that is not clear to clear places, nearest first."""
         for place in self._paths.exits(rule.start):
             if rule.allows(place):
                 yield (place,)
@@ -240,28 +240,28 @@ def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...] = ()) ->
 
 @lru_cache(maxsize=8)
 def _with_margin(airspace: Airspace, margin_m: float, without: frozenset[str]) -> Airspace:
-    """Cached for the next leg that starts off the cruise altitudes."""
+    """The airspace with another margin; cached for the next leg off the cruise altitudes."""
     zones = [zone for zone in airspace.zones if zone.name not in without]
     kept = Airspace(airspace.fences, zones, airspace.clearance_m) if without else airspace
     return kept.with_margin(margin_m)
 
 
 class WaypointPlanner:
-    """The paper's planner: onto the waypoint graph, along it, and off it at the goal.
+    """The paper's planner: to the waypoint graph, along it, and from it to the goal.
 
-    Legs onto and off the graph are at most as long as its edges, unless no node is visible that
-    near.
+    The first and the last leg are at most as long as edges of the graph, unless no node is visible
+    within that distance.
     """
 
     def __init__(self, graph: WaypointGraph) -> None:
         self._graph = graph
         self._airspace = graph.mission.planning_airspace  # with the tracking margin
-        self._max_edge_m = graph.mission.planner.max_edge_m  # farther nodes are not joined
+        self._max_edge_m = graph.mission.planner.max_edge_m  # longest edge
 
     def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:
         """The legs in order, the target last.
 
-        None if start or goal have no visible waypoint, or the graph does not connect them.
+        None if start or goal has no visible waypoint, or the graph does not connect them.
         """
         way = self._way(rule, target)
         if way is None:
@@ -275,9 +275,9 @@ class WaypointPlanner:
         return legs if target.node is not None else [*legs, target]
 
     def _way(self, rule: Departure, target: Leg) -> list[int] | None:
-        """The nodes of the shortest way from the start's visible nodes to the goal's.
+        """The nodes of the shortest path from the start's visible nodes to the goal's.
 
-        A* with the straight distance to the goal.
+        A* with the straight distance to the goal as heuristic.
         """
         graph = self._graph
         to_goal_m: list[float] = self._distances_m(target.to).tolist()
@@ -301,7 +301,7 @@ class WaypointPlanner:
             if node in came_from:
                 continue
             came_from[node] = before
-            if node in leaving:  # the remaining way is exact here
+            if node in leaving:  # the heuristic is exact here
                 return _trace(came_from, node)
             for other, length_m in graph.neighbours[node]:
                 if other not in came_from:
@@ -310,7 +310,7 @@ class WaypointPlanner:
         return None
 
     def _visible(self, place: Point, check: Callable[[list[Point]], list[bool]]) -> set[int]:
-        """The visible nodes within edge length of a place; if there are none, any visible node."""
+        """The visible nodes within edge length of a place; without any, all visible nodes."""
         near = self._distances_m(place) <= self._max_edge_m
         for nodes in (np.flatnonzero(near).tolist(), np.flatnonzero(~near).tolist()):
             are_clear = check([self._graph.position(node) for node in nodes])

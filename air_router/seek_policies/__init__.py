@@ -1,4 +1,4 @@
-"""What a seek policy of another package is made of: which robot is sought next, and where.
+"""Public API for seek policies of other packages, which choose the next robot and the place.
 
 A policy is a class that can be made without arguments, with `foresees`, `order` and `place`
 (`Policy`), registered as an entry point of the group `air_router.seek_policies`, or named by the

@@ -42,8 +42,8 @@ from mocha_link.path_safety import made_folder
 
 
 @command(
-    "Start a simulated PX4, ground robots and radios, and fly a mission there.",
-    "examples:\n  air-router sim demo --speed 10      (the mission that comes with the program)\n"
+    "Start a simulated PX4, ground robots and radios, and fly a mission with them.",
+    "examples:\n  air-router sim demo --speed 10      (the built-in mission)\n"
     "  air-router sim missions/pennovation/mission.yaml --speed 10",
 )
 @flight_options
@@ -57,14 +57,14 @@ from mocha_link.path_safety import made_folder
     help="speed limit, times real time, 0.1 to 100 (default 1); the simulation waits for the "
     "slowest process",
 )
-@option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
+@option("--seed", type=int, metavar="N", default=1, help="random seed (default 1)")
 @option(
     "--px4",
     **optional(""),
     metavar="[PATH]",
-    help="fly a real PX4 instead of our simulated one, at PATH or where `sitl px4` finds it",
+    help="fly a real PX4 SITL at PATH, or where `sitl px4` finds one, not the simulated PX4",
 )
-@px4_version_option("our simulated one behaves as")
+@px4_version_option("the simulated PX4 behaves like")
 def run(arguments: Options) -> int:
     """Fly in a world of its own, and report on stdout."""
     for package in ("mavsdk", "pymavlink"):  # the flight and the world are other processes

@@ -24,7 +24,7 @@ from mocha_link.cli import PATH, Options, Parsed, command, option, together
 
 _EPILOG: Final = """\
 examples:
-  air-router new                                      (asks on the terminal)
+  air-router new                                      (prompts for all values)
   air-router new yard --home 47.3977,8.5456 --robots "husky=ros2, scout"
 """
 
@@ -75,15 +75,15 @@ def _robots(text: str) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """One answer that is needed.
+    """A value that the command needs.
 
     Attributes:
         key: Its name among the arguments.
         metavar: Its name in the help.
         help: What it is, there.
         text: The prompt on a terminal.
-        read: What makes a value of an answer; raises ValueError.
-        default: The answer if there is none; None: there has to be one.
+        read: Parses the answer; raises ValueError.
+        default: The value of an empty answer; None: an answer is required.
     """
 
     key: str
@@ -110,19 +110,24 @@ class _Question:
 
 _QUESTIONS = (
     _Question(
-        "folder", "FOLDER", "folder to make (default mission)", "Folder to make", Path, "mission"
+        "folder",
+        "FOLDER",
+        "folder to create (default mission)",
+        "Folder to create",
+        Path,
+        "mission",
     ),
     _Question(
         "home",
         "LAT,LON",
-        "place of take-off, in degrees",
+        "take-off position, in degrees",
         "Where does the vehicle take off (latitude,longitude)?",
         home,
     ),
     _Question(
         "altitude",
         "M",
-        "cruise altitude above home, in metres (default 30)",
+        "cruise altitude above home, in meters (default 30)",
         "Cruise altitude in metres above that?",
         _altitude,
         "30",
@@ -150,8 +155,8 @@ _FOLDER, *_ASKED = _QUESTIONS
 
 
 @command(
-    "Make a folder with a mission, its team, a simulated world and a rover's program. The "
-    "command asks on the terminal for what no option gives. Nothing is overwritten.",
+    "Create a folder with a mission, its team, a simulated world and a rover's program. Prompts "
+    "for values that no option gives. Never overwrites a file.",
     _EPILOG,
 )
 @click.argument(

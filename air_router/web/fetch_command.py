@@ -354,20 +354,21 @@ def _stopped(where: str, why: str) -> FetchError:
 
 
 @command(
-    "Fetch the map tiles of a place from a server of your choice into an MBTiles file, for "
-    "--image and --web-image. Respect its terms of use. Ctrl-C ends; run again to continue.",
-    "example: air-router tiles fetch site.mbtiles --mission mission.yaml "
-    "--url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'",
+    "Download the map tiles of an area from a server of your choice into an MBTiles file, for "
+    "--image and --web-image. Respect the server's terms of use. Ctrl-C quits; run the command "
+    "again to continue.",
+    "example:\n  air-router tiles fetch site.mbtiles --mission mission.yaml \\\n"
+    "      --url 'https://tiles.example.org/{z}/{x}/{y}.png' --attribution '© Example'",
 )
 @click.argument("do", type=click.Choice(("fetch",)), help="fetch: download the tiles")
 @click.argument(
-    "file", type=PATH, help="MBTiles file; tiles that it already has are not fetched again"
+    "file", type=PATH, help="MBTiles file; tiles already in it are not downloaded again"
 )
-@option("--mission", type=PATH, metavar="M", help="fetch the surroundings of this mission")
+@option("--mission", type=PATH, metavar="M", help="download the surroundings of this mission")
 @option(
     "--bounds",
     metavar="S,W,N,E",
-    help="fetch this box: south, west, north, east in degrees",
+    help="download this box: south, west, north, east in degrees",
     not_with=["mission"],
 )
 @option(
@@ -380,16 +381,19 @@ def _stopped(where: str, why: str) -> FetchError:
 @option(
     "--zooms",
     metavar="Z-Z",
-    help=f"zoom levels, coarsest to finest (default: from a view of everything to {FINEST})",
+    help=f"zoom levels, coarsest to finest (default: from an overview of the area to {FINEST})",
 )
 @option(
-    "--url", metavar="URL", required=True, help="address of a tile, with {z}, {x} and {y} in it"
+    "--url",
+    metavar="URL",
+    required=True,
+    help="URL of a tile, with the placeholders {z}, {x} and {y}",
 )
 @option(
     "--attribution",
     metavar="TEXT",
     required=True,
-    help="copyright notice that the server's terms require on the map",
+    help="copyright notice for the map, as the server's terms require",
 )
 @option(
     "--contact",

@@ -90,8 +90,8 @@ def page_options(prefix: str = "") -> Decorator:
             "web_host",
             default="127.0.0.1",
             metavar="ADDRESS",
-            help="address that the page is served on (default 127.0.0.1: this machine only; on "
-            "any other the page asks for a token)",
+            help="address to serve the page on (default 127.0.0.1: this machine only; on "
+            "any other address the page requires a token)",
         ),
         option(
             f"--{prefix}image",

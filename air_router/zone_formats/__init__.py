@@ -1,4 +1,4 @@
-"""What a zone format of another package is made of: the public face of files of zones.
+"""Public API for zone formats of other packages.
 
 A format is an object with `name`, `suffixes`, `recognises` and `read` (`ZoneFormat`), registered as
 an entry point of the group `air_router.zone_formats`:

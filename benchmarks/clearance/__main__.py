@@ -1,15 +1,15 @@
-"""`python -m benchmarks.clearance`: what flights keep of zones and fences, by their true track.
+"""`python -m benchmarks.clearance`: true distance of flights from zones and fences.
 
-Flies missions with a clearance of 3 m at 2 to 8 m/s, in still air and in winds with gusts, against
-the simulated autopilot, whose true track and estimate differ; with --px4 against a real PX4 too,
-whose simulator tells the truth on a port of its own and has no wind. A row for each speed and wind:
+Flies missions with a clearance of 3 m at 2 to 8 m/s, in still air and in gusty wind, against the
+simulated autopilot, which simulates position errors. With --px4 also against a real PX4 SITL, which
+sends its true position on a separate port and has no wind. Prints a row for each speed and wind:
 
-* kept: the least room beyond the clearance, of all flights; below 0 the promise was broken
-* outside: how far the true track left what was checked for its legs, in the kinds of
-  `measure.Used`, and what `air_router.mission.tracking` reckons with
-* off: how far the reported position was off the true one
+* kept: least distance beyond the clearance over all flights; negative: the clearance was violated
+* outside: how far the true track left the area checked for its legs, by the kinds of
+  `measure.Used`, and the deviation that `air_router.mission.tracking` predicts
+* off: difference between reported and true position
 
-The exit code is 1 if a flight kept less than it promised.
+The exit code is 1 if a flight violated its clearance.
 """
 
 from __future__ import annotations
@@ -103,13 +103,17 @@ def main() -> int:
     """Fly, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.clearance", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--flights", type=int, default=40, metavar="N", help="simulated ones (40)")
-    parser.add_argument("--px4", metavar="PATH", help="fly this PX4 as well")
-    parser.add_argument("--px4-flights", type=int, default=10, metavar="N", help="with it (10)")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="simulated at a time (2)")
     parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write every flight there as well"
+        "--flights", type=int, default=40, metavar="N", help="number of simulated flights (40)"
     )
+    parser.add_argument("--px4", metavar="PATH", help="also fly this PX4")
+    parser.add_argument(
+        "--px4-flights", type=int, default=10, metavar="N", help="number of flights with PX4 (10)"
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=2, metavar="N", help="number of parallel simulated flights (2)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write every flight to FILE")
     arguments = parser.parse_args()
     flown: list[tuple[Flight, Figures]] = []
     with ProcessPoolExecutor(arguments.jobs) as pool:

@@ -1,16 +1,16 @@
-"""Load a country's zones as missions there do, and compare them with an independent reading.
+"""Compare a country's zones as missions load them with those of an independent parser.
 
-Every file in the folders is read by our reader and by one of its own. Then missions are planned at
-some of its own airspaces, spread over the file: home on the border, a waypoint 200 m away.
+Every file in the folders is read by our parser and by an independent one. Then missions are planned
+at some of its airspaces, spread over the file: home on the border, a waypoint 200 m away.
 
-refused  missions with an error that stands in the file
-missing  airspaces that only one of both readings has
-areas    airspaces whose area differs by more than 0.2 %, in the file or in a mission
-limits   airspaces whose lower or upper limit differs
-crossed  airspaces whose border crosses itself: ours has all that it encloses, or more
-load     processor time of reading the file, in seconds; mission: of the slowest mission with it
+refused  missions with an error that is in the file
+missing  airspaces that only one of the parsers finds
+areas    airspaces with areas that differ by more than 0.2 %, in the file or in a mission
+limits   airspaces with a different lower or upper limit
+crossed  airspaces with a self-intersecting border: ours covers all enclosed ground, or more
+load     CPU time for reading the file, in seconds; mission: for the slowest mission with it
 
-Files of authorities belong to these: they stay outside of the repository.
+The authorities' files are not redistributed, so they are not part of the repository.
 """
 
 import argparse
@@ -173,10 +173,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("paths", nargs="+", type=Path, metavar="FOLDER", help="or single files")
-    parser.add_argument("--missions", type=int, default=10, metavar="N", help="for each file")
-    parser.add_argument("--json", type=Path, metavar="F", help="write the rows there as well")
-    parser.add_argument("--why", action="store_true", help="say what each difference is")
+    parser.add_argument("paths", nargs="+", type=Path, metavar="FOLDER", help="folders or files")
+    parser.add_argument(
+        "--missions", type=int, default=10, metavar="N", help="number of missions per file (10)"
+    )
+    parser.add_argument("--json", type=Path, metavar="F", help="also write the rows to F")
+    parser.add_argument("--why", action="store_true", help="describe each difference")
     options = parser.parse_args(arguments)
     print(HEAD, flush=True)
     rows = []

@@ -1,13 +1,12 @@
-"""Many nodes that all hear each other, as processes: what contacts cost, how soon news arrives.
+"""Fully connected nodes in separate processes: cost of a contact, and latency of messages.
 
     python -m benchmarks.fleet 2 10 30
-    python -m benchmarks.fleet --way zeromq --way zenoh 10     # others that do the same
+    python -m benchmarks.fleet --way zeromq --way zenoh 10     # other middleware, same task
     python -m benchmarks.fleet --against ../before 30          # another checkout, in the same run
 
-For each size: the processor, the descriptors and the memory that a node takes while nothing is
-published, and the bytes of a contact with all headers; then the time from publishing to every other
-robot at 100 messages a second over all, with the processor that this takes. Here nodes share cores
-that each robot has for itself.
+For each size: CPU, descriptors and memory of an idle node, and the bytes of a contact with all
+headers; then the latency from publication to every other robot at 100 messages a second in total,
+with the CPU that this takes. Here the nodes share cores; on robots each has its own.
 """
 
 import argparse
@@ -28,13 +27,22 @@ def line(one: Summary) -> str:
 
 
 def main() -> None:
-    """Print the table; each line is on its way for half a minute and more."""
+    """Print the table; each line takes half a minute or more."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+        prog="python -m benchmarks.fleet",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
     )
-    parser.add_argument("sizes", type=int, nargs="*", default=[2, 10, 30], help="nodes, 2 to 100")
-    parser.add_argument("--against", type=Path, help="another checkout, measured beside this one")
-    parser.add_argument("--way", action="append", choices=tuple(WAYS), help="beside ours, too")
+    parser.add_argument(
+        "sizes", type=int, nargs="*", default=[2, 10, 30], help="numbers of nodes, 2 to 100"
+    )
+    parser.add_argument("--against", type=Path, help="also measure this checkout")
+    parser.add_argument(
+        "--way",
+        action="append",
+        choices=tuple(WAYS),
+        help="also measure this middleware (repeatable)",
+    )
     options = parser.parse_args()
     runs = [("here", "mocha_link", HERE)]
     if options.against:

@@ -1,11 +1,13 @@
-"""`make bench-goals`: every figure that a user feels, its goal, and an anchor in the same run.
+"""`make bench-goals`: performance figures that users notice, with target and reference.
 
-python -m benchmarks.goals                       # all, a quarter of an hour on two idle cores
-python -m benchmarks.goals --busy                # beside three busy loops
+A reference is measured in the same run, so that figures of different machines can be compared.
+
+python -m benchmarks.goals                       # all, 15 minutes on two idle cores
+python -m benchmarks.goals --busy                # with three busy loops in the background
 python -m benchmarks.goals --only routes --only floods
-python -m benchmarks.goals --json FILE           # keeps what FILE has of the others
-python -m benchmarks.goals --json FILE --left    # only what FILE lacks
-python -m benchmarks.goals --against ../before   # another checkout as one more anchor
+python -m benchmarks.goals --json FILE           # update FILE; other figures in it are kept
+python -m benchmarks.goals --json FILE --left    # measure only figures missing in FILE
+python -m benchmarks.goals --against ../before   # another checkout as a further reference
 """
 
 import argparse
@@ -83,13 +85,23 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--only", metavar="NAME", action="append", choices=GROUPS, help=", ".join(GROUPS))
-    add("--quick", action="store_true", help="the smallest sizes, to see that it works")
-    add("--busy", action="store_true", help="beside three busy loops")
-    add("--against", metavar="CHECKOUT", type=Path, help="another checkout as one more anchor")
-    add("--json", metavar="FILE", type=Path, help="write all figures there as well")
-    add("--left", action="store_true", help="only what FILE lacks under these conditions")
-    add("--docs", metavar="PAGE", type=Path, help="write the table of FILE into this page")
+    add(
+        "--only",
+        metavar="NAME",
+        action="append",
+        choices=GROUPS,
+        help=f"measure only this group (repeatable): {', '.join(GROUPS)}",
+    )
+    add("--quick", action="store_true", help="smallest sizes, as a smoke test")
+    add("--busy", action="store_true", help="with three busy loops in the background")
+    add("--against", metavar="CHECKOUT", type=Path, help="another checkout as a further reference")
+    add("--json", metavar="FILE", type=Path, help="also write all figures to FILE")
+    add(
+        "--left",
+        action="store_true",
+        help="measure only figures that FILE lacks for these conditions",
+    )
+    add("--docs", metavar="PAGE", type=Path, help="write the table of FILE into PAGE")
     return parser.parse_args(argv)
 
 

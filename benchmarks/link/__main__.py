@@ -1,7 +1,8 @@
-"""`make bench-link`: how much of what a radio contact allows gets across, by several ways.
+"""`make bench-link`: share of a radio contact's capacity that several transports use.
 
-Every way runs over the same emulated links, with real sockets of this kernel. The share is bytes
-of complete messages by (rate x sum over the contacts of (contact - one round trip)), in per cent.
+Every transport (way) runs over the same emulated links, with real sockets of this kernel. The share
+is the bytes of complete messages divided by rate x (contact time - one round trip), summed over the
+contacts, in percent.
 """
 
 import argparse
@@ -112,16 +113,30 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--quick", action="store_true", help="a few links, in less than two minutes")
-    add("--loss", action="store_true", help="1 Mbit/s, 50 ms, 10 s with 1 to 20 %% of packets lost")
-    add("--json", metavar="FILE", type=Path, help="write all results there as well")
-    add("--only", metavar="WAY", action="append", choices=tuple(WAYS), help="this way (repeatable)")
-    add("--links", metavar="SUBSET", help="RTT ms/Mbit/s/contact s, * for any, e.g. 50/1/3,300/*/1")
-    add("--gap", metavar="S", type=float, default=known.GAP_S, help="between contacts")
-    add("--repeat", metavar="N", type=int, default=1, help="with other messages, taken together")
-    add("--seed", type=int, default=SEED, help="of the messages and of packet loss")
-    add("--starved", action="store_true", help="peers at nice 19 beside three busy loops")
-    add("--cores", metavar="N", type=float, help="contacts take at most so many at once")
+    add("--quick", action="store_true", help="only a few links, in less than two minutes")
+    add(
+        "--loss",
+        action="store_true",
+        help="links of 1 Mbit/s, 50 ms, 10 s with 1 to 20 %% packet loss",
+    )
+    add("--json", metavar="FILE", type=Path, help="also write all results to FILE")
+    add(
+        "--only",
+        metavar="WAY",
+        action="append",
+        choices=tuple(WAYS),
+        help="run only this way (repeatable)",
+    )
+    add(
+        "--links",
+        metavar="SUBSET",
+        help="only these links: RTT ms/Mbit/s/contact s, * for any, e.g. 50/1/3,300/*/1",
+    )
+    add("--gap", metavar="S", type=float, default=known.GAP_S, help="seconds between contacts")
+    add("--repeat", metavar="N", type=int, default=1, help="runs with different messages, pooled")
+    add("--seed", type=int, default=SEED, help="seed of messages and packet loss")
+    add("--starved", action="store_true", help="run peers at nice 19 beside three busy loops")
+    add("--cores", metavar="N", type=float, help="cores that concurrent contacts may use")
     return parser.parse_args(argv)
 
 

@@ -1,9 +1,9 @@
-"""`make bench-route`: how fast, how short and how lean routes are, beside other programs.
+"""`make bench-route`: time, length and memory of routes, compared with other programs.
 
-Every way runs on every map in a process of its own. Times are processor time in ms: build is the
-least of some, queries are the median and the worst of 40 pairs, asked for the first time (cold) and
-once more. Length is that of the paths by that of the shortest ones around fine arcs: median and
-worst. Memory is what the process grew by, in MB. `x bare` is build by the bare shapely calls in it.
+Every planner (way) runs on every map in its own process. Times are CPU times in ms: build is the
+minimum of several, queries are median and maximum over 40 pairs, for the first query (cold) and a
+repetition. Length is relative to the shortest paths around finely sampled arcs: median and maximum.
+Memory is the growth of the process in MB. `x bare` is build divided by its bare shapely calls.
 """
 
 import argparse
@@ -78,15 +78,15 @@ def _cliffs(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.route")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.route", description=__doc__)
     parser.add_argument(
-        "--quick", action="store_true", help="four maps, 5 s for each other program"
+        "--quick", action="store_true", help="only four maps, and 5 s for each other program"
     )
-    parser.add_argument("--json", metavar="FILE", help="write the rows there as well")
-    parser.add_argument("--limit", type=float, metavar="S", help="time for one way on one map")
+    parser.add_argument("--json", metavar="FILE", help="also write the rows to FILE")
     parser.add_argument(
-        "--strict", action="store_true", help="exit with 1 where a target is missed"
+        "--limit", type=float, metavar="S", help="time limit for one way on one map"
     )
+    parser.add_argument("--strict", action="store_true", help="exit with 1 if a target is missed")
     return parser.parse_args()
 
 

@@ -1,8 +1,8 @@
-"""`make sabotage`: breaks the flight code in one place at a time and flies what should show it.
+"""`make sabotage`: mutation test of the flight code: whether the judge of rehearsals detects it.
 
-Each sabotage flies its own scenes until the judge finds one of them bad. Those are flown with the
-unchanged code, too: one that is bad then shows nothing. If one is, or if a sabotage has survived
-all of its scenes, the exit code is 1. Prints a table.
+Each sabotage breaks the code in one place and flies its scenes until the judge rejects a flight.
+These scenes are also flown with the unchanged code, where the judge must accept them. The exit code
+is 1 if it does not, or if a sabotage survives all of its scenes. Prints a table.
 """
 
 import argparse
@@ -62,9 +62,13 @@ def caught(sabotage: Sabotage) -> tuple[str, str] | None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sabotage", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="only these")
-    parser.add_argument("--share", type=float, default=1.0, help="0.25: every fourth only")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="run only these sabotages")
+    parser.add_argument(
+        "--share", type=float, default=1.0, help="fraction to run; 0.25: every fourth"
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="number of parallel sabotages"
+    )
     parser.add_argument("--fly", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--until-bad", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()

@@ -1,8 +1,8 @@
 """`make stpa`: breaks the code behind each cell of the table in docs/evidence/safety.md.
 
-Every test that the table names is run with the code as it is, and must pass; then once with each
-break of `breaks.txt` that names it, and must fail. A test that does not end counts as one that does
-not fail: it would hang instead of telling. Prints a table; the exit code is 1 unless all is so.
+Every test that the table names must pass with the unchanged code, and must fail with each break of
+`breaks.txt` that names it. A test that does not end counts as one that does not fail, because it
+would not report the break. Prints a table; the exit code is 1 if a test does otherwise.
 """
 
 import argparse
@@ -84,8 +84,10 @@ def outcome(test: str, changes: tuple[Change, ...] = ()) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stpa", description=__doc__)
-    parser.add_argument("tests", nargs="*", metavar="TEST", help="only these")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time")
+    parser.add_argument("tests", nargs="*", metavar="TEST", help="run only these tests")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="number of parallel tests"
+    )
     arguments = parser.parse_args()
     table = {t: c for t, c in cells().items() if not arguments.tests or t in arguments.tests}
     breaks = [each for each in BREAKS if each.test in table]

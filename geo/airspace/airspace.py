@@ -75,12 +75,12 @@ class Airspace:
         self.clearance_m = clearance_m
         self.margin_m = margin_m
         self.relaxed_m = relaxed_m
-        # to keep, by zone
+        # required distance to each zone
         self.distances_m = tuple(self._required_m(zone.clearance_m) for zone in self.zones)
-        self.fence_distance_m = self._required_m(None)  # to keep from fences
+        self.fence_distance_m = self._required_m(None)  # required distance to fences
         self._fences = tuple(Fence(shape, self.fence_distance_m) for shape in self.fences)
         self._index = ZoneIndex(self.zones, self.distances_m)
-        # the last leg, and whether it is clear: a route tests the straight one three times
+        # last leg and its result: the router tests the straight leg three times
         self._last_leg: tuple[Point, Point, bool] | None = None
 
     def with_margin(self, margin_m: float) -> Airspace:
@@ -100,8 +100,8 @@ class Airspace:
 
         Args:
             shortfall_m: subtracted from every required distance.
-            floor_m: the subtraction does not go below this distance. It is the vehicle's present
-                distance, so that one zone with a wide clearance does not remove that of the others.
+            floor_m: no required distance is reduced below this one. It is the vehicle's current
+                distance, so that a zone with a large clearance does not cancel the others'.
         """
         relaxed_m = (shortfall_m, floor_m)
         return Airspace(self.fences, self.zones, self.clearance_m, self.margin_m, relaxed_m)
@@ -236,8 +236,8 @@ class Airspace:
     def swept_clear(self, points: Sequence[Point]) -> bool:
         """Whether the convex hull of points is clear.
 
-        A moving vehicle that is sent elsewhere flies a curve; the points are the corners of an area
-        that contains the curve.
+        A moving vehicle with a new target flies a curve; the points are the corners of an area that
+        contains the curve.
 
         Args:
             points: the corners, in any order.
@@ -389,7 +389,10 @@ class Airspace:
     def _least(
         self, point: Point, required_m: Floats | float, fence_required_m: float
     ) -> tuple[float, str]:
-        """The least of all distances (negative beyond a border) less these, and to what it is."""
+        """The least of all distances less the required ones, and its zone or fence.
+
+        Distances are negative inside zones and outside fences.
+        """
         place = ShapelyPoint(point)
         least = (math.inf, "")
         if self.zones:

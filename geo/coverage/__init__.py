@@ -1,4 +1,4 @@
-"""Rows over an area, and the order in which they are flown."""
+"""Survey rows over an area, and their order."""
 
 from geo.coverage.coverage import Coverage, CoverageError, Swath, UnseenCause, cover
 

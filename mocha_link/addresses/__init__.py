@@ -1,4 +1,4 @@
-"""Where the peers of a node are: addresses, host names, mDNS, and where peers come from."""
+"""Addresses of peers: static, host names, mDNS, and sources of incoming connections."""
 
 from mocha_link.addresses.address_book import AddressBook
 from mocha_link.addresses.mdns import Mdns

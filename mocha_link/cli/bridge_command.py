@@ -47,7 +47,7 @@ DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages a
 
 
 def _bridge(kind: str, *more: Decorator) -> Command:
-    """The command of the bridge to one ROS."""
+    """The command of the bridge to one ROS version."""
 
     def run(options: Options) -> int:
         return _run(kind, options)
@@ -71,11 +71,12 @@ def _bridge(kind: str, *more: Decorator) -> Command:
         option(
             "--python",
             metavar="PATH",
-            help=f"Python with ROS, if this one has none (default {DEFAULT_PYTHON})",
+            help=f"Python interpreter with ROS, if this one has no ROS (default {DEFAULT_PYTHON})",
         ),
     )
     found = command(sentence(WHAT[kind]), examples(*EXAMPLES[kind]))(ros(run))
     found.name = kind
+    found.short_help = WHAT[kind]
     return found
 
 
@@ -91,7 +92,7 @@ run = Group(
                 many=True,
                 type=Parsed(bridges.channel),
                 metavar="TOPIC ...",
-                help="topics of this robot whose publishers are best effort, not reliable",
+                help="topics of this robot with best-effort publishers",
             ),
             option("--dds", is_flag=True, help="use CycloneDDS even where rclpy is installed"),
         ),

@@ -19,17 +19,17 @@ LOG = logging.getLogger("mocha_link")
 
 
 @command(
-    "Check a team file and show the ids and ports that follow from it. With NEW, compare "
-    "two team files: what nodes that have OLD and nodes that have NEW exchange less, as long as "
-    "both are in use. Exit code 1: NEW cuts something.",
+    "Check a team file and show its ids and ports. With NEW, compare two team files: list what "
+    "nodes with OLD and nodes with NEW do not exchange while both files are in use. Exit code 1: "
+    "NEW interrupts an exchange.",
     examples(
         "mocha-link check missions/pennovation/team.yaml",
         "mocha-link check team.yaml team.new.yaml     # before a roll-out",
     ),
 )
 @click.argument("team", type=PATH, metavar="TEAM|OLD", help="team file (YAML)")
-@click.argument("new", type=PATH, required=False, help="team file that is to replace it")
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@click.argument("new", type=PATH, required=False, help="team file that will replace OLD")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(options: Options) -> int:
     """Do it; returns the exit code."""
     try:

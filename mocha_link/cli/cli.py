@@ -20,12 +20,12 @@ COMMANDS = {
     name: (f"mocha_link.cli.{name}_command", about)
     for name, about in {
         "check": "check a team file and show its ids and ports",
-        "keys": "make keys, so that only robots of the team connect",
+        "keys": "make keys, so that only robots of the team can connect",
         "import": "make a team file from the YAML files of original MOCHA nodes",
         "node": "run the gossip node of a robot",
         "metrics": "show the links of a running node",
         "monitor": "watch the links of a running node live; q ends it",
-        "doctor": "test the links of a robot and find the cause of faults",
+        "doctor": "test the links of a robot and find the causes of faults",
         "bridge": "connect a running node to ROS 1 or ROS 2",
     }.items()
 }

@@ -48,15 +48,19 @@ class Finding(NamedTuple):
 
 
 @command(
-    "Test the links of robot NAME, on its own computer: send "
-    "requests to every peer, wait for theirs, and read the radio's reports. Nothing is "
-    "published. A node of NAME may keep running; its pulls are interrupted. Exit code 1: "
-    "a problem was found.",
+    "Test the links of robot NAME on its own computer: send requests to every peer, wait for "
+    "requests from every peer, and read the radio's reports. Publishes nothing. A node of NAME may "
+    "keep running, but its pulls are interrupted. Exit code 1: a problem was found.",
     examples("mocha-link doctor team.yaml --robot io"),
 )
 @click.argument("team", type=PATH, help="team file (YAML)")
-@option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
-@option("--keys", type=PATH, metavar="DIR", help="folder with NAME.key, if the team has keys")
+@option("--robot", metavar="NAME", required=True, help="name of this robot in the team file")
+@option(
+    "--keys",
+    type=PATH,
+    metavar="DIR",
+    help="folder with the secret key NAME.key, if the team has keys",
+)
 @option(
     "--seconds",
     type=Parsed(seconds),
@@ -64,7 +68,7 @@ class Finding(NamedTuple):
     default=LISTEN_S,
     help="longest time to wait and listen, in seconds (default 8)",
 )
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(options: Options) -> int:
     """Do it; returns the exit code."""
     team = Team.load(options.team)

@@ -22,16 +22,16 @@ from mocha_link.team import upstream
 @click.argument(
     "robot_configs",
     type=PATH,
-    help="robot_configs.yaml of MOCHA, or the folder of its package mocha_core with all files",
+    help="MOCHA's robot_configs.yaml, or the folder of its package mocha_core with all files",
 )
-@click.argument("topic_configs", type=PATH, required=False, help="topic_configs.yaml of MOCHA")
-@click.argument("radio_configs", type=PATH, required=False, help="radio_configs.yaml of MOCHA")
+@click.argument("topic_configs", type=PATH, required=False, help="MOCHA's topic_configs.yaml")
+@click.argument("radio_configs", type=PATH, required=False, help="MOCHA's radio_configs.yaml")
 @option("-o", "--output", type=PATH, metavar="TEAM", help="team file to write (default: stdout)")
 @option("--ours", many=True, metavar="NAME ...", help="robots that run our node (default: none)")
 @option(
     "--ros",
     type=click.Choice([1, 2]),
-    help="ROS version of the robots (default: that of the package.xml above the files, else 1)",
+    help="ROS version of the robots (default: from the package.xml above the files, else 1)",
 )
 def run(options: Options) -> int:
     """Do it; returns the exit code."""

@@ -46,7 +46,7 @@ class _Plan(NamedTuple):
 
 
 @command(
-    "Make keys for the robots of a team, so that no other node can connect to theirs.",
+    "Make keys for the robots of a team, so that only their nodes can connect to each other.",
     examples(
         "mocha-link keys team.yaml",
         "mocha-link keys --team team.yaml                 # also a folder to copy to each robot",
@@ -59,16 +59,19 @@ class _Plan(NamedTuple):
     "whole_team",
     type=PATH,
     metavar="TEAM",
-    help="instead: the keys of all robots, and for each a folder with what to copy to it; "
-    "overwrites no key",
+    help="make the missing keys of this team, and for each robot a folder to copy to it; "
+    "never overwrites a key",
 )
 @option(
-    "--out", type=PATH, metavar="DIR", help="folder of the secret keys (default: keys, beside TEAM)"
+    "--out",
+    type=PATH,
+    metavar="DIR",
+    help="folder for the secret keys (default: keys, beside TEAM)",
 )
 @option(
     "--robot", multiple=True, metavar="NAME", help="make a key for this robot only; may be repeated"
 )
-@option("--force", is_flag=True, help="also replace existing keys, which then no longer work")
+@option("--force", is_flag=True, help="also replace existing keys, which become invalid")
 @option("--print", is_flag=True, help="print the lines for TEAM instead of changing it")
 def run(options: Options) -> int:
     """Make what is missing. Raises MochaLinkError of several kinds; nothing is written then."""

@@ -47,7 +47,7 @@ LOG = logging.getLogger("mocha_link")
     ),
 )
 @click.argument("team", type=PATH, help="team file (YAML)")
-@option("--robot", metavar="NAME", required=True, help="name of the robot whose computer this is")
+@option("--robot", metavar="NAME", required=True, help="name of this robot in the team file")
 @option(
     "--metrics",
     type=Parsed(endpoint),

@@ -29,6 +29,7 @@ EXIT_CODES: Final = (
     "exit codes: 0 done, 1 ended abnormally, 2 wrong usage, 3 invalid file, 7 a package is\n"
     "missing, 130 interrupted (Ctrl-C)"
 )
+HELP_COLUMNS: Final = 100  # at most, where the terminal has them; examples need them
 LEVELS: Final = ("debug", "info", "warning", "error")
 EXAMPLE: Final = "tcp://127.0.0.1:24500"  # an endpoint
 _ENDPOINT = re.compile(r"(tcp://.+:([0-9]+|\*)|ipc://.+)", re.ASCII)
@@ -57,7 +58,7 @@ class Options(SimpleNamespace):
 
 
 class _Alone(str):
-    """A text that no argument of a command line can be."""
+    """The value of an option given without one; differs from every typed text."""
 
     __slots__ = ()
 
@@ -65,8 +66,8 @@ class _Alone(str):
 class Parsed(click.ParamType[Any]):
     """The type of a value that a function parses; its ValueError becomes the usage error.
 
-    The text that stands for an option without a value is parsed as well; any other such value, or
-    default, is taken as it is.
+    The text of an option given without a value is parsed too. Other such values, and defaults, are
+    used unchanged.
     """
 
     name = "text"
@@ -90,8 +91,8 @@ class Option(click.Option):
     Args:
         names: As the user writes it; the last may be its name in `Options`.
         not_with: Names in `Options` that contradict it.
-        many: Whether it takes all values that follow it: ``--rows A B``.
-        more: Whatever click's option takes.
+        many: Whether it takes several values: ``--rows A B``.
+        more: Arguments of click's option.
     """
 
     def __init__(
@@ -113,7 +114,7 @@ def option(*names: str, **attributes: Any) -> Decorator:
 
 
 def optional(value: Any) -> dict[str, Any]:
-    """What makes an option's value optional: `value` is meant where it stands alone."""
+    """Make an option's value optional; without one the option has `value`."""
     alone = _Alone(value) if isinstance(value, str) else value
     return {"is_flag": False, "flag_value": alone}
 
@@ -130,10 +131,10 @@ def together(*options: Decorator) -> Decorator:
 
 
 class _WithEpilog(click.Command):
-    """Its help ends with a text as it stands: examples, tables, exit codes."""
+    """A command whose help ends with preformatted text: examples, tables, exit codes."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
-        """Write that text."""
+        """Write the preformatted text."""
         if self.epilog:
             formatter.write(f"\n{self.epilog.strip()}\n")
 
@@ -166,7 +167,7 @@ class Command(_WithEpilog):
         """The arguments with `--rows A B` as `--rows A --rows B`, the form that click accepts.
 
         Raises:
-            click.BadOptionUsage: an option stands where another one's value should be.
+            click.BadOptionUsage: another option follows an option that needs a value.
         """
         options = [each for each in self.params if isinstance(each, Option)]
         known = {name for each in options for name in each.opts}
@@ -186,7 +187,7 @@ class Command(_WithEpilog):
         return spread
 
     def invoke(self, ctx: click.Context) -> int:
-        """Run it with the requested log level; from now on an interrupt can be handled."""
+        """Run the command at the requested log level; from here on an interrupt raises."""
         raise_when_interrupted()
         program = ctx.find_root().command
         if isinstance(program, Program):
@@ -197,12 +198,12 @@ class Command(_WithEpilog):
 
 
 def command(about: str, epilog: str = "", *, usage: str = "") -> Callable[..., Command]:
-    """Make a function of `Options`, below its options, a command.
+    """Turn a function of `Options` into a command; the outermost decorator.
 
     Args:
         about: What it does, in whole sentences.
-        epilog: How its help ends, as it stands.
-        usage: the usage line, where the generated one would mislead.
+        epilog: Preformatted end of its help.
+        usage: The usage line, if the generated one would mislead.
     """
     return click.command(cls=Command, help=about, epilog=epilog, usage=usage)
 
@@ -216,8 +217,8 @@ class Group(_WithEpilog, click.Group):
     """A group of commands."""
 
     def __init__(self, name: str, **more: Any) -> None:
-        names = {"help_option_names": ["-h", "--help"]}
-        super().__init__(name, no_args_is_help=False, context_settings=names, **more)
+        settings = {"help_option_names": ["-h", "--help"], "max_content_width": HELP_COLUMNS}
+        super().__init__(name, no_args_is_help=False, context_settings=settings, **more)
         self.params += _log_options()
 
 
@@ -225,15 +226,15 @@ class Program(Group):
     """A program of several commands.
 
     Args:
-        name: What the user types.
-        about: What it is for.
-        epilog: How its help ends, as it stands.
-        table: Of each command, by its name, the module whose `run` it is, and what it is for: a
-            line without a capital and a full stop.
-        expected: What ends a command with one message; anything else is a fault of ours.
-        ended: The exit code and the message, "" for none, of one of those.
-        log_level: Without `--verbose`.
-        log_format: As `logging` has it.
+        name: Its name on the command line.
+        about: Its purpose.
+        epilog: Preformatted end of its help.
+        table: By command name: the module that has the command as `run`, and its purpose, in lower
+            case and without a full stop.
+        expected: Errors that end a command with one message; any other is a bug of ours.
+        ended: Returns the exit code and the message ("": none) of such an error.
+        log_level: Level without `--verbose`.
+        log_format: Format for `logging`.
     """
 
     def __init__(  # noqa: PLR0913 - all that differs among three programs
@@ -261,11 +262,11 @@ class Program(Group):
         return super().make_context(info_name, _with_values(args), parent, **x)
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's
-        """Their names, in the order of the help."""
+        """The names of the commands, in the order of the help."""
         return list(self.table)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """A command, imported now."""
+        """Import a command."""
         if cmd_name not in self.table:
             if ctx.resilient_parsing:
                 return None
@@ -280,7 +281,7 @@ class Program(Group):
     def shell_complete(
         self, ctx: click.Context, incomplete: str
     ) -> list[click.shell_completion.CompletionItem]:
-        """Complete the name of a command, importing none."""
+        """Complete the name of a command, without importing any."""
         from click.shell_completion import CompletionItem  # noqa: PLC0415 - slow to load
 
         found = [
@@ -291,12 +292,12 @@ class Program(Group):
         return found + click.Command.shell_complete(self, ctx, incomplete)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
-        """List the commands, importing none."""
+        """List the commands, without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, about) for name, (_, about) in self.table.items()])
 
     def run(self, argv: Sequence[str] | None) -> int:
-        """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
+        """Run one command; return its exit code. Results go to stdout, all else to stderr."""
         leave_when_interrupted()  # a command is imported on use
         prepare_output()
         arguments = list(sys.argv[1:] if argv is None else argv)
@@ -357,7 +358,7 @@ def _log_options() -> list[click.Parameter]:
 
 
 def log_level(ctx: click.Context, usual: int) -> int:
-    """The level of `logging` requested before and after the command; each ``-v`` is one more."""
+    """The log level requested before and after the command; each ``-v`` lowers it by one."""
     verbose = 0
     while True:
         if level := ctx.params.get("log_level"):
@@ -368,7 +369,7 @@ def log_level(ctx: click.Context, usual: int) -> int:
         ctx = ctx.parent
 
 
-_COMPLETION: Final = "print a script with which a shell completes commands and options"
+_COMPLETION: Final = "print the completion script of a shell"
 
 
 def _completion_of(program: Program) -> Command:
@@ -382,7 +383,9 @@ def _completion_of(program: Program) -> Command:
         return 0
 
     lines = (line.format(program.name, program.name) for line in SHELLS.values())
-    shell = click.Argument(["shell"], type=click.Choice([*SHELLS]), help="the shell to complete in")
+    shell = click.Argument(
+        ["shell"], type=click.Choice([*SHELLS]), help="shell that runs the script"
+    )
     return Command(
         "completion",
         params=[shell],
@@ -409,26 +412,26 @@ def _complete(program: Program, instruction: str) -> int:
 
 
 def examples(*lines: str) -> str:
-    """How the help of a program or a command ends: with these examples and the exit codes."""
+    """The end of a help: these examples and the exit codes."""
     head = "examples:" if len(lines) > 1 else "example:"
     return "\n  ".join([head, *lines]) + f"\n\n{EXIT_CODES}"
 
 
 def sentence(about: str) -> str:
-    """With a capital and a full stop."""
+    """Make a sentence of a purpose: a capital and a full stop."""
     return f"{about[0].upper()}{about[1:]}."
 
 
 def coloured(out: TextIO) -> bool:
-    """Whether colours may be written there: to a terminal that has them, unless NO_COLOR is set."""
+    """Whether `out` is a terminal that shows colours, and NO_COLOR is not set."""
     dumb = os.environ.get("TERM", "dumb") == "dumb"
     return out.isatty() and not dumb and not os.environ.get("NO_COLOR")
 
 
 def prepare_output() -> None:
-    """Have a command's results go somewhere, whatever stdout is and whichever letters it takes.
+    """Make stdout accept every result.
 
-    What its encoding lacks is escaped, as on stderr. A closed stream discards the output.
+    Characters that its encoding lacks are escaped, as on stderr. A closed stream discards output.
     """
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - until the end
@@ -444,10 +447,10 @@ def drop_output() -> None:
 
 
 def seconds(text: str) -> float:
-    """A time on the command line, in seconds.
+    """Parse a duration in seconds.
 
     Raises:
-        ValueError: it is none.
+        ValueError: The text is not a positive number.
     """
     try:
         value = float(text)
@@ -459,10 +462,10 @@ def seconds(text: str) -> float:
 
 
 def web_address(text: str) -> str:
-    """HOST:PORT, :PORT or PORT on the command line.
+    """Parse HOST:PORT, :PORT or PORT.
 
     Raises:
-        ValueError: it is none.
+        ValueError: The text has none of these forms.
     """
     port = text.rpartition(":")[2]
     if not (port.isdecimal() and int(port) < 1 << 16):
@@ -471,10 +474,10 @@ def web_address(text: str) -> str:
 
 
 def endpoint(text: str) -> str:
-    """A ZeroMQ endpoint on the command line.
+    """Parse a ZeroMQ endpoint.
 
     Raises:
-        ValueError: it is none.
+        ValueError: The text is not an endpoint.
     """
     if not _ENDPOINT.fullmatch(text):
         raise ValueError(

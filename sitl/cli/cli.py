@@ -8,16 +8,16 @@ from air_router.cli import program_of
 COMMANDS = {
     "vehicle": (
         "sitl.cli.vehicle_command",
-        "simulate a vehicle that behaves as PX4 does, over MAVLink",
+        "simulate a PX4 multirotor with MAVLink",
     ),
     "team": (
         "sitl.cli.team_command",
-        "simulate the ground robots, radios and the camera beside a vehicle",
+        "simulate ground robots, radios and the vehicle's camera",
     ),
-    "px4": ("sitl.cli.px4_command", "start a real PX4 simulator"),
+    "px4": ("sitl.cli.px4_command", "run a real PX4 SITL"),
     "conform": (
         "sitl.cli.conform_command",
-        "compare a vehicle with recorded MAVLink conversations of PX4",
+        "compare a vehicle's answers with PX4's in scripted MAVLink conversations",
     ),
     "rehearse": (
         "sitl.cli.rehearse_command",
@@ -26,9 +26,9 @@ COMMANDS = {
     "experiment": ("sitl.cli.experiment_command", "run many simulated teams and compare them"),
     "leaderboard": (
         "sitl.cli.leaderboard_command",
-        "compare seek policies on a test set that does not change",
+        "compare seek policies on a fixed test set",
     ),
-    "town": ("sitl.cli.town_command", "check, draw or make a town for experiments"),
+    "town": ("sitl.cli.town_command", "check, draw or generate a town for experiments"),
 }
 
 PROGRAM = program_of(

@@ -34,8 +34,8 @@ from sitl.process import Px4Install, Px4Process, Px4Settings, find_px4
 
 _EPOCH_S = 1.7e9
 _EPILOG = """\
-Without --px4 the vehicle is that of `sitl vehicle`, in this process and as fast as it computes.
-With --px4 a real PX4 is started for every conversation. To compare the two, run both with --json.
+Without --px4 the vehicle is that of `sitl vehicle`, in this process and as fast as possible. With
+--px4 every conversation starts a real PX4. To compare the two, run both with --json.
 
 examples:
   sitl conform goto fence
@@ -47,7 +47,7 @@ is in use
 
 
 @command(
-    "Replay recorded MAVLink conversations with a vehicle and report where its answers differ.",
+    "Run scripted MAVLink conversations with a vehicle and report answers that differ from PX4's.",
     _EPILOG,
 )
 @click.argument(
@@ -55,7 +55,7 @@ is in use
     nargs=-1,
     required=False,
     metavar="[NAME ...]",
-    help="only conversations whose name contains one of these (default: all)",
+    help="only conversations with one of these texts in their name (default: all)",
 )
 @option(
     "--px4",
@@ -68,15 +68,15 @@ is in use
     type=Parsed(speed_factor),
     metavar="X",
     default=5.0,
-    help="speed of PX4, times real time, 0.1 to 100 (default 5)",
+    help="speed of a real PX4, times real time, 0.1 to 100 (default 5)",
 )
 @option(
     "--instance",
     type=Parsed(instance),
     metavar="N",
-    help="number of PX4's instance, 0 to 250 (default: the first free one)",
+    help="PX4 instance number, 0 to 250 (default: the first free one)",
 )
-@px4_version_option("the simulated vehicle behaves as")
+@px4_version_option("the simulated vehicle behaves like")
 @option("--json", is_flag=True, help="print the outcomes as JSON")
 @option("--list", is_flag=True, help="only list the conversations")
 @option(
@@ -85,7 +85,7 @@ is in use
     help="list the differences between PX4 versions, as Markdown tables",
 )
 def run(arguments: Options) -> int:
-    """Hold the conversations; returns 0 if the vehicle held to all of them."""
+    """Run the conversations; return 0 if all answers are as recorded."""
     if arguments.differences:
         print(f"{table_of_facts()}\n\n{table_of_steps()}")
         return ExitCode.DONE

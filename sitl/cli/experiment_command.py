@@ -36,8 +36,9 @@ from sitl.experiment.campaign import (
 )
 
 _EPILOG = """\
-Every finished run is kept in DIR/runs.jsonl at once; the same command continues where it stopped,
-and with more --seeds or other --rows it makes only the missing runs; docs/evidence/experiments.md.
+Every finished run is stored in DIR/runs.jsonl. The same command continues an interrupted
+experiment; with more --seeds or other --rows it adds the missing runs.
+See docs/evidence/experiments.md.
 
 examples:
   sitl experiment table1 --seeds 30
@@ -64,17 +65,17 @@ def _archive(text: str) -> Path:
 
 
 @command(
-    "Run an experiment: every row of its file with several seeds, each run half an "
-    "hour of a town with robots, computed in about a second. Prints a table with confidence "
-    "intervals; writes results.csv, figures, and tests of the paper's claims.",
+    "Run an experiment: every row of its file with several seeds. A run simulates half an hour of "
+    "a team in a town in about a second. Prints a table with confidence intervals; writes "
+    "results.csv, figures, and tests of the paper's claims.",
     _EPILOG,
 )
 @click.argument(
     "experiment",
     required=False,
     metavar="[NAME|FILE]",
-    help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
-    f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
+    help=f"one of {', '.join(experiment_names())}; an experiment's file; or an archive of "
+    f"runs (*{ARCHIVE_ENDING}), to recompute table and claims",
 )
 @option(
     "--seeds", type=Parsed(count), metavar="N", help="number of runs per row (default: the file's)"
@@ -83,14 +84,14 @@ def _archive(text: str) -> Path:
     "--first-seed",
     type=Parsed(partial(count, least=0)),
     metavar="N",
-    help="number of the first run of each row (default: the file's); runs from the file's "
-    "confirmation_seed on are for confirmation",
+    help="number of the first run of each row (default: the file's); numbers from the file's "
+    "confirmation_seed on are confirmation runs",
 )
 @option(
     "--rows",
     many=True,
     metavar="WHICH ...",
-    help="run only these rows: key=value[,value], or a pattern of labels",
+    help="run only these rows: key=value[,value], or a label pattern",
 )
 @option(
     "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
@@ -98,20 +99,20 @@ def _archive(text: str) -> Path:
 @option(
     "--cluster",
     metavar="ADDRESS",
-    help="make the runs on the workers of a dask.distributed scheduler (tcp://HOST:8786)",
+    help="distribute the runs by a dask.distributed scheduler (tcp://HOST:8786)",
 )
 @option(
     "--out",
     type=PATH,
     metavar="DIR",
-    help="folder of runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
+    help="folder for runs and results (default: experiments/NAME or experiments/NAME-confirmation)",
 )
 @option("--fresh", is_flag=True, help="delete the finished runs in DIR first")
 @option(
     "--docs",
     type=PATH,
     metavar="FILE",
-    help="write table, claims and figures into a Markdown file, between its marks",
+    help="write table, claims and figures into a Markdown file, between its marker comments",
 )
 @option(
     "--archive",
@@ -123,17 +124,17 @@ def _archive(text: str) -> Path:
     "--verify",
     type=PATH,
     metavar="FILE",
-    help="with an archive: list differences from a Markdown file and its evidence; change nothing",
+    help="with an archive: list differences to a Markdown file and its evidence; change nothing",
 )
 @option(
     "--remake",
     type=Parsed(count),
     metavar="N",
-    help="with an archive: make N of its runs again, chosen at random by --first-seed, and list "
-    "those whose digest differs",
+    help="with an archive: repeat N of its runs, chosen at random by --first-seed, and list "
+    "those with a different digest",
 )
-@option("--no-figures", is_flag=True, help="draw no figures")
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--no-figures", is_flag=True, help="do not draw figures")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 @option("--list", is_flag=True, help="list the experiments and their rows")
 def run(arguments: Options) -> int:
     """Run the experiment, and say what came out."""

@@ -20,9 +20,9 @@ from sitl.experiment import OFF_BOARD, Experiment, Task
 from sitl.experiment.campaign import Campaign, RunLog, Work, cluster_at, make_runs, run_log
 
 _EPILOG = """\
-Each policy flies the twelve scenarios of the test set, half a minute of processor time; finished
-runs are kept in --out, and the same command goes on. Robots taking turns (round_robin) are always
-compared with. What a policy of your own needs: docs/seeking.md.
+Each policy flies the twelve scenarios of the test set, which takes half a minute of processor time.
+Finished runs are stored in --out; the same command continues after an interruption. round_robin is
+always the baseline. To write a policy, see docs/seeking.md.
 
 examples:
   sitl leaderboard my_policy:Nearest
@@ -41,31 +41,37 @@ def _policy(text: str) -> str:
         raise ValueError(f"'{text}': {error}") from None
 
 
-@command("Compare seek policies on a test set that does not change.", _EPILOG)
+@command("Compare seek policies on a fixed test set.", _EPILOG)
 @click.argument(
     "policies",
     nargs=-1,
     type=Parsed(_policy),
     metavar="[POLICY ...]",
-    help="names, or package.module:Class; `never`: no robot is sought",
+    help="policies: names, package.module:Class, or `never` to seek no robot",
 )
 @option(
     "--table",
     type=PATH,
     metavar="FILE",
-    help="a CSV file of standings: lines of these policies are replaced, the others stay",
+    help="CSV file of standings: lines of these policies are replaced, others kept",
 )
-@option("--jobs", type=Parsed(count), metavar="N", help="number of processes (default: of CPUs)")
-@option("--cluster", metavar="ADDRESS", help="make the runs on a dask.distributed scheduler")
+@option(
+    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
+)
+@option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="distribute the runs by a dask.distributed scheduler (tcp://HOST:8786)",
+)
 @option(
     "--out",
     type=PATH,
     default="experiments/leaderboard",
     metavar="DIR",
-    help="folder of finished runs (default: experiments/leaderboard)",
+    help="folder for finished runs (default: experiments/leaderboard)",
 )
 @option("--fresh", is_flag=True, help="delete the finished runs in DIR first")
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Fly the test set, and print the table."""
     from sitl.experiment.campaign import make_run, put_together  # noqa: PLC0415 - only with SciPy

@@ -25,10 +25,10 @@ from sitl.process import (
 )
 
 _EPILOG = f"""\
-Searches for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},
-`px4` on the PATH, then Docker or Podman with {IMAGE}. Prints one JSON line
-on stdout when it can arm: {{"ready": true, "mavlink": ..., "gcs": ..., "truth": ..., "px4": ...}}.
-Runs until SIGINT or SIGTERM; PX4 is stopped with it, whatever happens.
+Uses the first PX4 with the built-in simulator (SIH) of: --px4, the environment variable
+{ENVIRONMENT}, `px4` on the PATH, Docker or Podman with {IMAGE}. Prints one JSON line
+on stdout when PX4 can arm: {{"ready": true, "mavlink": ..., "gcs": ..., "truth": ..., "px4": ...}}.
+Runs until SIGINT or SIGTERM; PX4 always stops with it.
 
 examples:
   sitl px4 missions/pennovation/mission.yaml --speed 5
@@ -36,7 +36,7 @@ examples:
 """
 
 
-@command("Find a PX4 SITL on this machine and run it at a mission's home.", _EPILOG)
+@command("Run a PX4 SITL of this machine at a mission's home.", _EPILOG)
 @place_options
 @option(
     "--px4",
@@ -47,7 +47,7 @@ examples:
     "--instance",
     type=Parsed(instance),
     metavar="N",
-    help="number of PX4's instance, 0 to 250 (default: the first free one)",
+    help="PX4 instance number, 0 to 250 (default: the first free one)",
 )
 @option(
     "--airframe",

@@ -67,10 +67,9 @@ MOST_VIOLATIONS: Final = 3
 
 
 @command(
-    "Fly a mission with the real flight program and the simulated PX4 in one "
-    "process, faster than real time; each flight has a different fault. A judge that knows "
-    "only the true track, the messages and the mission file reports on each. Prints a "
-    "table.",
+    "Fly a mission many times with the real flight program and the simulated PX4 in one process, "
+    "faster than real time, each time with a different fault. An independent judge evaluates each "
+    "flight by the true track, the messages and the mission file. Prints a table.",
     "examples:\n"
     "  sitl rehearse missions/pennovation/mission.yaml\n"
     "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3",
@@ -81,7 +80,7 @@ MOST_VIOLATIONS: Final = 3
     type=float,
     metavar="X",
     default=1.0,
-    help="share of the flights to fly, 0 to 1 (default 1: all)",
+    help="fraction of the flights to fly, 0 to 1 (default 1: all)",
 )
 @option(
     "--fault",
@@ -100,15 +99,15 @@ MOST_VIOLATIONS: Final = 3
 @option(
     "--mavlink",
     is_flag=True,
-    help="fly `air-router fly` over UDP against `sitl vehicle`, with other scenes",
+    help="run `air-router fly` over UDP against `sitl vehicle`, with other scenes",
 )
-@option("--px4", metavar="PATH", help="as --mavlink, against a real PX4 (see `sitl px4 --help`)")
+@option("--px4", metavar="PATH", help="like --mavlink, against a real PX4 (see `sitl px4 --help`)")
 @option(
     "--companion",
     metavar="COMMAND",
     help="with --mavlink or --px4: judge another air-router, started with this "
-    'command ("env PYTHONPATH=OLD python -m air_router.cli"); the clock does '
-    "not wait for it, so use a low --speed",
+    'command ("env PYTHONPATH=OLD python -m air_router.cli"); use a low --speed, as the clock '
+    "does not wait for it",
 )
 @option(
     "--speed",

@@ -21,7 +21,7 @@ from sitl.world import WorldPlan, load_world
 _DEFAULT_TRUTH: Final = "udp://127.0.0.1:19410"
 _DEFAULT_CAMERA: Final = "tcp://127.0.0.1:24600"
 _EPILOG = """\
-Prints one JSON line on stdout when it is ready: {"ready": true, "team": ..., "camera": ...,
+Prints one JSON line on stdout when ready: {"ready": true, "team": ..., "camera": ...,
 "truth": ..., "vehicle": ..., "robots": [...], "vehicles": {...}}. Runs until SIGINT or SIGTERM,
 then writes the report. See docs/simulation.md.
 
@@ -30,8 +30,8 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
 
 
 @command(
-    "Simulate the ground robots of a team, the radios and the camera around a "
-    "simulated vehicle, from whose true position and time they are computed.",
+    "Simulate the ground robots of a team, all radios and the vehicle's camera, driven by the true "
+    "position and clock of a simulated vehicle.",
     _EPILOG,
 )
 @click.argument("mission", type=PATH, help="mission file (.yaml or .plan)")
@@ -41,22 +41,22 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
     "--truth",
     multiple=True,
     metavar="[NAME=]URL",
-    help=f"address to which the vehicle sends HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, "
-    "PX4's SIH); one for each UAV of the mission (default: the next ports)",
+    help=f"address that receives the vehicle's HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, as "
+    "PX4's SIH sends it); one for each UAV of the mission (default: the next ports)",
 )
 @option(
     "--camera",
     multiple=True,
     metavar="[NAME=]URL",
-    help="endpoint at which the camera publishes what it sees (ZeroMQ PUB, default "
+    help="endpoint at which the camera publishes its map patches (ZeroMQ PUB, default "
     f"{_DEFAULT_CAMERA}); one for each UAV of the mission (default: the next ports)",
 )
 @option(
     "--free-ports",
     type=PATH,
     metavar="DIR",
-    help="write a team file with free loopback addresses and ports into DIR and use that one, so "
-    "that simulations can run side by side; a mission without a team gets a built-in one",
+    help="write a team file with free loopback addresses and ports into DIR, and use it, so that "
+    "several simulations can run at once; a mission without a team gets a built-in one",
 )
 @rover_option
 @option(
@@ -66,19 +66,19 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
     "as one JSON object",
 )
 @option("--report", type=PATH, metavar="FILE", help="write a report to FILE at the end")
-@option("--seed", type=int, metavar="N", default=1, help="seed of everything random (default 1)")
+@option("--seed", type=int, metavar="N", default=1, help="random seed (default 1)")
 @option(
     "--epoch",
     type=Parsed(epoch),
     metavar="UNIX_S",
-    help="Unix time at the vehicle's time zero, in seconds; the vehicle needs the same (default: "
-    "such that its first packet arrives now)",
+    help="Unix time at the vehicle's time zero, in seconds; must equal the vehicle's --epoch "
+    "(default: the arrival of its first packet is now)",
 )
 @option(
     "--pace-from",
     type=Parsed(pace_source),
     metavar="HOST:PORT",
-    help="let the clock of this vehicle (`sitl vehicle --pace`) wait for the team",
+    help="report progress to this vehicle's clock (`sitl vehicle --pace`), which then waits",
 )
 def run(arguments: Options) -> int:
     """Simulate until a signal comes; returns the exit code."""

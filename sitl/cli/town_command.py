@@ -20,8 +20,8 @@ from mocha_link.team import DocumentError
 from sitl.world.towns import Town, layers
 
 _EPILOG = """\
-TOWN is a file, or COLUMNSxROWS: a new town of so many blocks of about 65 m. With --out a folder is
-written: town.yaml, and for a new town a mission.yaml over it. Experiments take both.
+TOWN is a file, or COLUMNSxROWS for a new town of that many blocks of about 65 m. --out writes
+town.yaml and, for a new town, a mission.yaml over it; experiments use both.
 
 examples:
   sitl town missions/urban/town.yaml --picture town.png
@@ -36,19 +36,21 @@ OPEN, PAVED, ROAD, CROWN = "#e3dccb", "#eef0e4", "#aab4c4", "#8fb27c"
 HOUSE, HOUSE_EDGE, GOAL, START = "#fdfdfb", "#b9b4a8", "#d1495b", "#30638e"
 
 
-@command("Check a town's file, draw it, or make one of any size.", _EPILOG)
-@click.argument("town", help="file of a town, or COLUMNSxROWS for a new one")
-@option("--seed", type=int, metavar="N", help="seed of a new town, or of new places (default 1)")
-@option("--goals", type=int, metavar="N", help="number of vehicles in a new town (default 15)")
+@command("Check or draw the file of a simulated town, or generate a town of any size.", _EPILOG)
+@click.argument("town", help="town file, or COLUMNSxROWS for a new town")
+@option("--seed", type=int, metavar="N", help="seed of a new town or of --scatter (default 1)")
+@option(
+    "--goals", type=int, metavar="N", help="number of vehicles to find in a new town (default 15)"
+)
 @option(
     "--scatter", type=int, metavar="N", help="move N vehicles to random places beside the roads"
 )
-@option("--out", type=PATH, metavar="FOLDER", help="folder that town.yaml is written to")
-@option("--force", is_flag=True, help="replace files that exist")
+@option("--out", type=PATH, metavar="FOLDER", help="folder to write town.yaml into")
+@option("--force", is_flag=True, help="replace existing files")
 @option(
     "--picture", type=PATH, metavar="FILE", help="draw the town into a file (.png, .svg or .pdf)"
 )
-@option("--json", is_flag=True, help="one JSON object on stdout")
+@option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
     """Carry out the command; returns the exit code."""
     from sitl.world.towns import (  # noqa: PLC0415

@@ -42,12 +42,12 @@ PX4_HOME: Final = StartPosition(47.397742, 8.545594, 489.4)
 
 _MOST_WIND_M_S: Final = 25.0
 _EPILOG = """\
-Prints one JSON line on stdout when it is ready: {"ready": true, "mavlink": ..., "gcs": ...,
-"truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
-with another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
-Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground station) and
-19410+N (truth), and answers only the first program that sends to the port, unless
---api-to or --gcs-to names another.
+Prints one JSON line on stdout when ready: {"ready": true, "mavlink": ..., "gcs": ...,
+"truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, then
+prints another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
+Ports are PX4's: instance N sends to 127.0.0.1, ports 14540+N (API), 14550 (ground station) and
+19410+N (truth). On each link it answers only the first program that sends to it, unless --api-to or
+--gcs-to is given.
 
 examples:
   sitl vehicle missions/pennovation/mission.yaml --speed 10
@@ -158,7 +158,7 @@ place_options = together(
         "--home",
         type=Parsed(_place),
         metavar="LAT,LON,ALT",
-        help="start at this place: degrees, and meters AMSL",
+        help="start at this position: degrees, and meters AMSL",
         not_with=["mission"],
     ),
     uav_option,
@@ -182,40 +182,39 @@ def speed_and_parameters(speed_help: str) -> Decorator:
             multiple=True,
             type=Parsed(parameter),
             metavar="NAME=VALUE",
-            help="PX4 parameter that differs from its default; may be repeated",
+            help="set a PX4 parameter; may be repeated",
         ),
     )
 
 
-@command("Simulate a multirotor with an autopilot that behaves as PX4 does.", _EPILOG)
+@command("Simulate a multirotor with an autopilot that behaves like PX4.", _EPILOG)
 @place_options
 @option(
     "--instance",
     type=Parsed(instance),
     metavar="N",
     default=0,
-    help="number of the instance, 0 to 250: ports +N, system id N+1 (default 0)",
+    help="instance number, 0 to 250: ports +N, system id N+1 (default 0)",
 )
 @speed_and_parameters("speed limit, times real time, 0.1 to 100 (default 1)")
 @option(
     "--pace",
     type=Parsed(_address),
     metavar="HOST:PORT",
-    help="serve the clock here, and wait for the processes that report their progress",
+    help="serve the simulation clock here, and run no faster than the processes that report to it",
 )
 @option(
     "--pace-for",
     type=int,
     metavar="N",
     default=1,
-    help="number of processes to wait for (default 1); the clock runs slowly until all have "
-    "reported",
+    help="number of processes that will report (default 1); the clock runs slowly until all have",
 )
 @option(
     "--pace-from",
     type=Parsed(pace_source),
     metavar="HOST:PORT",
-    help="follow the clock of the vehicle that serves it here (its --pace)",
+    help="follow the clock of another vehicle, which serves it here (--pace)",
 )
 @option("--seed", type=int, metavar="N", default=1, help="seed of the position noise (default 1)")
 @option(
@@ -229,14 +228,14 @@ def speed_and_parameters(speed_help: str) -> Decorator:
     type=Parsed(_wind),
     metavar="SPEED,FROM[,GUSTS]",
     default=WindSettings(),
-    help="wind speed in m/s, direction it comes from in degrees, and spread of the gusts in m/s "
-    "(default 0.3 of the speed); no wind by default",
+    help="mean wind in m/s, direction it comes from in degrees, and standard deviation of the "
+    "gusts in m/s (default 0.3 of the speed); no wind by default",
 )
 @option(
     "--api-to",
     type=Parsed(_address),
     metavar="HOST:PORT",
-    help="send the API link to this address (default 127.0.0.1:14540+N), from a free port",
+    help="send the API link to this address, from a free port (default 127.0.0.1:14540+N)",
 )
 @option(
     "--gcs-to",
@@ -247,11 +246,11 @@ def speed_and_parameters(speed_help: str) -> Decorator:
 @option(
     "--listen",
     metavar="ADDRESS",
-    help="address to receive on (default: this machine only; with 0.0.0.0 any machine that "
-    "reaches it can fly the vehicle)",
+    help="address to receive on (default: this machine only; with 0.0.0.0 other machines can "
+    "command the vehicle)",
 )
-@px4_version_option("the vehicle behaves as")
-@option("--no-gcs", is_flag=True, help="open no link to a ground station")
+@px4_version_option("the vehicle behaves like")
+@option("--no-gcs", is_flag=True, help="do not open a link to a ground station")
 @option(
     "--truth-to",
     type=Parsed(_address),

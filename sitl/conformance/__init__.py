@@ -1,4 +1,4 @@
-"""Scripted conversations with a PX4: recorded on a real one, checked on the simulated one."""
+"""Scripted MAVLink conversations: recorded with a real PX4, checked on the simulated one."""
 
 from sitl.conformance.conversation import (
     Conversation,

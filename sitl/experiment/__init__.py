@@ -1,4 +1,4 @@
-"""Experiments: towns full of robots in simulated time, thousands of times faster than real."""
+"""Experiments: teams in towns, simulated thousands of times faster than real time."""
 
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.plan import (

@@ -1,4 +1,4 @@
-"""The simulated autopilot, which behaves as PX4 1.15 to 1.18. Pure."""
+"""The simulated autopilot, which behaves like PX4 1.15 to 1.18. Pure."""
 
 from sitl.px4sim.autopilot import HOME_AFTER_S, Autopilot
 from sitl.px4sim.commands import DO_SET_MODE, CommandResult, Commands, Params

@@ -1,4 +1,4 @@
-"""Flights in which something goes wrong, and an independent judge."""
+"""Flights with injected faults, and an independent judge."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""What a ground robot's policy of another package is made of: where an exploring robot drives.
+"""Public API for ground robots' policies of other packages: where an exploring robot drives.
 
 A policy is a class that can be made without arguments, with `choose` (`RobotPolicy`), registered
 as an entry point of the group `sitl.robot_policies`, or named by an experiment or a world file as

@@ -1,7 +1,7 @@
 """The mission's state machine as one table: when to explore, search, exchange data, and come home.
 
-A row has everything about its state. A signal that a state does not list has no effect there. The
-diagram in docs/ is drawn from this table.
+Each row defines one state completely. Signals that a row does not list have no effect in its state.
+The diagram in docs/state-machine.md is generated from this table.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from air_router.controller.states.return_state import (
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import CommState, SearchState
 
-# Common to the states in the air: come home for duration, battery or operator; hands off when a
-# pilot flies; done when the vehicle has landed. Then the operator's requests.
+# Common to the states in the air: come home (duration, battery, operator), hands off (pilot), done
+# (landed); then the operator's requests.
 _ENDS: Final = {
     Signal.COME_HOME: State.HOME,
     Signal.TAKEN_OVER: State.PASSIVE,
@@ -106,13 +106,13 @@ class StateHandlers:
 
     Args:
         context: State of the flight that the handlers share.
-        gate: Sends motions, and knows the last one sent.
+        gate: Sends motions, and keeps the last one sent.
         navigator: Plans and flies routes.
-        search: Which robot to seek and where, and which waypoint is next.
+        search: Chooses the robot to seek and where, and the next waypoint.
 
     Attributes:
-        reachability: Whether zones leave a route home.
-        ready, search, comm, goto, hold, home, land: Handlers that other parts call too.
+        reachability: Checks whether zones leave a route home.
+        ready, search, comm, goto, hold, home, land: Handlers that other parts also call.
         of: Handler by state.
     """
 

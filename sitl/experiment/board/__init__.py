@@ -1,4 +1,4 @@
-"""The leaderboard: policies on a test set that does not change."""
+"""The leaderboard: policies on a fixed test set."""
 
 from mocha_link.lazy import door
 

@@ -1,4 +1,4 @@
-"""Many runs: made in processes or on a cluster, stored, and made again."""
+"""Many runs: in processes or on a cluster, stored, repeated."""
 
 from mocha_link.lazy import door
 

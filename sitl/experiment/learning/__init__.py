@@ -1,4 +1,4 @@
-"""A run as an environment of PettingZoo: a step is a decision whom a UAV seeks next."""
+"""A run as a PettingZoo environment: in each step a UAV chooses the next robot."""
 
 from mocha_link.lazy import door
 

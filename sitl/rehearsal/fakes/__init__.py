@@ -1,4 +1,4 @@
-"""Stand-ins for clocks, radios and libraries, to rehearse the real flight program."""
+"""Test doubles of clocks, radios and libraries for flights of the real program."""
 
 from sitl.rehearsal.fakes.link import Burst, Link, StreamFault, Way, wrong_of
 from sitl.rehearsal.fakes.mavsdk import Fields, Send, StandIn

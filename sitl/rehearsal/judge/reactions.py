@@ -1,4 +1,4 @@
-"""Rules of the companion's reactions: to incidents and requests, and its announcements."""
+"""Rules on the companion's reactions to incidents and requests, and on its announcements."""
 
 from __future__ import annotations
 
@@ -24,31 +24,33 @@ from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.space import leads_home, open_space, rooms_of, way_home_m
 
 _BRAKED_S: Final = 4.0
-"""What the vehicle has on top of that to stand still."""
+"""Time to stop, in addition to the reaction time."""
 
 _WAY_TURNS_S: Final = 25.0
+"""Allowance for turns and stops on the way home."""
+
 _ON_BOARD_S: Final = 30.0
-"""A changed file is on board within so long, and the way home goes on."""
+"""Time to upload a changed file; then the way home continues."""
 
 _DETOUR: Final = 2.0
-"""How much longer than by the shortest clear way a flight home may take: from waypoint to waypoint,
-with a stop at each, and none of them may lie on that way."""
+"""Longest flight home, as a multiple of the shortest clear way: it follows waypoints, stops at
+each, and possibly none of them is on the shortest way."""
 
 _DETOUR_IN_LAYERS: Final = 3.0
-"""The same where other UAVs have climb corridors: these hide waypoints from each other, so that a
-way along waypoints leads around all that lies between two corridors."""
+"""The same with climb corridors of other UAVs: these block lines between waypoints, so that a way
+along waypoints makes longer detours."""
 
 _MORE_M: Final = 2.0
-"""What ways home keep on top of the clearances, if there is such a way; else less."""
+"""Margin beyond the clearances of a way home; less if there is no such way."""
 
 _ROUNDABOUT: Final = 4.0
-"""How much longer than straight the way home may be where the judge knows none."""
+"""Longest way home as a multiple of the straight one, if the judge finds no way."""
 
 _SILENT_S: Final = 5.0
-"""A companion that receives nothing for so long on the way brings nothing home."""
+"""If the companion receives nothing for longer on the way, it is not expected to come home."""
 
 _SECOND: Final = 25
-"""Samples of a second, about."""
+"""Samples per second of the track, approximately."""
 
 _REPLY: Final = re.compile(
     r"the operator: (accepted|refused): (?!replaced by a newer request|it expired)(.*)$"
@@ -56,19 +58,19 @@ _REPLY: Final = re.compile(
 )
 _REPLY_S: Final = 1.0
 _NO_MORE: Final = re.compile("already|as soon as|once the changed|before take-off|on the ground")
-"""A reply that matches commits to nothing more, or not yet."""
+"""A reply that matches promises no action now."""
 
 _TURNS_S: Final = 1.0
-"""Within that time a hold is sent."""
+"""Time limit for sending a hold."""
 
 _CLIMBS_S, _CLIMBS_M_S, _LEVEL_M = 6.0, 0.8, 1.5
-"""What a climb or descent takes, at least so fast, and how near it ends to where it was sent."""
+"""Start-up time, lowest speed and final error of a requested climb or descent."""
 
 _HOLDS_S: Final = 12.0
-"""For so long a hold is checked: later the mission's own time may be over."""
+"""Time for which a hold is checked; later the mission's duration may end it."""
 
 _SETS_OUT_S: Final = 5.0
-"""Within that time the first motion of a way home is sent: one may be waited for that was lost."""
+"""Time limit for the first motion of a way home; a lost command may have to time out first."""
 
 _LEADS_TO: Final = {
     "hold": "HOLD",
@@ -78,11 +80,11 @@ _LEADS_TO: Final = {
     "home": "HOME",
     "land": "LAND",
 }
-"""The state that an accepted request leads to at once."""
+"""The state that an accepted request enters at once."""
 
 _BESIDE_M, _STANDS_M_S = 3.0, 1.5
 _MARGIN_M: Final = 1.5
-"""What ways keep on top of the clearance."""
+"""Margin of ways beyond the clearance."""
 
 _ENDS: Final = re.compile("coming home|hands off|leaving ")
 _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HOLD"})
@@ -91,27 +93,27 @@ _ANNOUNCED: Final = re.compile(
     r" *[0-9.]+ s  (?!nothing received|.*: (?:accepted|refused): |[A-Z_]+ -> )(.+)"
 )
 _AGAIN: Final = re.compile(r"^ *[0-9.]+ s  again( [0-9]+ times)?: ")
-"""The terminal counts what was announced before; the ground station reads each."""
+"""The terminal counts repeated announcements; the ground station receives each of them."""
 
 _SEVERITIES: Final = {"": 6, "WARNING": 4, "ALARM": 2}
 """MAV_SEVERITY by the label of a line: INFO, WARNING, CRITICAL."""
 
 _SENT_S: Final = 1.0
-"""It is sent so long before or after the line, at most."""
+"""Largest time between the line on the terminal and its STATUSTEXT."""
 
 _DEEP_M, _MOVED_M, _STANDS_S, _ALARMED_S = 0.5, 4.0, 25.0, 12.0
-"""So deep in a zone, and so little moved in so long, a vehicle hovers there; an alarm that was
-given so long before counts."""
+"""Depth in a zone, movement and time by which a vehicle counts as hovering in it; and how much
+earlier its alarm may have been given."""
 
 _NOT_ON_BOARD: Final = re.compile(" is not on board: ")
 _BOARD_S, _LEFT_S = 45.0, 5.0
-"""A changed fence is on board within the one; a vehicle is left to the pilot within the other."""
+"""Time limits for uploading a changed fence, and for releasing the vehicle to the pilot."""
 
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 
 
 class Incident(NamedTuple):
-    """Something that a companion has to react to: since when, and its description."""
+    """Something that requires a reaction of the companion: its time and description."""
 
     began_s: float
     what: str
@@ -130,7 +132,7 @@ class Reply(NamedTuple):
 def announces(
     case: Case, incident: Incident, pattern: str, due_s: float, before_s: float = 0.1
 ) -> Iterator[Violation]:
-    """A line that matches `pattern` has come by then, or so long before it began."""
+    """The companion announces `pattern` by `due_s`, at most `before_s` before the incident."""
     if not case.has_announced(pattern, incident.began_s - before_s, due_s):
         yield Violation(due_s, "told", f"not a word about it: {incident}")
 
@@ -138,7 +140,7 @@ def announces(
 def stands(
     case: Case, incident: Incident, span: tuple[float, float], kind: str = "blind"
 ) -> Iterator[Violation]:
-    """Within the span no leg begins, and some seconds later the vehicle stands."""
+    """Within the span no leg begins, and seconds later the vehicle has slowed to half speed."""
     (from_s, until_s), began_s = span, incident.began_s
     if from_s >= until_s or not case.could_react(began_s, from_s):
         return
@@ -157,7 +159,7 @@ def stands(
 
 
 def stops(case: Case, incident: Incident) -> Iterator[Violation]:
-    """Some seconds later the vehicle has slowed down, if only for a moment."""
+    """The vehicle slows down within some seconds, at least for a moment."""
     due_s = incident.began_s + case.reacts_s + _BRAKED_S
     first, last = case.at(incident.began_s), case.at(due_s)
     cruises = all(map(case.cruises, range(first, last + 1)))
@@ -172,13 +174,13 @@ def stops(case: Case, incident: Incident) -> Iterator[Violation]:
 def comes_home(
     case: Case, incident: Incident, since_s: float, lost: list[tuple[float, float]]
 ) -> Iterator[Violation]:
-    """From then on it flies home: within the time that the way takes it begins to land.
+    """The vehicle flies home, and begins to land within the time that the way takes.
 
     Args:
         case: The flight.
-        incident: Why.
+        incident: The reason.
         since_s: When the way home begins; infinite: never.
-        lost: Times without position or mode: home is not flown then.
+        lost: Periods without position or flight mode, when the vehicle does not fly home.
     """
     if not math.isfinite(since_s) or not case.cruises(case.at(since_s)):
         return
@@ -186,7 +188,7 @@ def comes_home(
     changed_s = (version.from_s for version in case.versions[1:])
     waits_s = [at_s + _ON_BOARD_S for at_s in changed_s if since_s < at_s + _ON_BOARD_S]
     while waits_s and waits_s[0] - _ON_BOARD_S < due_s:
-        since_s = waits_s.pop(0)  # it waits for that, and has another way then
+        since_s = waits_s.pop(0)  # the vehicle waits for the upload, then takes another way
         if not case.cruises(case.at(since_s)):
             return
         due_s = _home_by_s(case, since_s)
@@ -197,14 +199,14 @@ def comes_home(
     if blind or silent or not case.could_react(since_s, due_s):
         return
     if not leads_home(case.version_at(due_s).mission, case.place(case.at(due_s))):
-        return  # it hovers, and announces that
+        return  # the vehicle hovers, and announces it
     if all(map(case.cruises, range(case.at(since_s), case.at(due_s)))):
         text = f"did not land within {due_s - since_s:.0f} s, though {incident.what}"
         yield Violation(due_s, "home", text)
 
 
 def _home_by_s(case: Case, since_s: float) -> float:
-    """By when it begins to land that flies home from then on."""
+    """The time limit for the landing of a vehicle that flies home from `since_s` on."""
     mission, place = case.version_at(since_s).mission, case.place(case.at(since_s))
     ways_m = [way_home_m(mission, place, more_m) for more_m in (_MORE_M, 0.0)]
     way_m = next(filter(math.isfinite, ways_m), _ROUNDABOUT * math.hypot(*place))
@@ -214,7 +216,7 @@ def _home_by_s(case: Case, since_s: float) -> float:
 
 
 def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
-    """What followed an accepted "hold", "home", "goto" or "altitude", until the next request."""
+    """An accepted "hold", "home", "goto" or "altitude" is executed, up to the next request."""
     requests = list(requests_of(case))
     ends_s = [*(request.time_s for request, _ in requests), float(case.time_s[-1])]
     for (request, reply), until_s in zip(requests, ends_s[1:], strict=True):
@@ -228,19 +230,19 @@ def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
 
 
 def requests_of(case: Case) -> Iterator[tuple[SceneEvent, Reply | None]]:
-    """Every request with the reply that the operator received at once, in the same order."""
+    """Every request with its immediate reply to the operator, in order."""
     replies = [(at_s, m) for at_s, text in case.texts if (m := _REPLY.search(text))]
     for request in case.evidence.events(SceneEventKind.REQUEST):
         requested_s = request.time_s
         while replies and replies[0][0] < requested_s:
-            replies.pop(0)  # of one that waited
+            replies.pop(0)  # reply to a deferred request
         own = bool(replies) and replies[0][0] <= requested_s + _REPLY_S * case.evidence.speed
         found = replies.pop(0)[1] if own else None
         yield request, Reply(found[1] or "", found[2] or "") if found else None
 
 
 def _commits(reply: Reply) -> bool:
-    """Whether the companion committed itself to do it now."""
+    """Whether the reply promises an action now."""
     return reply.what == "accepted" and not _NO_MORE.search(reply.text)
 
 
@@ -253,7 +255,7 @@ def _holds(case: Case, requested_s: float, until_s: float) -> Iterator[Violation
 
 
 def _ends_s(case: Case, requested_s: float, until_s: float) -> float:
-    """When something else ended the request, the next request at the latest."""
+    """The end of the request: by something else, or at the latest by the next request."""
     ends = (at_s for at_s, text in case.texts if at_s > requested_s and _ENDS.search(text))
     return min(until_s, next(ends, until_s))
 
@@ -286,19 +288,19 @@ def _comes_to(case: Case, request: SceneEvent, until_s: float) -> Iterator[Viola
 
 
 def places_of(case: Case, request: SceneEvent) -> list[Pair]:
-    """The points of a "goto", in metres."""
+    """The points of a "goto", in metres of the local frame."""
     pairs = re.findall(r"(-?[\d.]+),(-?[\d.]+)", str(request.value))
     return [case.mission.frame.metres(float(lat), float(lon)) for lat, lon in pairs]
 
 
 def is_far(case: Case, request: SceneEvent) -> bool:
-    """Whether the vehicle was not at the first point of a "goto" already."""
+    """Whether the vehicle was away from the first point of a "goto"."""
     here = case.place(case.at(request.time_s))
     return any(math.dist(here, place) > _BESIDE_M for place in places_of(case, request)[:1])
 
 
 def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Violation]:
-    """Each is answered at once; the state changes with it if it is accepted, else it does not."""
+    """Each request is answered at once, and changes the state if and only if it is accepted."""
     for request, reply in requests_of(case) if case.evidence.received else ():
         requested_s, verb = request.time_s, str(request.value).split()[0]
         if verb not in _LEADS_TO or not case.could_react(
@@ -306,7 +308,7 @@ def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Vio
         ):
             continue
         done = case.has_announced(f" -> {_LEADS_TO[verb]}$", requested_s, requested_s + _REPLY_S)
-        done |= verb == "hold" and case.state(requested_s - 0.01) == "HOLD"  # it stops a climb
+        done |= verb == "hold" and case.state(requested_s - 0.01) == "HOLD"  # it may stop a climb
         if reply is None:
             yield Violation(requested_s, "request", f"{verb} was not answered")
         elif reply.what == "refused" and done:
@@ -316,7 +318,7 @@ def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Vio
 
 
 def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
-    """When it announces the last of several points it was at all of them, in order."""
+    """When the companion announces the last point, the vehicle was at all points, in order."""
     accepted = [(r, a) for r, a in requests_of(case) if a and _commits(a)]
     sent = [(r, a) for r, a in accepted if str(r.value).startswith("goto")]
     for end_s in (at_s for at_s, text in case.texts if text.endswith("at the last point")):
@@ -324,7 +326,7 @@ def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
             first, until = case.at(request.time_s), case.at(end_s) + 1
             for count, place in enumerate(places_of(case, request), 1):
                 clear = open_space(case.version_at(end_s).mission.cruised, _MARGIN_M)
-                away = clear.distance(shapely.Point(place))  # how far from there it may be
+                away = clear.distance(shapely.Point(place))  # to the nearest clear place
                 if away and case.has_announced(f"point {count} left out", request.time_s, end_s):
                     continue
                 of = rf"point(?: {count})?: (?:(?!point).)* so ([\d.]+) m beside"
@@ -341,7 +343,7 @@ def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
 
 
 def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
-    """Asked to land where it hovers it stands, and comes down there."""
+    """A vehicle that is requested to land in place is stationary, and lands there."""
     if case.landing_place is None:
         return
     requested_s = next(at_s for at_s, text in case.texts if ": accepted: it lands where" in text)
@@ -352,9 +354,9 @@ def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
 
 
 def a_fence_that_is_not_on_board_ends_the_mission(case: Case) -> Iterator[Violation]:
-    """Where it announces that its zones are not on board it comes home: there is no second wall.
+    """If zones are not on board, the vehicle comes home: PX4's fence would not catch an error.
 
-    Where another station has stored its own meanwhile the vehicle may be left to the pilot.
+    If another station has uploaded its own fence, the vehicle may be released instead.
     """
     changed = [h.time_s for h in case.evidence.events(SceneEventKind.FENCE_CHANGED)]
     for at_s, text in case.texts:
@@ -366,7 +368,7 @@ def a_fence_that_is_not_on_board_ends_the_mission(case: Case) -> Iterator[Violat
 
 
 def changed_files_that_are_left_are_announced(case: Case) -> Iterator[Violation]:
-    """Other zones or fences that it refused to apply: it announces why."""
+    """The companion announces why it does not apply changed zones or fences."""
     for left in case.evidence.events(SceneEventKind.FILE_LEFT) if case.evidence.received else ():
         requested_s, text = left.value
         flown = case.version_at(requested_s).mission.areas
@@ -384,7 +386,7 @@ def changed_files_that_are_left_are_announced(case: Case) -> Iterator[Violation]
 
 
 def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
-    """A vehicle that is ours, in a zone, and does not move: the pilot is asked to fly it out."""
+    """While the companion's vehicle hovers in a zone, an alarm instructs the pilot."""
     for rooms in rooms_of(case):
         since: int | None = None
         for index, room_m in enumerate(rooms.metres.tolist(), rooms.first):
@@ -401,11 +403,11 @@ def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
                 text = f"in {rooms.area.name} since {begun_s:.1f} s, and not a word to the pilot"
                 yield Violation(now_s, "told", text)
                 return
-            since = index  # again and again
+            since = index  # the alarm must be repeated
 
 
 def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
-    """The pilot reads in the ground station what the operator reads, with the same severity."""
+    """The ground station receives each announcement of the terminal, with the same severity."""
     texts = [
         (m.time_s, number(m.fields, "severity"), str(m.fields["text"]))
         for m in case.evidence.messages
@@ -428,7 +430,7 @@ def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
 
 
 def who_is_warned_knows_what_to_do(case: Case) -> Iterator[Violation]:
-    """A warning, or an alarm, has an instruction for the pilot or the operator."""
+    """Every warning and alarm has an instruction for the pilot or the operator."""
     for at_s, label, line, instruction in case.announced:
         if label and not instruction:
             yield Violation(at_s, "told", f"a {label.lower()} that asks for nothing: {line}")

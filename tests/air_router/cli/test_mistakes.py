@@ -39,7 +39,7 @@ IN_FILES = [  # what is changed in the mission, the command, what is said
     ("seek: [|seek: [jo, ", "check mission.yaml", "[unknown-robot]"),
 ]
 IN_USAGE = [
-    ("", "fly a mission in a simulated world"),
+    ("", "fly a mission in simulation"),
     ("dance", "No such command 'dance'"),
     ("plan mission.yaml --from 0 --to 99", "no waypoint 99; Pennovation has 1 to 39"),
     ("plan mission.yaml --from 1 --to here", "here is neither a waypoint's number nor LATITUDE"),
