@@ -48,7 +48,7 @@ SAID = {
     ("command", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
-    ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
+    ("due", "TAKE_OVER_NOW"): ["a fault that was announced, and still lasts after 10 s, for … s"],
     ("_while_off", "CLEARANCE_UNCERTAIN"): [
         "the satellites' position is good to … m only, planned for … m",
         "wind of … m/s, planned for … m/s",
@@ -62,6 +62,8 @@ SAID = {
     ],
     ("update", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }
+UNSPECIFIC = {"…", "for", "s", "too"}
+"""A text of these alone does not say what is announced."""
 KNOWN = {name: value for name, value in vars(instructions).items() if name.isupper()}
 
 
@@ -161,10 +163,10 @@ def _rows_of(call: ast.Call, scope: ast.AST) -> Iterator[Row]:
     for instruction in handed(call, scope):
         grave = "alarm" if alarms or instruction == "WATCH_FAILSAFE" else severity
         texts = [] if text is None else words_of(text, scope)
-        if all(words.strip("… ") in {"", "too"} for words in texts):
+        if not any(set(words.split()) - UNSPECIFIC for words in texts):
             texts = SAID[getattr(scope, "name", ""), instruction]
         for words in texts:
-            yield Row(pattern.format(words), grave, KNOWN[instruction])
+            yield Row(pattern.format(words).replace("……", "…"), grave, KNOWN[instruction])
 
 
 def table() -> list[str]:
