@@ -149,7 +149,7 @@ class Gossip:
         begins = self._trigger.signal_received(peer, reading, now.timer_s)
         self._announce_contacts(now)
         if begins:
-            link.puller.renew_budget()
+            link.peer.budget.renew()
             link.server.on_contact(now)
             self._serve(link, now)
             link.puller.on_contact(now)
@@ -165,7 +165,7 @@ class Gossip:
         if both:
             link.server.request_pull()
         if self._by_timer and not link.puller.pull:
-            link.puller.renew_budget()
+            link.peer.budget.renew()
         begun = link.puller.sync(now, self._over(link))
         self._announce(link, now)
         return begun
@@ -196,14 +196,14 @@ class Gossip:
     ) -> Route | None:
         """The connection on which the peer pulls, if it does, and if that is still `standing`."""
         link = self._links.by_peer[peer]
-        way = link.peer.route
+        way = link.peer.connection.route
         if way != DIALLED:
             found = standing(way)
             if found is None:
                 link.closed = way
                 self._links.touched.add(peer)
             elif found.rtt_s is not None:
-                link.peer.rtt_s = found.rtt_s
+                link.peer.path.measured(found.rtt_s)
         return link.server.route(standing)
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
@@ -226,7 +226,7 @@ class Gossip:
         if self._both_ways and len(parts) == 1 and is_request(parts[0]):
             self.request(peer, DIALLED, [bytes(parts[0])], now)
             return
-        if link.peer.route != DIALLED:
+        if link.peer.connection.route != DIALLED:
             return  # of a pull that has gone over to a connection of the peer
         link.puller.reply(parts, now)
         self._announce(link, now)
@@ -327,19 +327,18 @@ class Gossip:
         return self._links.ages_s(now.unix_s)
 
     def held(self, peer: str) -> dict[int, int]:
-        """The messages that a peer is known to hold; see `Peer.newest`.
+        """The messages that a peer is known to hold; see `PeerHoldings.newest`.
 
         Raises UnknownRobotError.
         """
-        return self._link(peer).peer.newest
+        return self._link(peer).peer.holdings.newest
 
     def _count(self, now: Instant) -> None:
         """Bring the link table up to date."""
         for name in self._links.touched:
             peer = self._links.by_peer[name].peer
-            if peer.bytes_in:
-                self._link_table.count(name, bytes_in=peer.bytes_in)
-                peer.bytes_in = 0
+            if bytes_in := peer.log.take_bytes_in():
+                self._link_table.count(name, bytes_in=bytes_in)
         events, self._uncounted = self._uncounted, []
         self._link_table.catch_up(events, now)
 
@@ -359,29 +358,28 @@ class Gossip:
     def _announce(self, link: PeerLink, now: Instant) -> None:
         """Announce the events of a peer's syncs."""
         peer = link.peer
-        for reason in peer.refusals:
+        for reason in peer.log.take_refusals():
             self._link_table.refuse(peer.name, reason)
-        peer.refusals.clear()
-        known_hash = peer.known_hash if peer.config_mismatch else 0
+        known_hash = peer.agreement.known_hash if peer.agreement.config_mismatch else 0
         if known_hash != link.known_hash:
             link.known_hash = known_hash
             link.differs = None
             if known_hash:
-                link.differs = difference(self._team, peer.name, peer.definitions)
+                link.differs = difference(self._team, peer.name, peer.agreement.definitions)
             self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
         elif link.differs:
             self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
-        twice = peer.name if peer.duplicate else self.me.name if peer.duplicated else None
+        process = peer.process
+        twice = peer.name if process.duplicate else self.me.name if process.duplicated else None
         self._link_table.duplicate(self.me.name, peer.name, now, twice)
-        for event in peer.events:
+        for event in peer.log.take_events():
             self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.peer_pulled(peer.name, now.timer_s, restarted=peer.restarted)
-                peer.restarted = False
+                restarted = peer.process.take_restarted()
+                self._trigger.peer_pulled(peer.name, now.timer_s, restarted=restarted)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._announce_own(self._publisher.recovered(topic, now.unix_s), now)
-        peer.events.clear()
 
     def _announce_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
@@ -395,7 +393,7 @@ class Gossip:
             self.announce(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
-                link.peer.shared = False
+                link.peer.connection.unshare()
                 link.puller.unfollow()
                 self._announce(link, now)
 

@@ -75,6 +75,6 @@ class Flows:
         if flow:
             self._unacknowledged = self._unacknowledged + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
-            self._peer.renew_token()
+            self._peer.tokens.renew()
             self._rtt_s = flow.rtt_s
             self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

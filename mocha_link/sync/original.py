@@ -101,7 +101,7 @@ class ClientSession:
         self.bytes_in += sum(map(len, parts))
         pending = self._pending.pop(bytes(frame[:ID_BYTES]), None)
         if pending is None or self.over:
-            self._peer.refusals.append("a reply to nothing that was asked")
+            self._peer.log.refuse("a reply to nothing that was asked")
             if not self.over:  # the connection is ours alone, so the peer is no node
                 self.break_off("the peer answered what was not asked")
             return []
@@ -115,12 +115,12 @@ class ClientSession:
             self._fetched_s = now.steady_s
             self._fetched_bytes += len(frame)
             self._size += _WEIGHT * (len(frame) - self._size)
-            self._peer.cut.pop(header.key, None)
+            self._peer.path.message_arrived(header.key)
             self._store(header, body, now)
         else:
             self.rtt_s = now.steady_s - sent_s
             if body != ACK:
-                self._peer.refusals.append("a reply to DENDT that is no acknowledgement")
+                self._peer.log.refuse("a reply to DENDT that is no acknowledgement")
             self.over = True
             self._learn_rate()
         return [] if self.over else self._next_requests(now)
@@ -146,7 +146,7 @@ class ClientSession:
         self._learn_rate()
         cut = next((header for _, header, _ in self._pending.values() if header), None)
         if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
-            self._peer.cut[cut.key] = self._peer.cut.get(cut.key, 0) + 1
+            self._peer.path.message_cut(cut.key)
 
     @property
     def bandwidth_bytes_s(self) -> float | None:
@@ -155,7 +155,7 @@ class ClientSession:
         return self._fetched_bytes / taken_s if self._fetched_bytes and taken_s > 0 else None
 
     def _learn_rate(self) -> None:
-        self._peer.rate_bytes_s = self.bandwidth_bytes_s or self._peer.rate_bytes_s
+        self._peer.path.moved(self.bandwidth_bytes_s)
 
     def _request(self, now: Instant, code: bytes, header: Header | None = None) -> bytes:
         node = self._peer.node
@@ -167,9 +167,9 @@ class ClientSession:
         return request_id + code + argument
 
     def _list(self, body: bytes, now: Instant) -> None:
-        refusals, cut = self._peer.refusals, self._peer.cut
+        log, path = self._peer.log, self._peer.path
         if len(body) % Header.SIZE or len(body) > MAX_HEADERS * Header.SIZE:
-            refusals.append(f"a header list of {len(body)} bytes")
+            log.refuse(f"a header list of {len(body)} bytes")
             self.break_off("the peer answered GHEAD with something else than headers")
             return
         found: list[tuple[int, Header]] = []
@@ -177,14 +177,14 @@ class ClientSession:
             try:
                 header = Header.parse(raw)
             except HeaderError as error:
-                refusals.append(str(error))
+                log.refuse(str(error))
                 continue
             team, stamp_ms = self._peer.node.team, header.stamp_ms(now.unix_s)
             why = impossibility(team, header.robot_id, header.topic_id, stamp_ms, now.unix_s)
             if why:
-                refusals.append(f"header {header}: {why}")
+                log.refuse(f"header {header}: {why}")
             else:
-                found.append((cut.get(header.key, 0), header))
+                found.append((path.cuts(header.key), header))
         # What a contact was too short for comes last: it must not starve the others again.
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
@@ -200,16 +200,16 @@ class ClientSession:
                 _check_time(header, trailer.stamp_ms, now.unix_s)
             stamp_ms = trailer.stamp_ms if trailer else header.stamp_ms(now.unix_s)
             record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
-            self.messages += self._peer.take_in(known, record, trailer)
+            self.messages += self._peer.store(known, record, trailer)
         except PayloadError as error:
-            self._peer.refusals.append(f"message {header} of {robot.name}: {error}")
+            self._peer.log.refuse(f"message {header} of {robot.name}: {error}")
 
     def _widen(self) -> None:
         """Adapt the window to what the link carries and to how large the messages are."""
         ahead = float(_AHEAD_BYTES)
-        rate = self.bandwidth_bytes_s or self._peer.rate_bytes_s
+        rate = self.bandwidth_bytes_s or self._peer.path.rate_bytes_s
         if rate:
-            ahead = max(ahead, rate * ((self._peer.rtt_s or 0.0) + _AHEAD_S))
+            ahead = max(ahead, rate * ((self._peer.path.rtt_s or 0.0) + _AHEAD_S))
         self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
         if self._budget:
             left = self._budget - self.bytes_in
@@ -278,7 +278,7 @@ class ServerSession:
         elif code == GHEAD:
             self._give_up(now, "the peer began anew")
             self._pull = _Served(now.steady_s)
-            self._peer.report_start(Direction.OUT, now)
+            self._peer.log.started(Direction.OUT, now)
             body = self._list(now)
         elif code == GDATA:
             body = self._data(argument, now)
@@ -316,7 +316,7 @@ class ServerSession:
     def _end(self, now: Instant) -> None:
         pull, self._pull = self._pull, None
         if pull:
-            self._peer.report_end(
+            self._peer.log.ended(
                 Direction.OUT,
                 now,
                 began_s=pull.since_s,
@@ -328,7 +328,7 @@ class ServerSession:
         """Count the pull as broken off; on a slow link its DENDT may still come."""
         if self._pull and not self._pull.given_up:
             self._pull.given_up = True
-            self._peer.report_timeout(Direction.OUT, reason, now)
+            self._peer.log.timed_out(Direction.OUT, reason, now)
 
     def _list(self, now: Instant) -> bytes:
         self._offered_before, self._offered = self._offered, self._database.snapshot()

@@ -36,7 +36,7 @@ class SendQueue:
     def __init__(self, peer: Peer) -> None:
         self.messages = 0
         self.frames = 0
-        self._peer = peer
+        self._holdings = peer.holdings
         self._database = peer.node.database
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
@@ -62,18 +62,18 @@ class SendQueue:
         """Go on with messages of which the peer has a part."""
         begun = []
         for message_id, total, missing in requests:
-            record = self._peer.begun(message_id) or self._database.get(header_of(message_id))
+            record = self._holdings.begun(message_id) or self._database.get(header_of(message_id))
             is_same = record and len(record.body) == total and record_id(record) == message_id
             if record and is_same and message_id not in self._missing:
                 begun.append(message_id)
                 self._missing[message_id] = missing[::-1]
-                self._peer.begin(message_id, record)
+                self._holdings.begin(message_id, record)
                 self._push(_rank(message_id, record.priority, begun=True), record)
-        self._peer.end(begun)
+        self._holdings.end_begun(begun)
 
     def skip(self, message_id: int) -> None:
         """The peer has got a message from another node, or a newer one."""
-        self._peer.holds(message_id)
+        self._holdings.add(message_id)
         if self._missing.pop(message_id, None):
             rank = next(
                 rank for rank in self._ranks if rank & _BEGUN and _message_id(rank) == message_id
@@ -87,7 +87,7 @@ class SendQueue:
         Of their topics what was replaced meanwhile and not begun goes, so that the queue holds no
         more than the database, however slow the link.
         """
-        lacks = self._peer.lacks
+        lacks = self._holdings.lacks
         new: list[int] = []
         for record in records:
             message_id = record_id(record)
@@ -183,7 +183,7 @@ class SendQueue:
         missing = self._missing.get(message_id)
         if missing is None:
             missing = self._missing[message_id] = [(0, total)]
-            self._peer.begin(message_id, record)
+            self._holdings.begin(message_id, record)
             first = self._ranks[-1] & _FIRST
             self._pop()
             self._push(_rank(message_id, record.priority, begun=True) | first, record)

@@ -11,13 +11,13 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.links import Direction
+from mocha_link.sync.credit import GRANT
 from mocha_link.sync.flows import Flows
 from mocha_link.sync.frames import HELLO, message_frame
 from mocha_link.sync.original import ServerSession
-from mocha_link.sync.peer import GRANT, Peer
+from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     CODE_BYTES,
-    DIALLED,
     FOLLOW_S,
     GHEAD,
     ID_BYTES,
@@ -51,7 +51,7 @@ class Server:
     """Serves one peer, and reports the start and end of its pulls."""
 
     def __init__(self, peer: Peer) -> None:
-        self._peer = peer
+        self.peer = peer
         self._session = ServerSession(peer)
         self._sync: SyncSender | None = None  # under way, or followed
         self._flows = Flows(peer)  # of datagrams; the current one is of the newest sync
@@ -233,7 +233,7 @@ class Server:
             self._opened.append((request_id, route))
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
-            sync = SyncSender(self._peer, request_id, now.steady_s)
+            sync = SyncSender(self.peer, request_id, now.steady_s)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
             if not sync.open(argument):
                 # An error reply would make us an original node to the peer, who reads by ids.
@@ -245,7 +245,7 @@ class Server:
             return self._rejection(request_id)
         if code == SYNC1 and sync.sent and sync.route != route and self._flows.current is None:
             # Its first connection broke, with all that was sent and granted on it.
-            sync = self._sync = SyncSender(self._peer, request_id, sync.began_s)
+            sync = self._sync = SyncSender(self.peer, request_id, sync.began_s)
         sync.received_s = now.steady_s
         if sync.route is None or code == SYNC1:
             sync.carry_on(route, now)
@@ -264,7 +264,7 @@ class Server:
         """The reply on the connection of a rejected sync."""
         if self._rejected is None or self._rejected[0] != request_id:
             return None
-        hello = Hello(self._rejected[1], self._peer.node.config_hash)
+        hello = Hello(self._rejected[1], self.peer.node.config_hash)
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
@@ -275,7 +275,7 @@ class Server:
             return self._packet_for_connection(before, packet, now)
         if before and not before.ended and now.steady_s - before.received_s < REPLACED_S:
             return False  # a copy of an old opening must not end what goes well
-        sync = SyncSender(self._peer, token, now.steady_s)
+        sync = SyncSender(self.peer, token, now.steady_s)
         flow = self._flows.make(sync)
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
         if not frames or not all(sync.open(frame) for frame in frames):
@@ -304,8 +304,8 @@ class Server:
         if self._sync:
             self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
-        self._peer.shared = sync.route == DIALLED
-        self._peer.report_start(Direction.OUT, now)
+        self.peer.connection.share(sync.route)
+        self.peer.log.started(Direction.OUT, now)
         self._check_sync(now)
 
     def _check_sync(self, now: Instant) -> None:
@@ -322,19 +322,19 @@ class Server:
         self._past.append(sync.id)
         self._ended_s = now.steady_s
         self._rejected = (sync.id, why)
-        reason = f"{self._peer.name} speaks another version of the sync; install the same release"
-        self._peer.report_timeout(Direction.OUT, reason, now)
+        reason = f"{self.peer.name} speaks another version of the sync; install the same release"
+        self.peer.log.timed_out(Direction.OUT, reason, now)
 
     def _end(self, sync: SyncSender, now: Instant) -> None:
         sync.ended = True
         if self._flows.current is None:
-            self._peer.renew_token()  # it has got one; a copy of what it began with is of no use
+            self.peer.tokens.renew()  # it has got one; a copy of what it began with is of no use
         if not sync.follows:
             self._sync = None
-            self._peer.shared = False
+            self.peer.connection.unshare()
             self._past.append(sync.id)
             self._ended_s = now.steady_s
-        self._peer.report_end(
+        self.peer.log.ended(
             Direction.OUT,
             now,
             began_s=sync.began_s,
@@ -352,10 +352,10 @@ class Server:
             return
         self._release(sync)
         if not sync.ended:  # otherwise its end was reported already
-            self._peer.report_timeout(Direction.OUT, reason, now)
+            self.peer.log.timed_out(Direction.OUT, reason, now)
 
     def _release(self, sync: SyncSender) -> None:
         self._sync = None
-        self._peer.shared = False
+        self.peer.connection.unshare()
         self._past.append(sync.id)
         self._flows.close()

@@ -22,9 +22,10 @@ from mocha_link.store import (
 )
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
+from mocha_link.sync.credit import MAX_CHUNK
 from mocha_link.sync.frames import SyncFrameError
 from mocha_link.sync.holdings import Holdings
-from mocha_link.sync.peer import MAX_CHUNK, Peer, check_type
+from mocha_link.sync.peer import Peer, check_type
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, Have, Reception, Since
 
@@ -164,7 +165,7 @@ class SyncReceiver:
             return []
         self.bytes += len(frame) + sum(map(len, more))
         self._now = now
-        self._refusals_end = len(self._peer.refusals) + _MAX_REFUSALS
+        self._refusals_end = len(self._peer.log.refusals) + _MAX_REFUSALS
         try:
             if len(frame) and frame[0] == sync.CHUNKS:
                 self._take_chunks(read_chunks(frame, more))
@@ -197,8 +198,8 @@ class SyncReceiver:
             knowledge,
             self._holdings.requests(self._now.unix_s),
             node.config_hash,
-            self._peer.address_token,
-            self._peer.known_hash,
+            self._peer.tokens.received,
+            self._peer.agreement.known_hash,
         )
         return self._frames(sync.OPEN, opening.encode())
 
@@ -213,7 +214,7 @@ class SyncReceiver:
             self._on_hello(sync_messages.Hello.decode(message.content))
         elif message.kind == sync.TOPICS:
             topics = sync_messages.decode_topics(message.content)
-            self._peer.known_hash, self._peer.definitions = topics
+            self._peer.agreement.receive_topics(*topics)
             self._compare_topics()
         elif message.kind == sync.GROUPS:
             groups = sync_messages.decode_groups(message.content)
@@ -223,14 +224,14 @@ class SyncReceiver:
             announced = sync_messages.decode_news(message.content)
             wanted = [m for m in announced if not self._is_impossible(m) and self._wants(m)]
             self.pull_needed |= not announced or bool(wanted)
-            self._peer.announced.update(wanted[: _MAX_BEGUN - len(self._peer.announced)])
+            self._peer.offers.announce(wanted)
         else:
             self._done = sync_messages.Done.decode(message.content)
 
     def _on_hello(self, hello: sync_messages.Hello) -> None:
         peer = self._peer
-        peer.address_token = hello.address_token or peer.address_token
-        peer.duplicated = hello.duplicate
+        peer.tokens.receive(hello.address_token)
+        peer.process.report_duplicated(duplicated=hello.duplicate)
         if hello.version != sync_messages.VERSION:
             self.rejection = (
                 f"{peer.name} speaks version {hello.version} of the sync, "
@@ -238,7 +239,10 @@ class SyncReceiver:
             )
         elif hello.reception is Reception.UNREADABLE:
             self.rejection = f"{peer.name} could not read how we began; damaged on its way"
-        elif not peer.agrees(hello.config_hash) or hello.reception is Reception.TOPICS_WANTED:
+        elif (
+            not peer.agreement.compare(hello.config_hash)
+            or hello.reception is Reception.TOPICS_WANTED
+        ):
             self._unclear = hello.config_hash
             self._compare_topics()
         elif hello.reception is Reception.UNKNOWN and self._round + 1 < sync.ROUNDS:
@@ -247,7 +251,7 @@ class SyncReceiver:
     def _compare_topics(self) -> None:
         """Say what ids mean to us, and begin again, once it is known what they mean to the peer."""
         peer, node = self._peer, self._peer.node
-        if self._unclear is None or not peer.agrees(self._unclear):
+        if self._unclear is None or not peer.agreement.compare(self._unclear):
             return
         self._unclear = None
         if self._round + 1 < sync.ROUNDS:
@@ -318,11 +322,11 @@ class SyncReceiver:
             header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
             now_s = self._now.unix_s
             record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
-            peer.holds(message_id)
+            peer.holdings.add(message_id)
             if not self.over and len(self._given) < _MAX_GIVEN:
                 self._given.add(message_id)
             try:
-                self.messages += peer.take_in(known, record, trailer)
+                self.messages += peer.store(known, record, trailer)
             except PayloadError as error:  # intact, so it will not be another one next time
                 self._refuse(f"message {message_id:016x}: {error}")
                 self._reassembly.fail(message_id, but=peer.name)
@@ -336,7 +340,7 @@ class SyncReceiver:
         taken = wire.is_taken(stamp_ms, self._now.unix_s)
         safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
         key = message_id >> 48
-        if safe and key in self._topics and self._peer.exchanges(key):
+        if safe and key in self._topics and self._peer.agreement.exchanges(key):
             return False
         robot_id, topic_id = divmod(message_id >> 48, 256)
         why = impossibility(self._peer.node.team, robot_id, topic_id, stamp_ms, self._now.unix_s)
@@ -356,10 +360,11 @@ class SyncReceiver:
             self._repairs += 1
             self._begin_round(self._holdings.knowledge(self._now))
             return
-        self.over, self._peer.left = True, left
+        self.over = True
+        self._peer.offers.still_left(left)
         is_sound = not (flawed or done.cut_short)
         self.complete = is_sound and not left
-        if self.complete and not self._peer.config_mismatch:  # else not all was offered
+        if self.complete and not self._peer.agreement.config_mismatch:  # else not all was offered
             own_sequence = self._holdings.unannounced_since(self._given)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != self._database.knowledge(self._peer.name):
@@ -370,5 +375,5 @@ class SyncReceiver:
         self._replies += self._frames(kind, bytes(robots))
 
     def _refuse(self, reason: str) -> None:
-        if len(self._peer.refusals) < self._refusals_end:
-            self._peer.refusals.append(reason)
+        if len(self._peer.log.refusals) < self._refusals_end:
+            self._peer.log.refuse(reason)

@@ -14,7 +14,8 @@ from mocha_link.clock import Instant
 from mocha_link.store import GROUPS, Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK, Peer
+from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
+from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import ID_BYTES, Frame, Route
 from mocha_link.sync.send_queue import SendQueue
 from mocha_link.sync.sync_messages import Digest, Have, Hello, Reception, Since, VersionError
@@ -126,15 +127,15 @@ class SyncSender:
             self._receive_opening(message)
         elif message.kind == sync.TOPICS:
             topics = sync_messages.decode_topics(message.content)
-            self._peer.known_hash, self._peer.definitions = topics
+            self._peer.agreement.receive_topics(*topics)
         elif message.kind == sync.END:
             self.over = True
-            self._peer.end()
+            self._peer.holdings.end_begun()
         elif message.kind == sync.FOLLOW:
             self.follows = self.done and not self.cut_short
             self.over = not self.follows
             self._followed = frozenset(message.content)
-            self._peer.end()
+            self._peer.holdings.end_begun()
         elif message.kind == sync.SKIP and message.round == self._round:  # a later one wants it
             self._queue.skip(sync_messages.decode_skip(message.content))
         elif message.round == self._round:
@@ -225,13 +226,15 @@ class SyncSender:
         except VersionError:
             self._reject(message.round, Reception.UNREADABLE)
             return
-        self.admitted = self._peer.verify_token(opening.address_token)
+        self.admitted = self._peer.tokens.verify(opening.address_token)
         node = self._peer.node
-        agrees = self._peer.agrees(opening.config_hash)
-        if agrees and (not self._peer.config_mismatch or opening.known_hash == node.config_hash):
+        agrees = self._peer.agreement.compare(opening.config_hash)
+        if agrees and (
+            not self._peer.agreement.config_mismatch or opening.known_hash == node.config_hash
+        ):
             self._open(message.round, opening)
             return
-        self._peer.met(opening.boot_id)
+        self._peer.opened(opening.boot_id)
         self._restart(message.round, opening.budget)
         self._unknown = True
         topics = sync_messages.encode_topics(node.config_hash, node.definitions)
@@ -263,23 +266,23 @@ class SyncSender:
 
     def _open(self, round_: int, opening: sync_messages.Open) -> None:
         self._restart(round_, opening.budget)
-        self._peer.met(opening.boot_id)
+        self._peer.opened(opening.boot_id)
         self._sequence = self._opened_at = self._database.sequence  # before the database is read
         groups: list[tuple[int, tuple[int, ...]]] = []
         new: Iterable[Record] = ()
         match opening.knowledge:
             case Since(epoch, sequence, message_ids):
-                self._peer.holds(*message_ids)
+                self._peer.holdings.add(*message_ids)
                 if self._database.remembers(epoch, sequence):
                     new = self._database.since(sequence)
                 else:
                     self._unknown = True
             case Have(message_ids):
-                self._peer.forget()
-                self._peer.holds(*message_ids)
+                self._peer.holdings.forget()
+                self._peer.holdings.add(*message_ids)
                 new = self._database.kept()
             case Digest(digests):
-                self._peer.forget()
+                self._peer.holdings.forget()
                 new, groups = self._compare(digests)
         reception = Reception.UNKNOWN if self._unknown else Reception.WELCOME
         self._outbox.append((sync.HELLO, self._hello(reception), 0))
@@ -296,9 +299,9 @@ class SyncSender:
         return Hello(
             reception,
             peer.node.config_hash,
-            address_token=peer.next_token,
+            address_token=peer.tokens.next,
             boot_id=peer.node.boot_id,
-            duplicate=peer.duplicate,
+            duplicate=peer.process.duplicate,
         ).encode()
 
     def _compare(
@@ -316,7 +319,7 @@ class SyncSender:
     def _receive_held(self, held: Sequence[sync_messages.HeldGroups]) -> None:
         if not self._requested_groups:
             return
-        self._peer.holds(*(message_id for each in held for message_id in each.message_ids))
+        self._peer.holdings.add(*(message_id for each in held for message_id in each.message_ids))
         differing = dict.fromkeys(
             self._requested_groups, 0
         )  # groups, a bit each; none is read twice
@@ -375,9 +378,9 @@ class SyncSender:
             robot_id, message_id = record.header.robot_id, sync.record_id(record)
             if robot_id in peer.pushed and len(record.body) <= PUSH_BYTES:
                 pushed.append(record)
-            elif (robot_id in peer.pushed or robot_id not in self._followed) and peer.lacks(
-                record, message_id
-            ):
+            elif (
+                robot_id in peer.pushed or robot_id not in self._followed
+            ) and peer.holdings.lacks(record, message_id):
                 announced.append(message_id)
         if announced:
             self._outbox.append((sync.NEWS, sync_messages.encode_news(announced), 0))

@@ -140,10 +140,8 @@ class Pull:
     def take(self, frames: list[bytes]) -> None:
         self.up += frames
         self.bytes_up += sum(map(len, frames))
-        self.events += self.peer.events
-        self.refusals += self.peer.refusals
-        self.peer.events.clear()
-        self.peer.refusals.clear()
+        self.events += self.peer.log.take_events()
+        self.refusals += self.peer.log.take_refusals()
 
     def give(self, room: int = 1_100) -> bytes | None:
         """The next frame of the serving side, under way now."""

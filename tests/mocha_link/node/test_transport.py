@@ -121,7 +121,7 @@ def test_an_error_with_one_peer_does_not_stop_the_others(field, monkeypatch, own
     real = getattr(owner, does)
 
     def fail(self: Server | Puller, *arguments: object) -> object:
-        if self._peer.name == "callisto" and self._peer.node.name == "titan":
+        if self.peer.name == "callisto" and self.peer.node.name == "titan":
             failed.set()
             raise ValueError("oops")
         return real(self, *arguments)

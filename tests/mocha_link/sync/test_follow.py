@@ -357,7 +357,7 @@ def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
     looked: list[str] = []
     tick = Puller.tick
     monkeypatch.setattr(
-        Puller, "tick", lambda it, *given: (looked.append(it._peer.name), tick(it, *given))
+        Puller, "tick", lambda it, *given: (looked.append(it.peer.name), tick(it, *given))
     )
     io = net.nodes["io"]
     io.tick(net.now)

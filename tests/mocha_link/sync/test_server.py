@@ -15,9 +15,9 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
+from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.flows import WINDOW_BYTES
 from mocha_link.sync.frames import END, HELLO, OPEN, MessageAssembler, message_frames
-from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S, Standing
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
@@ -50,13 +50,19 @@ class Asker:
     """io: asks over a connection, over datagrams, or both, and says what a test wants."""
 
     def __init__(
-        self, server: Server, request_id: bytes = b"ididid", *, follow: bool = False
+        self,
+        server: Server,
+        request_id: bytes = b"ididid",
+        *,
+        follow: bool = False,
+        address_token: int | None = None,
     ) -> None:
         self.server = server
         self.id = request_id
         self.database = Database()
         known = peer_of(self.database, name="titan", team=TEAM, boot_id=7, follow=follow)
-        known.address_token = server._peer.next_token  # they have met
+        token = server.peer.tokens.next if address_token is None else address_token
+        known.tokens.receive(token)  # by default they have met
         self.peer = known
         self.receiver = SyncReceiver(known, room=1100)
         (self.opening,) = self.receiver.open(at(0))
@@ -154,9 +160,7 @@ class Asker:
 
 def told_by(server: Server) -> list[object]:
     """What it has told since this was asked last."""
-    events = list(server._peer.events)
-    server._peer.events.clear()
-    return events
+    return list(server.peer.log.take_events())
 
 
 @pytest.fixture
@@ -355,7 +359,7 @@ def test_a_near_peer_is_moved_to_the_connection(server, io, database):
     io.run(0, 0.001, reading=True)
     assert io.got == all_of(database)
     assert len(io.frames) > 10
-    assert not io.peer.refusals
+    assert not io.peer.log.refusals
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
 
 

@@ -49,10 +49,8 @@ class Asking:
         self.take(self.receiver.open(NOW))
 
     def take(self, frames: list[bytes]) -> None:
-        self.events += self.peer.events
-        self.refusals += self.peer.refusals
-        self.peer.events.clear()
-        self.peer.refusals.clear()
+        self.events += self.peer.log.take_events()
+        self.refusals += self.peer.log.take_refusals()
         for frame in frames:
             message = self.sync_messages.take(frame)
             if message:
@@ -275,9 +273,9 @@ def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
         message_id = sync.message_id_of(robot_id, topic_id, START_MS)
         frame = asking.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
         receiver.receive(frame, NOW)
-        assert len(peer.refusals) == 2
-        assert why in peer.refusals[0]
-        peer.refusals.clear()
+        assert len(peer.log.refusals) == 2
+        assert why in peer.log.refusals[0]
+        peer.log.take_refusals()
     assert node.content == {}
     done = Done(EPOCH, 50, asking.number, cut_short=False).encode()
     receiver.receive(sync.message_frames(sync.DONE, 0, done, 500)[0], NOW)

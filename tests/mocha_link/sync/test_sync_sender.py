@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.sync import frames as sync
-from mocha_link.sync import peer as peers
 from mocha_link.sync import send_queue, sync_messages
 from mocha_link.sync.frames import SyncFrameError, record_id
+from mocha_link.sync.peer_holdings import PeerHoldings
 from mocha_link.sync.sync_messages import (
     Digest,
     Done,
@@ -156,15 +156,14 @@ def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(n
     assert chunks.pieces == [(begun, len(body), 2_000, body[2_000:])]
     assert chunks.wholes == [(record_id(newer), newer.body)]
     Served(node, peer=peer)  # the peer does not want it any more
-    assert peer.begun(begun) is None
+    assert peer.holdings.begun(begun) is None
 
 
-def test_what_is_kept_of_what_was_begun_is_bounded(node, monkeypatch):
-    monkeypatch.setattr(peers, "_BEGUN_BYTES", 64_000)
-    peer = peer_of(node.database)
+def test_what_is_kept_of_what_was_begun_is_bounded(node):
+    holdings = PeerHoldings({}, peer_of(node.database).agreement, begun_bytes=64_000)
     for number in range(6):
-        peer.begin(number, node.store(number, 0, START_MS, size=20_000))
-    assert [number for number in range(6) if peer.begun(number)] == [3, 4, 5]
+        holdings.begin(number, node.store(number, 0, START_MS, size=20_000))
+    assert [number for number in range(6) if holdings.begun(number)] == [3, 4, 5]
 
 
 def test_a_budget_is_never_exceeded(node):
@@ -187,7 +186,7 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     )
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, requests=[request])
-    address_token = served.sender._peer.next_token
+    address_token = served.sender._peer.tokens.next
     assert served.hear() == [Hello(Reception.UNKNOWN, address_token=address_token, boot_id=5)]
     node.store(0, 2, START_MS)
     assert served.hear() == []
@@ -217,9 +216,9 @@ def test_on_a_slow_link_the_queue_holds_no_more_than_the_database(node, topic_id
 
 def test_what_the_peer_gave_us_is_not_given_back(node):
     peer = peer_of(node.database)
-    peer.met(77)
+    peer.opened(77)
     record = node.store(0, 0, START_MS)
-    peer.holds(record_id(record))
+    peer.holdings.add(record_id(record))
     since = Since(node.database.epoch, 0, ())
     assert Served(node, since, peer=peer).wholes() == []
     assert Served(node, peer=peer).wholes() == [record_id(record)]  # it says that it has nothing
@@ -227,9 +226,9 @@ def test_what_the_peer_gave_us_is_not_given_back(node):
 
 def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
     peer = peer_of(node.database)
-    peer.met(76)
+    peer.opened(76)
     record = node.store(0, 0, START_MS)
-    peer.holds(record_id(record))
+    peer.holdings.add(record_id(record))
     since = Since(node.database.epoch, 0, ())
     assert Served(node, since, peer=peer).wholes() == [record_id(record)]
 
