@@ -1,6 +1,6 @@
 """The protocols between two nodes, pure: the original one, and the sync of our nodes."""
 
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, is_reply
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, is_reply, read_chunks
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
@@ -30,7 +30,6 @@ from mocha_link.sync.protocol import (
 )
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import Server
-from mocha_link.sync.sync_receiver import read_chunks
 
 __all__ = [
     "ACK",

@@ -33,16 +33,9 @@ from mocha_link.sync.protocol import (
     SERRM,
     Frame,
 )
+from mocha_link.sync.request_window import RequestWindow
 
 MAX_HEADERS = 65_536
-# Requests under way at once; an original server replies in order. As many as keep the link
-# busy, by the sizes seen so far.
-MIN_WINDOW, MAX_WINDOW = 16, 256
-_GUESS_BYTES = 512  # of a message, while none has come
-_LARGE_BYTES = 8192  # the same where more must not come than was meant to
-_AHEAD_BYTES = 64 * 1024
-_AHEAD_S = 0.25
-_WEIGHT = 0.125  # of a new size in the average
 FORGET_S = 60.0  # after so long a silence nothing of a client can be on its way either
 # An original client abandons a reply that takes more than 6 s, and all that are queued behind
 # it in the list. Smaller ones take so long on no link that is worth the name.
@@ -82,10 +75,7 @@ class ClientSession:
         self._budget = budget
         self._pending: dict[bytes, tuple[bytes, Header | None, float]] = {}  # code, header, when
         self._wanted: deque[Header] = deque()  # headers still to request
-        self._window = MIN_WINDOW  # most requests under way
-        self._size = float(_GUESS_BYTES)  # of a reply, smoothed, in bytes
-        self._listed_s = self._fetched_s = 0.0  # when the list came, and the last message
-        self._fetched_bytes = 0  # of GDATA replies
+        self._window = RequestWindow()  # how many may be under way
 
     def start(self, now: Instant) -> bytes:
         """The first request: for the list of headers."""
@@ -109,12 +99,10 @@ class ClientSession:
         self.progress(now)
         body = frame[ID_BYTES:]
         if code == GHEAD:
-            self._listed_s = self._fetched_s = now.steady_s
+            self._window.listed(now)
             self._list(bytes(body), now)
         elif header is not None:
-            self._fetched_s = now.steady_s
-            self._fetched_bytes += len(frame)
-            self._size += _WEIGHT * (len(frame) - self._size)
+            self._window.fetched(len(frame), now)
             self._peer.path.message_arrived(header.key)
             self._store(header, body, now)
         else:
@@ -145,14 +133,15 @@ class ClientSession:
         self._wanted.clear()
         self._learn_rate()
         cut = next((header for _, header, _ in self._pending.values() if header), None)
-        if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
+        if (
+            cut and self.alive_s > self._window.fetched_s
+        ):  # a part of it was here when the link broke
             self._peer.path.message_cut(cut.key)
 
     @property
     def bandwidth_bytes_s(self) -> float | None:
         """Bytes per second from the list to the last message; None without any message."""
-        taken_s = self._fetched_s - self._listed_s
-        return self._fetched_bytes / taken_s if self._fetched_bytes and taken_s > 0 else None
+        return self._window.bandwidth_bytes_s
 
     def _learn_rate(self) -> None:
         self._peer.path.moved(self.bandwidth_bytes_s)
@@ -206,15 +195,10 @@ class ClientSession:
 
     def _widen(self) -> None:
         """Adapt the window to what the link carries and to how large the messages are."""
-        ahead = float(_AHEAD_BYTES)
-        rate = self.bandwidth_bytes_s or self._peer.path.rate_bytes_s
-        if rate:
-            ahead = max(ahead, rate * ((self._peer.path.rtt_s or 0.0) + _AHEAD_S))
-        self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
+        path = self._peer.path
+        self._window.adapt(self.bandwidth_bytes_s or path.rate_bytes_s, path.rtt_s)
         if self._budget:
-            left = self._budget - self.bytes_in
-            seen = self._fetched_bytes / max(self.messages, 1) or _LARGE_BYTES
-            self._window = min(self._window, max(int(left / max(self._size, seen)), 1))
+            self._window.limit(self._budget - self.bytes_in, self.messages)
 
     def _next_requests(self, now: Instant) -> list[bytes]:
         self._widen()
@@ -222,7 +206,7 @@ class ClientSession:
             self._wanted.clear()
             self.cut_short = True
         requests = []
-        while self._wanted and len(self._pending) < self._window:
+        while self._wanted and len(self._pending) < self._window.size:
             header = self._wanted.popleft()
             if self._database.wants(header, now.unix_s):  # another peer may have brought it
                 requests.append(self._request(now, GDATA, header))

@@ -8,7 +8,6 @@ previous pull has left open it sends SYNC1 alone.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Literal
 
@@ -25,16 +24,13 @@ from mocha_link.sync.protocol import (
     SYNCC,
     SYNCF,
     Frame,
-    SendDatagram,
 )
+from mocha_link.sync.pull_datagrams import MESSAGE_ROOM, PATIENCE_S, PullDatagrams
 from mocha_link.sync.pull_states import OVER, PullEvent, PullState, next_state
 from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
 
-NEAR_CONNECT_S = 0.025  # an unknown peer whose connection opens within this time is near
-PATIENCE_S = 0.1  # without a reply on the connection to a near peer, datagrams may get through
-MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
 UNANSWERED_S = 1.0  # without an answer, a connection of the peer is tried
 STANDS_S = 3.0  # an open connection without a byte for longer counts as lost
@@ -53,7 +49,7 @@ class Pull:
         path: what the exchange goes over; None until it is known.
         began_s: when it began, steady seconds.
         alive_s: when the last bytes were received, steady seconds.
-        flow: of datagrams, once one leaves.
+        datagrams: those of the pull, if it sends any.
     """
 
     def __init__(self, peer: Peer, *, standing: bool = False, budget: int = 0) -> None:
@@ -63,17 +59,14 @@ class Pull:
             self.state = PullState.ORIGINAL
         self.path: Path | None = "original" if peer.original else "zmq" if standing else None
         self.alive_s = 0.0
-        self.flow: Flow | None = None
+        self.datagrams = PullDatagrams(peer)
         self._peer = peer
         self._session = ClientSession(peer, budget)
         self._receiver = SyncReceiver(peer, room=MESSAGE_ROOM, budget=budget)
         may = peer.datagrams and not peer.original and not standing
-        self._datagrams = may and peer.path.may_use_datagrams()
+        self._casts = may and peer.path.may_use_datagrams()  # begins by datagrams as well
         chunk = MAX_CHUNK if peer.connection.is_ours else SHARED_CHUNK
         self._credit = Credit(peer.path.rate_bytes_s, peer.path.rtt_s, chunk)
-        self._outbox: deque[bytes] = deque()  # frames for datagrams
-        self._datagram_bytes = 0  # of frames that came by them
-        self._datagrams_at_s: float | None = None  # when the first leaves
         self._hushed = False  # a later pull has begun on the same connection
         self.began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
@@ -93,15 +86,8 @@ class Pull:
         self._send_frames(opening[1:])
         if self.state is PullState.OPENING:
             self._peer.connection.send(headers_request)
-        if self._datagrams:
-            self._outbox.extend(opening)
-            size = sum(map(len, opening))
-            if not acquainted and size < MESSAGE_ROOM:
-                # The peer sends little more than it got before it knows that it is us.
-                self._outbox.append(bytes(MESSAGE_ROOM - size))
-            known = self._peer.path.rtt_s is not None
-            wait_s = PATIENCE_S if self._peer.path.is_near else 0.0 if known else NEAR_CONNECT_S
-            self._datagrams_at_s = now.steady_s + wait_s
+        if self._casts:
+            self.datagrams.begin(opening, now, acquainted=acquainted)
             self.transmit(now)
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> None:
@@ -142,16 +128,16 @@ class Pull:
 
     def packet(self, packet: bytes, now: Instant) -> None:
         """Take in a datagram of the peer."""
-        if self.flow is None:
+        flow = self.flow
+        if flow is None:
             return
-        for frame in self.flow.receive(packet, now.steady_s):
+        for frame in flow.receive(packet, now.steady_s):
             self.path = self.path or "udp"  # moved to the connection it stays there
-            self._datagram_bytes += len(frame)
-            self._outbox.extend(self._take(frame, now))
-        if self.flow.alive_s == now.steady_s:
+            self.datagrams.reply(len(frame), self._take(frame, now))
+        if flow.alive_s == now.steady_s:
             self.progress(now)
-            if self.flow.rtt_s:
-                self._peer.path.measured(self.flow.rtt_s)
+            if flow.rtt_s:
+                self._peer.path.measured(flow.rtt_s)
         self.transmit(now)
 
     def progress(self, now: Instant) -> None:
@@ -166,8 +152,8 @@ class Pull:
         if self.path == "udp":
             return
         self._peer.path.measured(rtt_s)
-        if self._peer.path.is_near and self._datagrams_at_s is not None:
-            self._datagrams_at_s = max(self._datagrams_at_s, self.began_s + PATIENCE_S)
+        if self._peer.path.is_near:
+            self.datagrams.put_off(self.began_s + PATIENCE_S)
 
     def tick(self, now: Instant) -> None:
         """What the time alone brings: datagrams that are due, and the end of patience."""
@@ -187,13 +173,9 @@ class Pull:
 
     def transmit(self, now: Instant) -> None:
         """Send the datagrams that are due."""
-        if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
-            self._datagrams_at_s = None
-            if self.state is PullState.OPENING:
-                self.flow = Flow(self.id, self._next_frame, rtt_s=self._peer.path.rtt_s)
-        if self.flow:
-            for packet in self.flow.transmit(now.steady_s):
-                self._peer.node.actions.append(SendDatagram(self._peer.name, packet))
+        if self.datagrams.is_due(now) and self.state is PullState.OPENING:
+            self.datagrams.open(self.id)
+        self.datagrams.transmit(now)
 
     def fail(self, reason: str, now: Instant) -> None:
         """Break off for a reason that is known outside, e.g. a closed connection."""
@@ -210,9 +192,13 @@ class Pull:
 
     def disconnected(self, reason: str, now: Instant) -> None:
         """The connection broke; that does not matter while datagrams get through."""
-        datagram_received = self.flow is not None and self.flow.alive_s is not None
-        if self.path != "udp" and not (self.path is None and datagram_received):
+        if self.path != "udp" and not (self.path is None and self.datagrams.answered):
             self.fail(reason, now)
+
+    @property
+    def flow(self) -> Flow | None:
+        """The flow of its datagrams, once one leaves."""
+        return self.datagrams.flow
 
     def _happens(self, event: PullEvent) -> None:
         self.state = next_state(self.state, event)
@@ -253,7 +239,7 @@ class Pull:
 
     def is_unanswered(self, now: Instant) -> bool:
         """Whether nothing of the peer has come although it had time to answer."""
-        silent = self.path is None and (self.flow is None or self.flow.alive_s is None)
+        silent = self.path is None and not self.datagrams.answered
         return silent and now.steady_s - self.began_s > UNANSWERED_S + 2 * (self.rtt_s or 0.0)
 
     @property
@@ -264,8 +250,8 @@ class Pull:
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest; None: the time brings nothing."""
-        flow_s = self.flow.wake_s if self.flow else None
-        times = [each for each in (self._datagrams_at_s, flow_s) if each is not None]
+        datagrams_s = self.datagrams.wake_s
+        times = [] if datagrams_s is None else [datagrams_s]
         if not self.over:
             timeout_s = self._peer.node.timeout_s
             times.append(self.alive_s + timeout_s)
@@ -280,7 +266,7 @@ class Pull:
         """What has carried most of the bytes."""
         if self.path in ("original", None):
             return self.path
-        return "udp" if 2 * self._datagram_bytes > self._receiver.bytes else "zmq"
+        return "udp" if 2 * self.datagrams.bytes_in > self._receiver.bytes else "zmq"
 
     @property
     def rtt_s(self) -> float | None:
@@ -315,7 +301,7 @@ class Pull:
             self.fail(f"{self._peer.name} had another team file; asking once more", now)
         else:
             self._happens(PullEvent.REFUSAL)  # an original node; its reply to GHEAD comes next
-            self.flow = self._datagrams_at_s = None
+            self.datagrams.drop()
             self.progress(now)
 
     def _reply_of_original(self, parts: Sequence[Frame], now: Instant) -> None:
@@ -363,9 +349,6 @@ class Pull:
     def _send_frames(self, frames: Sequence[bytes]) -> None:
         for frame in frames:
             self._peer.connection.send(self.id + SYNCF + frame)
-
-    def _next_frame(self, _room: int) -> bytes | None:
-        return self._outbox.popleft() if self._outbox else None
 
     def _learn(self) -> None:
         """A pull without a byte does not count against datagrams.

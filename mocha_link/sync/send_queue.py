@@ -17,7 +17,7 @@ _MIN_PIECE = 64  # a smaller one is not worth its head
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
-_MAX_GIVEN = 65_536  # message ids that are remembered; later ones may be sent twice
+MAX_GIVEN = 65_536  # message ids that are remembered; later ones may be sent twice
 _FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
@@ -28,16 +28,20 @@ class SendQueue:
     Where much was begun one small message goes before it, so that a contact too short for the rest
     still brings something.
 
+    Args:
+        remembered: ids of messages that were given out; later ones may be sent twice.
+
     Attributes:
         messages: that were given out to the end.
         frames: that were filled since it was cleared.
     """
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, *, remembered: int = MAX_GIVEN) -> None:
         self.messages = 0
         self.frames = 0
         self._holdings = peer.holdings
         self._database = peer.node.database
+        self._remembered = remembered
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
         # By topic key: the ranks under which messages came in, some of which may be replaced by
@@ -46,8 +50,8 @@ class SendQueue:
         self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
         self._given: set[int] = set()  # message ids
 
-    def __bool__(self) -> bool:
-        return bool(self._ranks)
+    def __len__(self) -> int:
+        return len(self._ranks)
 
     def clear(self) -> None:
         """Begin a round, of which nothing was given."""
@@ -211,7 +215,7 @@ class SendQueue:
         del self._records[self._ranks.pop()]
 
     def _finish(self, message_id: int) -> None:
-        if len(self._given) < _MAX_GIVEN:  # a peer may follow for days
+        if len(self._given) < self._remembered:  # a peer may follow for days
             self._given.add(message_id)
         self.messages += 1
 

@@ -8,12 +8,14 @@ import pytest
 
 from benchmarks.fleet.network_sim import NEAR_DBM, NetworkSim
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.sync.follower import PUSH_BYTES
 from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
+from mocha_link.sync.protocol import FOLLOW_S
 from mocha_link.sync.pull import STANDS_S
 from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import FOLLOW_S
+from mocha_link.sync.send_states import SendState
 from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news
-from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
+from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA, noise
 from tests.mocha_link.network import peer_of
@@ -273,7 +275,7 @@ def test_who_follows_before_all_was_said_ends_the_pull():
     sender = SyncSender(peer_of())
     sender.receive(message_frame(OPEN, 0, Open(9, 0, Have(())).encode(), 0, 1000))
     sender.receive(message_frame(FOLLOW, 0, b"", 0, 1000))
-    assert (sender.over, sender.follows) == (True, False)
+    assert sender.state is SendState.OVER
 
 
 @pytest.mark.parametrize("net", [True], indirect=True)

@@ -14,7 +14,7 @@ from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
 from mocha_link.sync import frames as sync
 from mocha_link.sync.credit import MAX_CHUNK
-from mocha_link.sync.frames import MAX_CHUNKS, SyncFrameError, message_id_of
+from mocha_link.sync.frames import MAX_CHUNKS, SyncFrameError, message_id_of, read_chunks
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.sync_messages import (
     MAX_OPENED,
@@ -25,7 +25,7 @@ from mocha_link.sync.sync_messages import (
     Since,
     decode_answers,
 )
-from mocha_link.sync.sync_receiver import SyncReceiver, read_chunks
+from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import SyncSender
 from tests.mocha_link.network import NOW, START_MS, Node, Pull, peer_of
 
