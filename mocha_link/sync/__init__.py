@@ -1,6 +1,6 @@
 """The protocols between two nodes, pure: the original one, and the sync of our nodes."""
 
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, is_reply, read_chunks
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, read_chunks
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
@@ -24,12 +24,10 @@ from mocha_link.sync.protocol import (
     Send,
     SendDatagram,
     Standing,
-    is_request,
     random_boot_id,
     random_id,
 )
-from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import Server
+from mocha_link.sync.session import Session
 
 __all__ = [
     "ACK",
@@ -51,16 +49,13 @@ __all__ = [
     "Frame",
     "NodeContext",
     "Peer",
-    "Puller",
     "Reply",
     "ReplyDatagram",
     "Route",
     "Send",
     "SendDatagram",
-    "Server",
+    "Session",
     "Standing",
-    "is_reply",
-    "is_request",
     "random_boot_id",
     "random_id",
     "read_chunks",

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.fleet.network_sim import Carried, NetworkSim, pair_of, pulling
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.node.gossip import TIMEOUT_S
+from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.sync.path_memory import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import PATIENCE_S, Connect
 from mocha_link.team.team import Team
@@ -276,7 +276,10 @@ def test_a_peer_that_restarts_in_mid_pull(net):
     io = net.nodes["io"]
     io.sync("titan", net.now)
     until_some_came(net)
-    net.link("titan", "io").server.__init__(net.link("titan", "io").peer)
+    before = net.nodes["titan"]
+    net.nodes["titan"] = Gossip(
+        net.team, "titan", by_timer=False, datagrams=True, database=before.database
+    )
     net.settle()
     (broken,) = net.told("io", SyncTimedOut)
     assert broken.reason == "the peer does not know of the sync any more"
