@@ -26,6 +26,8 @@ ALLOWED = {
     "sitl": {"sitl", "air_router", "geo", "mocha_link"},
 }
 FILE_LINES = 800
+FIELDS = 15
+FEW_FIELDS = ("mocha_link.sync",)  # rooms in which no class has more
 NAMES = 20
 MORE_NAMES = {  # doors with more names, and why
     "mocha_link": "the whole library, for programs that embed it",
@@ -162,6 +164,35 @@ def test_rooms_say_what_they_are_for():
 def test_files_hold_one_noun():
     lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in modules().items()}
     assert {name: count for name, count in lines.items() if count > FILE_LINES} == {}
+
+
+def fields(made: ast.ClassDef) -> set[str]:
+    """What the methods of a class set on the object, and what a dataclass declares."""
+    declared = {
+        node.target.id
+        for node in made.body
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    }
+    return declared | {
+        node.attr
+        for node in ast.walk(made)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.ctx, ast.Store)
+        and ast.unparse(node.value) == "self"
+    }
+
+
+@pytest.mark.parametrize("room", FEW_FIELDS)
+def test_a_class_has_few_fields(room):
+    """With more there are other nouns in it."""
+    counts = {
+        f"{module}.{made.name}": len(fields(made))
+        for module, path in modules().items()
+        if room_of(module) == room
+        for made in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(made, ast.ClassDef)
+    }
+    assert {name: count for name, count in counts.items() if count > FIELDS} == {}
 
 
 def test_rooms_are_entered_by_their_doors():

@@ -45,7 +45,7 @@ def team_of(text: str) -> Team:
 
 def pulling(node: Any) -> list[str]:
     """The peers from which a pull is under way."""
-    return [link.peer.name for link in node._links if link.puller.pull]  # noqa: SLF001 - whole nodes
+    return [link.peer.name for link in node._links if link.session.pulls]  # noqa: SLF001 - whole nodes
 
 
 def pair_of(topics: int) -> Team:

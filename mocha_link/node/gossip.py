@@ -35,19 +35,14 @@ from mocha_link.store import (
     difference,
 )
 from mocha_link.sync import (
-    DIALLED,
     TRIAL_BOOT_ID,
     Action,
     Connect,
     Disconnect,
     Frame,
     NodeContext,
-    Reply,
-    ReplyDatagram,
     Route,
     Standing,
-    is_reply,
-    is_request,
     random_boot_id,
     random_id,
 )
@@ -97,7 +92,6 @@ class Gossip:
         self.database = database or Database(team.histories)
         self._team = team
         self._by_timer = by_timer
-        self._both_ways = both_ways
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, name, quiet_s=quiet_s, protected=protected)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
@@ -113,7 +107,9 @@ class Gossip:
             follow=follow,
             boot_id=TRIAL_BOOT_ID if trial else random_boot_id(),
         )
-        self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
+        self._links = PeerLinks(
+            self._context, self.me, self._link_table, datagrams=datagrams, both_ways=both_ways
+        )
         self._events: list[LinkEvent] = []  # for listeners
         self._uncounted: list[LinkEvent] = []  # those that the link table has not had
         self._sequence = 0  # of the database at the last push to peers
@@ -149,10 +145,7 @@ class Gossip:
         begins = self._trigger.signal_received(peer, reading, now.timer_s)
         self._announce_contacts(now)
         if begins:
-            link.puller.renew_budget()
-            link.server.on_contact(now)
-            self._serve(link, now)
-            link.puller.on_contact(now)
+            link.session.on_contact(now)
             self._announce(link, now)
         self._pull_due(now)
 
@@ -162,11 +155,7 @@ class Gossip:
         Nothing begins either when the contact's budget is used up. `both`: the peer pulls, too.
         """
         link = self._link(peer)
-        if both:
-            link.server.request_pull()
-        if self._by_timer and not link.puller.pull:
-            link.puller.renew_budget()
-        begun = link.puller.sync(now, self._over(link))
+        begun = link.session.sync(now, both=both, renews=self._by_timer)
         self._announce(link, now)
         return begun
 
@@ -175,71 +164,45 @@ class Gossip:
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on a connection for a peer."""
         link = self._link(peer)
-        if link.puller.expects(route, parts):
-            link.puller.reply(parts, now)
-            self._announce(link, now)
-            return
-        if is_reply(parts):
-            return  # to a pull that has gone over to another connection
-        reply = link.server.handle(route, parts, now)
-        if reply is not None:
-            self._link_table.count(peer, bytes_out=len(reply))
-            self._context.actions.append(Reply(peer, route, reply))
-        self._serve(link, now)
-
-    def _over(self, link: PeerLink) -> Route | None:
-        """The connection of a peer over which we may pull as well."""
-        return link.server.over if self._both_ways and not link.peer.original else None
+        link.session.request(route, parts, now)
+        self._announce(link, now)
 
     def route(
         self, peer: str, standing: Callable[[Route], Standing | None] = lambda _route: Standing()
     ) -> Route | None:
         """The connection on which the peer pulls, if it does, and if that is still `standing`."""
-        link = self._links.by_peer[peer]
-        way = link.peer.route
-        if way != DIALLED:
-            found = standing(way)
-            if found is None:
-                link.closed = way
-                self._links.touched.add(peer)
-            elif found.rtt_s is not None:
-                link.peer.rtt_s = found.rtt_s
-        return link.server.route(standing)
+        session = self._links.by_peer[peer].session
+        route = session.route(standing)
+        if session.closed:
+            self._links.touched.add(peer)
+        return route
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
-        supplied = self._links.by_peer[peer].server.supply()
-        if supplied:
-            self._link_table.count(peer, bytes_out=sum(map(len, supplied[1])))
-        return supplied
+        return self._links.by_peer[peer].session.supply()
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Process a datagram at the port of a peer; whether to reply to its source address."""
         link = self._link(peer)
-        is_there = link.server.packet(packet, now)
-        self._serve(link, now)
+        is_there = link.session.packet(packet, now)
+        self._announce(link, now)
         return is_there
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer, or a request of the peer there."""
         link = self._link(peer)
-        if self._both_ways and len(parts) == 1 and is_request(parts[0]):
-            self.request(peer, DIALLED, [bytes(parts[0])], now)
-            return
-        if link.peer.route != DIALLED:
-            return  # of a pull that has gone over to a connection of the peer
-        link.puller.reply(parts, now)
+        link.session.reply(parts, now)
         self._announce(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Process a datagram that a peer sent in reply to ours."""
         link = self._link(peer)
-        link.puller.packet(packet, now)
+        link.session.packet_back(packet, now)
         self._announce(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        self._link(peer).puller.progress(now, rtt_s)
+        self._link(peer).session.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
@@ -252,8 +215,7 @@ class Gossip:
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer was lost."""
         link = self._link(peer)
-        link.server.lost(DIALLED)
-        link.puller.lost(reason, now)
+        link.session.lost(reason, now)
         self._announce(link, now)
 
     def refused(self, peer: str, reason: str) -> None:
@@ -280,10 +242,7 @@ class Gossip:
         busy = self._links.busy(now.steady_s)
         for link in busy:
             with guard:
-                if link.closed is not None:
-                    link.puller.lost("the peer closed the connection", now, link.closed)
-                    link.closed = None
-                link.puller.tick(now, self._over(link), link.server.received_s)
+                link.session.tick(now)
                 self._announce(link, now)
         if self.database.sequence != self._sequence:
             robots = {each.header.robot_id for each in self.database.since(self._sequence)}
@@ -292,8 +251,8 @@ class Gossip:
             busy = self._links.busy(now.steady_s)
         for link in busy:
             with guard:
-                link.server.tick(now)
-                self._serve(link, now)
+                link.session.serve(now)
+                self._announce(link, now)
         self._pull_due(now)
         self._count(now)
         self._links.settle()
@@ -327,19 +286,18 @@ class Gossip:
         return self._links.ages_s(now.unix_s)
 
     def held(self, peer: str) -> dict[int, int]:
-        """The messages that a peer is known to hold; see `Peer.newest`.
+        """The messages that a peer is known to hold; see `PeerHoldings.newest`.
 
         Raises UnknownRobotError.
         """
-        return self._link(peer).peer.newest
+        return self._link(peer).peer.holdings.newest
 
     def _count(self, now: Instant) -> None:
         """Bring the link table up to date."""
         for name in self._links.touched:
             peer = self._links.by_peer[name].peer
-            if peer.bytes_in:
-                self._link_table.count(name, bytes_in=peer.bytes_in)
-                peer.bytes_in = 0
+            if bytes_in := peer.log.take_bytes_in():
+                self._link_table.count(name, bytes_in=bytes_in)
         events, self._uncounted = self._uncounted, []
         self._link_table.catch_up(events, now)
 
@@ -349,39 +307,31 @@ class Gossip:
         for peer in self._trigger.due(now.timer_s):
             self.sync(peer, now)
 
-    def _serve(self, link: PeerLink, now: Instant) -> None:
-        """Send the datagrams of a peer's pull, and announce the progress."""
-        for packet in link.server.transmit(now):
-            self._link_table.count(link.peer.name, bytes_out=len(packet))
-            self._context.actions.append(ReplyDatagram(link.peer.name, packet))
-        self._announce(link, now)
-
     def _announce(self, link: PeerLink, now: Instant) -> None:
         """Announce the events of a peer's syncs."""
         peer = link.peer
-        for reason in peer.refusals:
+        for reason in peer.log.take_refusals():
             self._link_table.refuse(peer.name, reason)
-        peer.refusals.clear()
-        known_hash = peer.known_hash if peer.config_mismatch else 0
+        known_hash = peer.agreement.known_hash if peer.agreement.config_mismatch else 0
         if known_hash != link.known_hash:
             link.known_hash = known_hash
             link.differs = None
             if known_hash:
-                link.differs = difference(self._team, peer.name, peer.definitions)
+                link.differs = difference(self._team, peer.name, peer.agreement.definitions)
             self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
         elif link.differs:
             self._link_table.compare_teams(self.me.name, peer.name, now, link.differs)
-        twice = peer.name if peer.duplicate else self.me.name if peer.duplicated else None
+        process = peer.process
+        twice = peer.name if process.duplicate else self.me.name if process.duplicated else None
         self._link_table.duplicate(self.me.name, peer.name, now, twice)
-        for event in peer.events:
+        for event in peer.log.take_events():
             self.announce(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.peer_pulled(peer.name, now.timer_s, restarted=peer.restarted)
-                peer.restarted = False
+                restarted = peer.process.take_restarted()
+                self._trigger.peer_pulled(peer.name, now.timer_s, restarted=restarted)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._announce_own(self._publisher.recovered(topic, now.unix_s), now)
-        peer.events.clear()
 
     def _announce_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
@@ -395,8 +345,7 @@ class Gossip:
             self.announce(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
-                link.peer.shared = False
-                link.puller.unfollow()
+                link.session.contact_ended()
                 self._announce(link, now)
 
     def _link(self, peer: str) -> PeerLink:

@@ -1,4 +1,4 @@
-"""The link to each peer of a node: its state, its puller and its server."""
+"""The link to each peer of a node: its session, and what the node has noted of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import partial
 
 from mocha_link.links import LinkTable
 from mocha_link.store import Verifier
-from mocha_link.sync import NodeContext, Peer, Puller, Route, Server
+from mocha_link.sync import NodeContext, Peer, Session
 from mocha_link.team import Robot, Trust
 
 
@@ -17,19 +17,15 @@ from mocha_link.team import Robot, Trust
 class PeerLink:
     """What belongs to one peer."""
 
-    peer: Peer
-    puller: Puller
-    server: Server
+    session: Session
     known_hash: int = 0  # of its team file, if that is another one
     differs: str | None = None  # what is not exchanged then, for the log
     pushes: bool = False  # all that it stores comes unasked, as was seen last
-    closed: Route | None = None  # the connection of the peer over which we pulled, if it is closed
 
     @property
-    def wake_s(self) -> float | None:
-        """When the time brings something, in steady seconds; None: it does not."""
-        wakes_s = (self.puller.wake_s, self.server.wake_s)
-        return min((each for each in wakes_s if each is not None), default=None)
+    def peer(self) -> Peer:
+        """What is remembered of the peer."""
+        return self.session.peer
 
 
 class PeerLinks:
@@ -47,7 +43,13 @@ class PeerLinks:
     """
 
     def __init__(
-        self, context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
+        self,
+        context: NodeContext,
+        me: Robot,
+        link_table: LinkTable,
+        *,
+        datagrams: bool,
+        both_ways: bool,
     ) -> None:
         self._database, self._team = context.database, context.team
         self.by_peer: dict[str, PeerLink] = {}
@@ -68,7 +70,7 @@ class PeerLinks:
                 budget_bytes=team.trigger.budget_bytes or 0,
                 pushed=team.pushed(me, name),
             )
-            self.by_peer[name] = PeerLink(peer, Puller(peer, link_table), Server(peer))
+            self.by_peer[name] = PeerLink(Session(peer, link_table, both_ways=both_ways))
 
     def __iter__(self) -> Iterator[PeerLink]:
         return iter(self.by_peer.values())
@@ -88,7 +90,7 @@ class PeerLinks:
     def stored(self, robot_ids: AbstractSet[int]) -> None:
         """Messages of robots were stored: mark the peers that want a push of them."""
         self.touched.update(
-            p for p, link in self.by_peer.items() if link.server.wants_push(robot_ids)
+            p for p, link in self.by_peer.items() if link.session.wants_push(robot_ids)
         )
 
     def push_otherwise(self) -> bool:
@@ -100,7 +102,7 @@ class PeerLinks:
         self._last_followed = set(self._followed)
         changed = False
         for link in map(self.by_peer.__getitem__, candidates):
-            pushes = link.puller.has_all
+            pushes = link.session.has_all
             changed |= pushes != link.pushes
             link.pushes = pushes
         return changed
@@ -117,7 +119,7 @@ class PeerLinks:
 
     def _note_wakes(self) -> None:
         for peer in self.touched:
-            wake_s = self.by_peer[peer].wake_s
+            wake_s = self.by_peer[peer].session.wake_s
             if wake_s is None:
                 self._wakes_s.pop(peer, None)
             else:

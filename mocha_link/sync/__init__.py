@@ -1,6 +1,13 @@
-"""The protocols between two nodes, pure: the original one, and the sync of our nodes."""
+"""The protocols between two nodes, pure: the original one, and the sync of our nodes.
 
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, is_reply
+A node has a `Session` for each peer. Its `Puller` makes one `Pull` after another: by `SyncReceiver`
+from a node of ours, by `ClientSession` from an original one. Its `Server` has a `ServedPull` for
+each pull of the peer, with `SyncSender`, or a `ServerSession` for an original node. `Peer` is what
+outlives a pull. The bytes are in frames.py and sync_messages.py, the states of either side in
+pull_states.py and send_states.py.
+"""
+
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, read_chunks
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
@@ -24,13 +31,10 @@ from mocha_link.sync.protocol import (
     Send,
     SendDatagram,
     Standing,
-    is_request,
     random_boot_id,
     random_id,
 )
-from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import Server
-from mocha_link.sync.sync_receiver import read_chunks
+from mocha_link.sync.session import Session
 
 __all__ = [
     "ACK",
@@ -52,16 +56,13 @@ __all__ = [
     "Frame",
     "NodeContext",
     "Peer",
-    "Puller",
     "Reply",
     "ReplyDatagram",
     "Route",
     "Send",
     "SendDatagram",
-    "Server",
+    "Session",
     "Standing",
-    "is_reply",
-    "is_request",
     "random_boot_id",
     "random_id",
     "read_chunks",

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 from mocha_link.clock import Instant
 from mocha_link.datagram import Flow
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NEAR_S
-from mocha_link.sync.sync_sender import SyncSender
 
 FLIGHT_BYTES = 14 * 1024  # ten packets: what TCP sends before it has an acknowledgement
 WINDOW_BYTES = 256 * 1024  # that datagrams carry where the link is known; TCP carries the rest
@@ -21,21 +21,27 @@ class Flows:
 
     Attributes:
         current: the flow, if there is one.
+        loses_much: the peer's connection does, by the kernel, so that datagrams serve better.
     """
 
     def __init__(self, peer: Peer) -> None:
         self.current: Flow | None = None
+        self.loses_much = False
         self._peer = peer
         self._unacknowledged = 0  # flows in a row of which the peer has acknowledged nothing
         self._deaf_until_s = 0.0  # datagrams open nothing before that steady time
         self._rate_bytes_s: float | None = None  # of the last flow, for the next
         self._rtt_s: float | None = None  # likewise
 
-    def make(self, sync: SyncSender) -> Flow:
+    def connection_measured(self, *, loses_much: bool) -> None:
+        """Take in how the peer's connection does, by the kernel."""
+        self.loses_much = loses_much
+
+    def make(self, token: bytes, next_frame: Callable[[int], bytes | None]) -> Flow:
         """A flow for the frames of a sync; it is not the current one before `begin`."""
         return Flow(
-            sync.id,
-            sync.next_for_datagram,
+            token,
+            next_frame,
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
             first_number=int.from_bytes(os.urandom(4), "big") >> 2,
@@ -75,6 +81,6 @@ class Flows:
         if flow:
             self._unacknowledged = self._unacknowledged + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
-            self._peer.renew_token()
+            self._peer.tokens.renew()
             self._rtt_s = flow.rtt_s
             self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

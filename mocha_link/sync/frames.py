@@ -12,10 +12,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Sequence
+from itertools import chain
+from operator import itemgetter
 from typing import NamedTuple
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.store import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS, Fragment, Header, Record
+from mocha_link.sync.credit import MAX_CHUNK
 from mocha_link.sync.protocol import ID_BYTES, Frame
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS, TOPICS = range(1, 12)  # kinds
@@ -159,3 +162,59 @@ def chunks_parts(
     if small:
         parts.append(b"".join(small))
     return parts
+
+
+class Chunks(NamedTuple):
+    """A frame of chunks, `number` of its round."""
+
+    round: int
+    number: int
+    wholes: list[tuple[int, memoryview]]  # message id, body
+    pieces: list[tuple[int, int, int, memoryview]]  # message id, size of the whole, offset, data
+
+
+def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
+    """Read a frame of chunks that may be in several parts. Raises SyncFrameError.
+
+    Data are copied only where they go on from one part to the next.
+    """
+    if len(frame) < CHUNKS_BYTES:
+        raise SyncFrameError(f"a frame of {len(frame)} bytes")
+    kind, checksum, round_, number, whole_count, piece_count = CHUNKS_HEAD.unpack_from(frame)
+    middle = CHUNKS_BYTES + whole_count * WHOLE.size
+    end = middle + piece_count * PIECE.size
+    view = memoryview(frame)
+    covered = view[COVERED:end]
+    many = max(whole_count, piece_count) > MAX_CHUNKS
+    if many or end > len(frame) or kind != CHUNKS or zlib.crc32(covered, kind) != checksum:
+        raise SyncFrameError(f"a frame with {whole_count} messages" if many else "a damaged frame")
+    wholes = list(WHOLE.iter_unpack(view[CHUNKS_BYTES:middle]))
+    pieces = list(PIECE.iter_unpack(view[middle:end]))
+    for message_id, total, offset, length in pieces:
+        if offset + length > total or not length or not is_body(message_id, total):
+            raise SyncFrameError(f"a piece of {length} bytes at {offset} of {total}")
+    sizes = list(map(itemgetter(-1), chain(wholes, pieces)))
+    if 0 in sizes:
+        raise SyncFrameError("a message of 0 bytes")
+    parts: list[memoryview] = [view[end:]]
+    parts.extend(map(memoryview, more))
+    room = sum(map(len, parts))
+    if sum(sizes) != room or room > MAX_CHUNK:  # it might unpack to 255 times as much
+        raise SyncFrameError(f"chunks of {sum(sizes)} bytes in a frame with {room}")
+    contents: list[memoryview] = []
+    index = at = 0
+    for size in sizes:
+        found: list[memoryview] = []
+        missing = size
+        while missing:
+            piece = parts[index][at : at + missing]
+            found.append(piece)
+            missing -= len(piece)
+            at += len(piece)
+            if at == len(parts[index]):
+                index, at = index + 1, 0
+        contents.append(found[-1] if len(found[-1]) == size else memoryview(b"".join(found)))
+    bodies = list(zip(map(itemgetter(0), wholes), contents, strict=False))
+    rest = zip(pieces, contents[whole_count:], strict=True)
+    cut = [(*piece[:3], data) for piece, data in rest] if pieces else []
+    return Chunks(round_, number, bodies, cut)

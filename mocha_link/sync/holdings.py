@@ -23,7 +23,6 @@ from mocha_link.sync.sync_messages import (
 MAX_LISTED = 512  # message ids in an OPEN; beyond that digests are shorter
 SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
 SHARED_BYTES = 16_384  # a larger message is to come from one peer at a time
-_MAX_LEFT = 1_024
 
 
 class Holdings:
@@ -58,15 +57,14 @@ class Holdings:
 
     def _share(self, now: Instant) -> bool:
         """Ask for what no other peer brings; whether the peer takes any of that for ours."""
-        peer, reassembly = self._peer, self._reassembly
-        for message_id in peer.announced | peer.left:
+        name, offers, reassembly = self._peer.name, self._peer.offers, self._reassembly
+        for message_id in offers.announced | offers.left:
             if self.wants(message_id, now.unix_s):
-                reassembly.comes_from(message_id, peer.name, now.steady_s)
-        peer.announced.clear()
-        is_full = len(peer.left) >= _MAX_LEFT
-        self.left = set() if is_full else reassembly.elsewhere(peer.name, now.steady_s)
-        owed = any(self.wants(each, now.unix_s) for each in peer.left - self.left)
-        peer.left |= self.left
+                reassembly.comes_from(message_id, name, now.steady_s)
+        offers.requested()
+        self.left = set() if offers.left_full else reassembly.elsewhere(name, now.steady_s)
+        owed = any(self.wants(each, now.unix_s) for each in offers.left - self.left)
+        offers.leave(self.left)
         return owed
 
     def all(self) -> Have | Digest:
@@ -91,11 +89,11 @@ class Holdings:
     def leaves(self, message_id: int, total: int, now: Instant) -> bool:
         """Whether a part of a message that the peer sends is to be left to another one."""
         peer = self._peer
-        takes = total <= SHARED_BYTES or len(peer.left) >= _MAX_LEFT
+        takes = total <= SHARED_BYTES or peer.offers.left_full
         if takes or self._reassembly.comes_from(message_id, peer.name, now.steady_s):
             return False
         self.left.add(message_id)
-        peer.left.add(message_id)
+        peer.offers.leave({message_id})
         return True
 
     def differing_groups(self, robot_id: int, digests: tuple[int, ...]) -> HeldGroups:

@@ -33,16 +33,9 @@ from mocha_link.sync.protocol import (
     SERRM,
     Frame,
 )
+from mocha_link.sync.request_window import RequestWindow
 
 MAX_HEADERS = 65_536
-# Requests under way at once; an original server replies in order. As many as keep the link
-# busy, by the sizes seen so far.
-MIN_WINDOW, MAX_WINDOW = 16, 256
-_GUESS_BYTES = 512  # of a message, while none has come
-_LARGE_BYTES = 8192  # the same where more must not come than was meant to
-_AHEAD_BYTES = 64 * 1024
-_AHEAD_S = 0.25
-_WEIGHT = 0.125  # of a new size in the average
 FORGET_S = 60.0  # after so long a silence nothing of a client can be on its way either
 # An original client abandons a reply that takes more than 6 s, and all that are queued behind
 # it in the list. Smaller ones take so long on no link that is worth the name.
@@ -82,10 +75,7 @@ class ClientSession:
         self._budget = budget
         self._pending: dict[bytes, tuple[bytes, Header | None, float]] = {}  # code, header, when
         self._wanted: deque[Header] = deque()  # headers still to request
-        self._window = MIN_WINDOW  # most requests under way
-        self._size = float(_GUESS_BYTES)  # of a reply, smoothed, in bytes
-        self._listed_s = self._fetched_s = 0.0  # when the list came, and the last message
-        self._fetched_bytes = 0  # of GDATA replies
+        self._window = RequestWindow()  # how many may be under way
 
     def start(self, now: Instant) -> bytes:
         """The first request: for the list of headers."""
@@ -101,7 +91,7 @@ class ClientSession:
         self.bytes_in += sum(map(len, parts))
         pending = self._pending.pop(bytes(frame[:ID_BYTES]), None)
         if pending is None or self.over:
-            self._peer.refusals.append("a reply to nothing that was asked")
+            self._peer.log.refuse("a reply to nothing that was asked")
             if not self.over:  # the connection is ours alone, so the peer is no node
                 self.break_off("the peer answered what was not asked")
             return []
@@ -109,18 +99,16 @@ class ClientSession:
         self.progress(now)
         body = frame[ID_BYTES:]
         if code == GHEAD:
-            self._listed_s = self._fetched_s = now.steady_s
+            self._window.listed(now)
             self._list(bytes(body), now)
         elif header is not None:
-            self._fetched_s = now.steady_s
-            self._fetched_bytes += len(frame)
-            self._size += _WEIGHT * (len(frame) - self._size)
-            self._peer.cut.pop(header.key, None)
+            self._window.fetched(len(frame), now)
+            self._peer.path.message_arrived(header.key)
             self._store(header, body, now)
         else:
             self.rtt_s = now.steady_s - sent_s
             if body != ACK:
-                self._peer.refusals.append("a reply to DENDT that is no acknowledgement")
+                self._peer.log.refuse("a reply to DENDT that is no acknowledgement")
             self.over = True
             self._learn_rate()
         return [] if self.over else self._next_requests(now)
@@ -145,17 +133,18 @@ class ClientSession:
         self._wanted.clear()
         self._learn_rate()
         cut = next((header for _, header, _ in self._pending.values() if header), None)
-        if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
-            self._peer.cut[cut.key] = self._peer.cut.get(cut.key, 0) + 1
+        if (
+            cut and self.alive_s > self._window.fetched_s
+        ):  # a part of it was here when the link broke
+            self._peer.path.message_cut(cut.key)
 
     @property
     def bandwidth_bytes_s(self) -> float | None:
         """Bytes per second from the list to the last message; None without any message."""
-        taken_s = self._fetched_s - self._listed_s
-        return self._fetched_bytes / taken_s if self._fetched_bytes and taken_s > 0 else None
+        return self._window.bandwidth_bytes_s
 
     def _learn_rate(self) -> None:
-        self._peer.rate_bytes_s = self.bandwidth_bytes_s or self._peer.rate_bytes_s
+        self._peer.path.moved(self.bandwidth_bytes_s)
 
     def _request(self, now: Instant, code: bytes, header: Header | None = None) -> bytes:
         node = self._peer.node
@@ -167,9 +156,9 @@ class ClientSession:
         return request_id + code + argument
 
     def _list(self, body: bytes, now: Instant) -> None:
-        refusals, cut = self._peer.refusals, self._peer.cut
+        log, path = self._peer.log, self._peer.path
         if len(body) % Header.SIZE or len(body) > MAX_HEADERS * Header.SIZE:
-            refusals.append(f"a header list of {len(body)} bytes")
+            log.refuse(f"a header list of {len(body)} bytes")
             self.break_off("the peer answered GHEAD with something else than headers")
             return
         found: list[tuple[int, Header]] = []
@@ -177,14 +166,14 @@ class ClientSession:
             try:
                 header = Header.parse(raw)
             except HeaderError as error:
-                refusals.append(str(error))
+                log.refuse(str(error))
                 continue
             team, stamp_ms = self._peer.node.team, header.stamp_ms(now.unix_s)
             why = impossibility(team, header.robot_id, header.topic_id, stamp_ms, now.unix_s)
             if why:
-                refusals.append(f"header {header}: {why}")
+                log.refuse(f"header {header}: {why}")
             else:
-                found.append((cut.get(header.key, 0), header))
+                found.append((path.cuts(header.key), header))
         # What a contact was too short for comes last: it must not starve the others again.
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
@@ -200,21 +189,16 @@ class ClientSession:
                 _check_time(header, trailer.stamp_ms, now.unix_s)
             stamp_ms = trailer.stamp_ms if trailer else header.stamp_ms(now.unix_s)
             record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
-            self.messages += self._peer.take_in(known, record, trailer)
+            self.messages += self._peer.store(known, record, trailer)
         except PayloadError as error:
-            self._peer.refusals.append(f"message {header} of {robot.name}: {error}")
+            self._peer.log.refuse(f"message {header} of {robot.name}: {error}")
 
     def _widen(self) -> None:
         """Adapt the window to what the link carries and to how large the messages are."""
-        ahead = float(_AHEAD_BYTES)
-        rate = self.bandwidth_bytes_s or self._peer.rate_bytes_s
-        if rate:
-            ahead = max(ahead, rate * ((self._peer.rtt_s or 0.0) + _AHEAD_S))
-        self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
+        path = self._peer.path
+        self._window.adapt(self.bandwidth_bytes_s or path.rate_bytes_s, path.rtt_s)
         if self._budget:
-            left = self._budget - self.bytes_in
-            seen = self._fetched_bytes / max(self.messages, 1) or _LARGE_BYTES
-            self._window = min(self._window, max(int(left / max(self._size, seen)), 1))
+            self._window.limit(self._budget - self.bytes_in, self.messages)
 
     def _next_requests(self, now: Instant) -> list[bytes]:
         self._widen()
@@ -222,7 +206,7 @@ class ClientSession:
             self._wanted.clear()
             self.cut_short = True
         requests = []
-        while self._wanted and len(self._pending) < self._window:
+        while self._wanted and len(self._pending) < self._window.size:
             header = self._wanted.popleft()
             if self._database.wants(header, now.unix_s):  # another peer may have brought it
                 requests.append(self._request(now, GDATA, header))
@@ -278,7 +262,7 @@ class ServerSession:
         elif code == GHEAD:
             self._give_up(now, "the peer began anew")
             self._pull = _Served(now.steady_s)
-            self._peer.report_start(Direction.OUT, now)
+            self._peer.log.started(Direction.OUT, now)
             body = self._list(now)
         elif code == GDATA:
             body = self._data(argument, now)
@@ -316,7 +300,7 @@ class ServerSession:
     def _end(self, now: Instant) -> None:
         pull, self._pull = self._pull, None
         if pull:
-            self._peer.report_end(
+            self._peer.log.ended(
                 Direction.OUT,
                 now,
                 began_s=pull.since_s,
@@ -328,7 +312,7 @@ class ServerSession:
         """Count the pull as broken off; on a slow link its DENDT may still come."""
         if self._pull and not self._pull.given_up:
             self._pull.given_up = True
-            self._peer.report_timeout(Direction.OUT, reason, now)
+            self._peer.log.timed_out(Direction.OUT, reason, now)
 
     def _list(self, now: Instant) -> bytes:
         self._offered_before, self._offered = self._offered, self._database.snapshot()

@@ -8,33 +8,29 @@ previous pull has left open it sends SYNC1 alone.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Literal
 
 from mocha_link.clock import Instant
 from mocha_link.datagram import Flow
 from mocha_link.links import Direction, throughput_bytes_s
+from mocha_link.sync.credit import MAX_CHUNK, SHARED_CHUNK, Credit
 from mocha_link.sync.original import ClientSession
-from mocha_link.sync.peer import MAX_CHUNK, SHARED_CHUNK, Credit, Peer
+from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
-    DIALLED,
     ID_BYTES,
     SERRM,
     SYNC1,
     SYNCC,
     SYNCF,
     Frame,
-    SendDatagram,
 )
+from mocha_link.sync.pull_datagrams import MESSAGE_ROOM, PATIENCE_S, PullDatagrams
 from mocha_link.sync.pull_states import OVER, PullEvent, PullState, next_state
 from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
 
-NEAR_CONNECT_S = 0.025  # an unknown peer whose connection opens within this time is near
-PATIENCE_S = 0.1  # without a reply on the connection to a near peer, datagrams may get through
-MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
 UNANSWERED_S = 1.0  # without an answer, a connection of the peer is tried
 STANDS_S = 3.0  # an open connection without a byte for longer counts as lost
@@ -53,7 +49,7 @@ class Pull:
         path: what the exchange goes over; None until it is known.
         began_s: when it began, steady seconds.
         alive_s: when the last bytes were received, steady seconds.
-        flow: of datagrams, once one leaves.
+        datagrams: those of the pull, if it sends any.
     """
 
     def __init__(self, peer: Peer, *, standing: bool = False, budget: int = 0) -> None:
@@ -63,17 +59,14 @@ class Pull:
             self.state = PullState.ORIGINAL
         self.path: Path | None = "original" if peer.original else "zmq" if standing else None
         self.alive_s = 0.0
-        self.flow: Flow | None = None
+        self.datagrams = PullDatagrams(peer)
         self._peer = peer
         self._session = ClientSession(peer, budget)
         self._receiver = SyncReceiver(peer, room=MESSAGE_ROOM, budget=budget)
         may = peer.datagrams and not peer.original and not standing
-        self._datagrams = may and peer.may_use_datagrams()
-        chunk = MAX_CHUNK if peer.route == DIALLED else SHARED_CHUNK
-        self._credit = Credit(peer.rate_bytes_s, peer.rtt_s, chunk)
-        self._outbox: deque[bytes] = deque()  # frames for datagrams
-        self._datagram_bytes = 0  # of frames that came by them
-        self._datagrams_at_s: float | None = None  # when the first leaves
+        self._casts = may and peer.path.may_use_datagrams()  # begins by datagrams as well
+        chunk = MAX_CHUNK if peer.connection.is_ours else SHARED_CHUNK
+        self._credit = Credit(peer.path.rate_bytes_s, peer.path.rtt_s, chunk)
         self._hushed = False  # a later pull has begun on the same connection
         self.began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
@@ -81,27 +74,20 @@ class Pull:
         """Begin on a fresh connection or the one that stands; `again`: without a start event."""
         self.began_s = self.alive_s = now.steady_s
         if not again:
-            self._peer.report_start(Direction.IN, now)
+            self._peer.log.started(Direction.IN, now)
         headers_request = self._session.start(now)
         if self.path == "original":
-            self._peer.send(headers_request)
+            self._peer.connection.send(headers_request)
             return
         self.id = headers_request[:ID_BYTES]
-        acquainted = self._peer.address_token != 0
+        acquainted = self._peer.tokens.received != 0
         opening = self._receiver.open(now)
-        self._peer.send(self.id + SYNC1 + self._credit.grant + opening[0])
+        self._peer.connection.send(self.id + SYNC1 + self._credit.grant + opening[0])
         self._send_frames(opening[1:])
         if self.state is PullState.OPENING:
-            self._peer.send(headers_request)
-        if self._datagrams:
-            self._outbox.extend(opening)
-            size = sum(map(len, opening))
-            if not acquainted and size < MESSAGE_ROOM:
-                # The peer sends little more than it got before it knows that it is us.
-                self._outbox.append(bytes(MESSAGE_ROOM - size))
-            known = self._peer.rtt_s is not None
-            wait_s = PATIENCE_S if self._peer.is_near else 0.0 if known else NEAR_CONNECT_S
-            self._datagrams_at_s = now.steady_s + wait_s
+            self._peer.connection.send(headers_request)
+        if self._casts:
+            self.datagrams.begin(opening, now, acquainted=acquainted)
             self.transmit(now)
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> None:
@@ -113,7 +99,7 @@ class Pull:
         if self.path == "original":
             self._reply_of_original(parts, now)
         elif frame[:ID_BYTES] != self.id:
-            self._peer.refusals.append("a reply to nothing that was asked")
+            self._peer.log.refuse("a reply to nothing that was asked")
             self.fail("the peer answered what was not asked", now)  # the connection is ours alone
         elif frame[ID_BYTES:] == SERRM and len(parts) == 1:
             self._reply_of_refusal(now)
@@ -123,9 +109,9 @@ class Pull:
             self._reply_of_original(parts, now)
         else:
             first, self.path = self.path is None, "zmq"
-            refusals = len(self._peer.refusals)
+            refusals = len(self._peer.log.refusals)
             frames = self._take(memoryview(frame)[ID_BYTES:], now, parts[1:])
-            if first and len(self._peer.refusals) > refusals:
+            if first and len(self._peer.log.refusals) > refusals:
                 self.fail("what answers there is not a node", now)
                 return
             if self._hushed:
@@ -133,8 +119,8 @@ class Pull:
             if frames:
                 self._send_frames(frames)
             size = sum(map(len, parts))
-            if self._credit.take(size, now.steady_s, self._peer.rtt_s) and self.goes_on:
-                self._peer.send(self.id + SYNCC + self._credit.grant)
+            if self._credit.take(size, now.steady_s, self._peer.path.rtt_s) and self.goes_on:
+                self._peer.connection.send(self.id + SYNCC + self._credit.grant)
 
     def hush(self) -> None:
         """Say nothing more on the connection: the next pull has begun there, and the peer knows."""
@@ -142,15 +128,16 @@ class Pull:
 
     def packet(self, packet: bytes, now: Instant) -> None:
         """Take in a datagram of the peer."""
-        if self.flow is None:
+        flow = self.flow
+        if flow is None:
             return
-        for frame in self.flow.receive(packet, now.steady_s):
+        for frame in flow.receive(packet, now.steady_s):
             self.path = self.path or "udp"  # moved to the connection it stays there
-            self._datagram_bytes += len(frame)
-            self._outbox.extend(self._take(frame, now))
-        if self.flow.alive_s == now.steady_s:
+            self.datagrams.reply(len(frame), self._take(frame, now))
+        if flow.alive_s == now.steady_s:
             self.progress(now)
-            self._peer.rtt_s = self.flow.rtt_s or self._peer.rtt_s
+            if flow.rtt_s:
+                self._peer.path.measured(flow.rtt_s)
         self.transmit(now)
 
     def progress(self, now: Instant) -> None:
@@ -164,9 +151,9 @@ class Pull:
         """The round trip of the connection; None: not measured yet."""
         if self.path == "udp":
             return
-        self._peer.rtt_s = rtt_s
-        if self._peer.is_near and self._datagrams_at_s is not None:
-            self._datagrams_at_s = max(self._datagrams_at_s, self.began_s + PATIENCE_S)
+        self._peer.path.measured(rtt_s)
+        if self._peer.path.is_near:
+            self.datagrams.put_off(self.began_s + PATIENCE_S)
 
     def tick(self, now: Instant) -> None:
         """What the time alone brings: datagrams that are due, and the end of patience."""
@@ -179,26 +166,22 @@ class Pull:
             silent = f"no byte for {timeout_s:g} s in the middle of a sync"
             self.fail(silent if midway else self._session.why_silent(), now)
         elif self._relies_on_datagrams and now.steady_s - received_s > IDLE * timeout_s:
-            self._peer.udp_misses += 1
+            self._peer.path.datagrams_missed()
             self.fail("only small datagrams of the peer get here", now)
         else:
             self.transmit(now)
 
     def transmit(self, now: Instant) -> None:
         """Send the datagrams that are due."""
-        if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
-            self._datagrams_at_s = None
-            if self.state is PullState.OPENING:
-                self.flow = Flow(self.id, self._next_frame, rtt_s=self._peer.rtt_s)
-        if self.flow:
-            for packet in self.flow.transmit(now.steady_s):
-                self._peer.node.actions.append(SendDatagram(self._peer.name, packet))
+        if self.datagrams.is_due(now) and self.state is PullState.OPENING:
+            self.datagrams.open(self.id)
+        self.datagrams.transmit(now)
 
     def fail(self, reason: str, now: Instant) -> None:
         """Break off for a reason that is known outside, e.g. a closed connection."""
         if not self.over:
             self.abandon()
-            self._peer.report_timeout(Direction.IN, reason, now)
+            self._peer.log.timed_out(Direction.IN, reason, now)
 
     def abandon(self) -> None:
         """Abort without an event."""
@@ -209,9 +192,13 @@ class Pull:
 
     def disconnected(self, reason: str, now: Instant) -> None:
         """The connection broke; that does not matter while datagrams get through."""
-        datagram_received = self.flow is not None and self.flow.alive_s is not None
-        if self.path != "udp" and not (self.path is None and datagram_received):
+        if self.path != "udp" and not (self.path is None and self.datagrams.answered):
             self.fail(reason, now)
+
+    @property
+    def flow(self) -> Flow | None:
+        """The flow of its datagrams, once one leaves."""
+        return self.datagrams.flow
 
     def _happens(self, event: PullEvent) -> None:
         self.state = next_state(self.state, event)
@@ -252,19 +239,19 @@ class Pull:
 
     def is_unanswered(self, now: Instant) -> bool:
         """Whether nothing of the peer has come although it had time to answer."""
-        silent = self.path is None and (self.flow is None or self.flow.alive_s is None)
+        silent = self.path is None and not self.datagrams.answered
         return silent and now.steady_s - self.began_s > UNANSWERED_S + 2 * (self.rtt_s or 0.0)
 
     @property
     def _vain_s(self) -> float:
         """When it is."""
-        return self.began_s + STANDS_S + 2 * (self._peer.rtt_s or 0.0)
+        return self.began_s + STANDS_S + 2 * (self._peer.path.rtt_s or 0.0)
 
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest; None: the time brings nothing."""
-        flow_s = self.flow.wake_s if self.flow else None
-        times = [each for each in (self._datagrams_at_s, flow_s) if each is not None]
+        datagrams_s = self.datagrams.wake_s
+        times = [] if datagrams_s is None else [datagrams_s]
         if not self.over:
             timeout_s = self._peer.node.timeout_s
             times.append(self.alive_s + timeout_s)
@@ -279,12 +266,12 @@ class Pull:
         """What has carried most of the bytes."""
         if self.path in ("original", None):
             return self.path
-        return "udp" if 2 * self._datagram_bytes > self._receiver.bytes else "zmq"
+        return "udp" if 2 * self.datagrams.bytes_in > self._receiver.bytes else "zmq"
 
     @property
     def rtt_s(self) -> float | None:
         """The round trip on the way to the peer."""
-        return self._session.rtt_s or self._peer.rtt_s
+        return self._session.rtt_s or self._peer.path.rtt_s
 
     @property
     def throughput_bytes_s(self) -> float | None:
@@ -309,26 +296,26 @@ class Pull:
     def _reply_of_refusal(self, now: Instant) -> None:
         if self.path is not None:
             self.fail("the peer does not know of the sync any more", now)
-        elif self._peer.config_mismatch:  # a node of ours, last time: no other one now
-            self._peer.config_mismatch = False
+        elif self._peer.agreement.config_mismatch:  # a node of ours, last time: no other one now
+            self._peer.agreement.expect_match()
             self.fail(f"{self._peer.name} had another team file; asking once more", now)
         else:
             self._happens(PullEvent.REFUSAL)  # an original node; its reply to GHEAD comes next
-            self.flow = self._datagrams_at_s = None
+            self.datagrams.drop()
             self.progress(now)
 
     def _reply_of_original(self, parts: Sequence[Frame], now: Instant) -> None:
         session = self._session
         for frame in session.reply(parts, now):
-            self._peer.send(frame)
+            self._peer.connection.send(frame)
         self.alive_s = session.alive_s
         if session.over and not self.over:
             failed = session.failure is not None
             self._happens(PullEvent.FAILURE if failed else PullEvent.END)
             if session.failure is not None:
-                self._peer.report_timeout(Direction.IN, session.failure, now)
+                self._peer.log.timed_out(Direction.IN, session.failure, now)
                 return
-            self._peer.report_end(
+            self._peer.log.ended(
                 Direction.IN,
                 now,
                 began_s=self.began_s,
@@ -349,7 +336,7 @@ class Pull:
         elif receiver.over and not self.over:
             self._happens(PullEvent.FOLLOW if receiver.follows else PullEvent.END)
             self._learn()
-            self._peer.report_end(
+            self._peer.log.ended(
                 Direction.IN,
                 now,
                 began_s=self.began_s,
@@ -361,10 +348,7 @@ class Pull:
 
     def _send_frames(self, frames: Sequence[bytes]) -> None:
         for frame in frames:
-            self._peer.send(self.id + SYNCF + frame)
-
-    def _next_frame(self, _room: int) -> bytes | None:
-        return self._outbox.popleft() if self._outbox else None
+            self._peer.connection.send(self.id + SYNCF + frame)
 
     def _learn(self) -> None:
         """A pull without a byte does not count against datagrams.
@@ -372,6 +356,6 @@ class Pull:
         The contact may have been too short.
         """
         if self.path == "zmq":
-            self._peer.rate_bytes_s = self._bandwidth_bytes_s or self._peer.rate_bytes_s
+            self._peer.path.moved(self._bandwidth_bytes_s)
         elif self.path == "udp" and (self._receiver.messages or self._receiver.complete):
-            self._peer.udp_misses = 0
+            self._peer.path.datagrams_carried()

@@ -13,8 +13,6 @@ from mocha_link.sync.protocol import (
     FOLLOW_S,
     ID_BYTES,
     LINGER_S,
-    Connect,
-    Disconnect,
     Frame,
     Route,
     SendDatagram,
@@ -23,7 +21,6 @@ from mocha_link.sync.protocol import (
 from mocha_link.sync.pull import Pull
 
 STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new contact
-LEAST_BUDGET = 1024  # with less left no pull begins
 
 
 class Puller:
@@ -43,11 +40,10 @@ class Puller:
         self.pull: Pull | None = None
         self.followed: Pull | None = None
         self.followed_sent: frozenset[int] = frozenset()
-        self._peer = peer
+        self.peer = peer
         self._link_table = link_table  # learns what a pull has measured
-        self._spent_bytes = 0  # of the contact's budget
         self._lingering: tuple[Flow, float] | None = None  # repeats END until that steady time
-        self._connected = False  # the connection that we opened stands, as far as is known
+        self._connection = peer.connection
         self._crossed = False  # the pull under way went over to a connection of the peer
 
     def sync(self, now: Instant, over: Route | None = None) -> bool:
@@ -55,12 +51,13 @@ class Puller:
 
         `over`: a connection of the peer that stands, and over which the peer pulls from us.
         """
-        if self.pull or self._budget == 0:
+        if self.pull or self.peer.budget.is_spent:
             return False
         self._crossed = False
-        own = self.followed is not None and self._connected
-        if over and own and self._peer.node.name > self._peer.name and not self._peer.shared:
-            self._disconnect(void=False)
+        connection = self._connection
+        own = self.followed is not None and connection.stands
+        if over and own and self.peer.node.name > self.peer.name and not connection.shared:
+            connection.disconnect(void=False)
             own = False
         if own or over is None:
             self._begin(DIALLED, now, standing=own)
@@ -68,16 +65,9 @@ class Puller:
             self._begin(over, now, standing=True)
         return True
 
-    @property
-    def _budget(self) -> int | None:
-        """Bytes that a pull may take of the contact's; None: no limit."""
-        budget = self._peer.budget_bytes
-        left = budget - self._spent_bytes
-        return None if not budget else left if left >= LEAST_BUDGET else 0
-
     def expects(self, route: Route, parts: Sequence[Frame]) -> bool:
         """Whether what came over a connection of the peer belongs to a pull of ours."""
-        if route != self._peer.route or not parts:
+        if route != self._connection.route or not parts:
             return False
         ids = [pull.id for pull in (self.pull, self.followed) if pull]
         return bytes(parts[0][:ID_BYTES]) in ids and not is_request(parts[0])
@@ -85,13 +75,9 @@ class Puller:
     @property
     def has_all(self) -> bool:
         """Whether every message that the peer stores is pushed to us, by it or by its publisher."""
-        followed, peer = self.followed, self._peer
-        lacking = peer.left or not followed or followed.pull_needed
+        followed, peer = self.followed, self.peer
+        lacking = peer.offers.left or not followed or followed.pull_needed
         return not lacking and self.followed_sent <= peer.node.followed
-
-    def renew_budget(self) -> None:
-        """A contact begins, or what counts as one."""
-        self._spent_bytes = 0
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> None:
         """Process a reply on the connection."""
@@ -99,9 +85,7 @@ class Puller:
         if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
             pull = followed  # pushed before the peer received the present pull
         if pull:
-            size = sum(map(len, parts))
-            self._spent_bytes += size
-            self._peer.bytes_in += size
+            self._received(sum(map(len, parts)))
             pull.reply(parts, now)
             self._finish(pull, now)
 
@@ -109,8 +93,7 @@ class Puller:
         """Process a datagram that the peer sent in reply to ours."""
         pull = self.pull or self.followed
         if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
-            self._spent_bytes += len(packet)
-            self._peer.bytes_in += len(packet)
+            self._received(len(packet))
             pull.packet(packet, now)
             self._finish(pull, now)
         elif self._lingering:
@@ -120,8 +103,8 @@ class Puller:
 
     def progress(self, now: Instant, rtt_s: float | None) -> None:
         """The connection stands, or bytes arrive on it; its round trip, if known."""
-        self._connected = True
-        if self.pull and self._peer.route == DIALLED:
+        self._connection.opened()
+        if self.pull and self._connection.is_ours:
             self.pull.progress(now)
             if rtt_s is not None:
                 self.pull.measured(rtt_s)
@@ -129,8 +112,8 @@ class Puller:
     def lost(self, reason: str, now: Instant, route: Route = DIALLED) -> None:
         """A connection was lost."""
         pull = self.pull
-        self._connected = self._connected and route != DIALLED
-        if route != self._peer.route:
+        self._connection.lost(route)
+        if route != self._connection.route:
             return
         if pull and pull.standing:
             self._begin_afresh(pull, now)
@@ -170,8 +153,8 @@ class Puller:
                 followed.tick(now)
             if now.steady_s - followed.alive_s > FOLLOW_S:
                 self.unfollow()
-        if self._connected and not (self.pull or self.followed):
-            self._disconnect(void=False)
+        if self._connection.stands and not (self.pull or self.followed):
+            self._connection.disconnect(void=False)
         if self._lingering:
             flow, until_s = self._lingering
             self._transmit(flow, now)
@@ -186,7 +169,7 @@ class Puller:
         followed = self.followed
         self._follow(None)
         if followed and not self.pull:
-            self._disconnect(void=True)
+            self._connection.disconnect(void=True)
 
     @property
     def wake_s(self) -> float | None:
@@ -202,9 +185,10 @@ class Puller:
     def _begin(
         self, route: Route, now: Instant, *, standing: bool = False, again: bool = False
     ) -> None:
-        same = route == self._peer.route
-        self._peer.route = route
-        pull = self.pull = Pull(self._peer, standing=standing, budget=self._budget or 0)
+        same = route == self._connection.route
+        self._connection.use(route)
+        budget_bytes = self.peer.budget.left_bytes or 0
+        pull = self.pull = Pull(self.peer, standing=standing, budget=budget_bytes)
         if standing and same and self.followed:
             self.followed.hush()
         else:
@@ -212,33 +196,28 @@ class Puller:
             # followed until that fails, or all others would be pulled from each time.
             self.followed = None
         if not standing:
-            self._connected = False
-            self._peer.shared = False
-            self._peer.node.actions.append(Connect(self._peer.name))
+            self._connection.dial()
         pull.start(now, again=again)
 
     def _begin_afresh(self, pull: Pull, now: Instant, over: Route | None = None) -> None:
         """Continue the pull over another connection after the old one was lost."""
         pull.abandon()
         self._follow(None)
-        if self._budget == 0:
-            self._spent_bytes -= LEAST_BUDGET
+        self.peer.budget.extend()
         if over:
-            self._disconnect(void=True)
+            self._connection.disconnect(void=True)
         self._begin(over or DIALLED, now, standing=bool(over), again=True)
 
-    def _disconnect(self, *, void: bool) -> None:
-        """Close the connection that we opened, unless the peer pulls over it."""
-        if self._peer.route == DIALLED and not self._peer.shared:
-            self._connected = False
-            self._peer.node.actions.append(Disconnect(self._peer.name, void))
+    def _received(self, size: int) -> None:
+        self.peer.budget.spend(size)
+        self.peer.log.received(size)
 
     def _finish(self, pull: Pull, now: Instant) -> None:
         """Let go of the pull under way if it is over."""
         if not pull.over or pull is not self.pull:
             return
         self._link_table.measure(
-            self._peer.name,
+            self.peer.name,
             rtt_s=None if pull.broken else pull.rtt_s,  # as it was remembered, perhaps
             bandwidth_bytes_s=pull.throughput_bytes_s,
             path=pull.carrier,
@@ -247,18 +226,18 @@ class Puller:
         self.pull = None
         self._follow(pull if pull.follows else None)
         if pull.broken or pull.path == "original":
-            self._peer.shared = False
+            self._connection.unshare()
         if not pull.follows:
-            self._disconnect(void=pull.broken or by_datagrams)
+            self._connection.disconnect(void=pull.broken or by_datagrams)
         if pull.flow and by_datagrams and not pull.follows:
             self._transmit(pull.flow, now)
             self._lingering = (pull.flow, now.steady_s + LINGER_S)
 
     def _follow(self, pull: Pull | None) -> None:
         """Follow the peer after a pull; None: stop following."""
-        node = self._peer.node
-        robot_id = node.team.robot(self._peer.name).robot_id
-        node.reassembly.brings_no_more(self._peer.name)
+        node = self.peer.node
+        robot_id = node.team.robot(self.peer.name).robot_id
+        node.reassembly.brings_no_more(self.peer.name)
         self.followed = pull
         if pull:
             node.followed.add(robot_id)
@@ -268,4 +247,4 @@ class Puller:
 
     def _transmit(self, flow: Flow, now: Instant) -> None:
         for packet in flow.transmit(now.steady_s):
-            self._peer.node.actions.append(SendDatagram(self._peer.name, packet))
+            self.peer.node.actions.append(SendDatagram(self.peer.name, packet))

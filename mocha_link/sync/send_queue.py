@@ -17,7 +17,7 @@ _MIN_PIECE = 64  # a smaller one is not worth its head
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
-_MAX_GIVEN = 65_536  # message ids that are remembered; later ones may be sent twice
+MAX_GIVEN = 65_536  # message ids that are remembered; later ones may be sent twice
 _FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
@@ -28,16 +28,20 @@ class SendQueue:
     Where much was begun one small message goes before it, so that a contact too short for the rest
     still brings something.
 
+    Args:
+        remembered: ids of messages that were given out; later ones may be sent twice.
+
     Attributes:
         messages: that were given out to the end.
         frames: that were filled since it was cleared.
     """
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, *, remembered: int = MAX_GIVEN) -> None:
         self.messages = 0
         self.frames = 0
-        self._peer = peer
+        self._holdings = peer.holdings
         self._database = peer.node.database
+        self._remembered = remembered
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
         # By topic key: the ranks under which messages came in, some of which may be replaced by
@@ -46,8 +50,8 @@ class SendQueue:
         self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
         self._given: set[int] = set()  # message ids
 
-    def __bool__(self) -> bool:
-        return bool(self._ranks)
+    def __len__(self) -> int:
+        return len(self._ranks)
 
     def clear(self) -> None:
         """Begin a round, of which nothing was given."""
@@ -62,18 +66,18 @@ class SendQueue:
         """Go on with messages of which the peer has a part."""
         begun = []
         for message_id, total, missing in requests:
-            record = self._peer.begun(message_id) or self._database.get(header_of(message_id))
+            record = self._holdings.begun(message_id) or self._database.get(header_of(message_id))
             is_same = record and len(record.body) == total and record_id(record) == message_id
             if record and is_same and message_id not in self._missing:
                 begun.append(message_id)
                 self._missing[message_id] = missing[::-1]
-                self._peer.begin(message_id, record)
+                self._holdings.begin(message_id, record)
                 self._push(_rank(message_id, record.priority, begun=True), record)
-        self._peer.end(begun)
+        self._holdings.end_begun(begun)
 
     def skip(self, message_id: int) -> None:
         """The peer has got a message from another node, or a newer one."""
-        self._peer.holds(message_id)
+        self._holdings.add(message_id)
         if self._missing.pop(message_id, None):
             rank = next(
                 rank for rank in self._ranks if rank & _BEGUN and _message_id(rank) == message_id
@@ -87,7 +91,7 @@ class SendQueue:
         Of their topics what was replaced meanwhile and not begun goes, so that the queue holds no
         more than the database, however slow the link.
         """
-        lacks = self._peer.lacks
+        lacks = self._holdings.lacks
         new: list[int] = []
         for record in records:
             message_id = record_id(record)
@@ -183,7 +187,7 @@ class SendQueue:
         missing = self._missing.get(message_id)
         if missing is None:
             missing = self._missing[message_id] = [(0, total)]
-            self._peer.begin(message_id, record)
+            self._holdings.begin(message_id, record)
             first = self._ranks[-1] & _FIRST
             self._pop()
             self._push(_rank(message_id, record.priority, begun=True) | first, record)
@@ -211,7 +215,7 @@ class SendQueue:
         del self._records[self._ranks.pop()]
 
     def _finish(self, message_id: int) -> None:
-        if len(self._given) < _MAX_GIVEN:  # a peer may follow for days
+        if len(self._given) < self._remembered:  # a peer may follow for days
             self._given.add(message_id)
         self.messages += 1
 

@@ -11,14 +11,13 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.links import Direction
+from mocha_link.sync.credit import GRANT
 from mocha_link.sync.flows import Flows
 from mocha_link.sync.frames import HELLO, message_frame
 from mocha_link.sync.original import ServerSession
-from mocha_link.sync.peer import GRANT, Peer
+from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     CODE_BYTES,
-    DIALLED,
-    FOLLOW_S,
     GHEAD,
     ID_BYTES,
     LINGER_S,
@@ -31,36 +30,36 @@ from mocha_link.sync.protocol import (
     Route,
     Standing,
 )
+from mocha_link.sync.send_states import SendState
+from mocha_link.sync.served_pull import ServedPull
 from mocha_link.sync.sync_messages import Hello, Reception
-from mocha_link.sync.sync_sender import SyncSender
 
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
 REPLACED_S = 0.5  # a datagram does not replace a sync that received a frame within this time
-LATE_ACK_S = 0.1  # so long an acknowledgement may be late
 PADDING = b"\0"  # what a frame without meaning begins with
 
 _HELLO_ROOM = 64
 
 
-def _patience_s(sync: SyncSender) -> float:
-    """How long the peer may send nothing."""
-    return FOLLOW_S if sync.ended else PATIENCE_S
-
-
 class Server:
-    """Serves one peer, and reports the start and end of its pulls."""
+    """Serves one peer, and reports the start and end of its pulls.
+
+    Attributes:
+        peer: it.
+    """
 
     def __init__(self, peer: Peer) -> None:
-        self._peer = peer
-        self._session = ServerSession(peer)
-        self._sync: SyncSender | None = None  # under way, or followed
+        self.peer = peer
+        self._original = ServerSession(peer)
+        self._pull: ServedPull | None = None  # under way, or followed
         self._flows = Flows(peer)  # of datagrams; the current one is of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0  # of the last sync
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
-        self._loses_much = False  # its connection does, by the kernel
         self._contact_s = 0.0  # when a radio last saw a contact begin, steady clock
+
+    # --- what comes in
 
     def handle(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -70,7 +69,7 @@ class Server:
             return self._handle_sync(route, frame, now)
         if code == GHEAD and (request_id, route) in self._opened:
             return None  # the fallback for original nodes
-        return self._session.handle(parts, now)
+        return self._original.handle(parts, now)
 
     def packet(self, packet: bytes, now: Instant) -> bool:
         """Process a datagram; whether its source is the peer's address, so it is no replay."""
@@ -82,113 +81,28 @@ class Server:
             return self._packet_of_new(token, packet, now)
         refused, arrived = flow.refused, flow.arrived
         for frame in flow.receive(packet, now.steady_s):
-            if self._sync and self._sync.id == flow.token:
-                self._sync.take(frame)
-                self._check_sync(now)
-        if self._sync and flow.refused == refused:
-            self._sync.received_s = now.steady_s
-            self._use_datagrams(self._sync)
+            if self._pull and self._pull.id == flow.token:
+                self._take(self._pull, frame, now)
+        if self._pull and flow.refused == refused:
+            self._pull.received(now)
+            self._pull.use_datagrams()
         return flow.arrived > arrived
 
-    def transmit(self, now: Instant) -> list[bytes]:
-        """The datagrams to send now."""
-        flow = self._flows.current
-        if flow is None:
-            return []
-        packets = flow.transmit(now.steady_s)
-        if self._sync is None and flow.settled:
-            self._flows.close()
-        return packets
-
-    @property
-    def wake_s(self) -> float | None:
-        """When to call `tick` and `transmit` at the latest; None: the time brings nothing."""
-        sync, flow = self._sync, self._flows.current
-        times = [self._session.wake_s, flow.wake_s if flow else None]
-        if sync:
-            times += [sync.received_s + _patience_s(sync), self._unreachable_s(sync)]
-        elif flow:
-            times.append(self._ended_s + LINGER_S)
-        return min((each for each in times if each is not None), default=None)
-
-    def request_pull(self) -> None:
-        """Have a peer that follows pull again."""
-        if self._sync and self._sync.ended:
-            self._sync.request_pull()
-
-    @property
-    def received_s(self) -> float:
-        """When something of the peer's sync came last, steady seconds."""
-        return self._sync.received_s if self._sync else 0.0
-
-    @property
-    def over(self) -> Route | None:
-        """A connection of the peer over which it pulls, and we may pull as well."""
-        sync = self._sync
-        if sync is None or sync.received_s < self._contact_s:
-            return None  # it may have gone with the contact before
-        return sync.route or None  # not the one that we opened
-
-    def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
-        """Whether new messages of these robots concern the peer."""
-        return self._sync is not None and self._sync.wants_push(robot_ids)
-
     def route(self, standing: Callable[[Route], Standing | None]) -> Route | None:
-        """The connection of the sync, if it has one that is `standing`.
-
-        A closed connection does not reach the peer. One that followed there does not any more; one
-        in the middle of a pull may go on by datagrams, or over another connection.
-        """
-        sync = self._sync
-        if sync is None or sync.route is None:
+        """The connection of the sync, if it has one that is `standing`."""
+        pull = self._pull
+        if pull is None or pull.connection.route is None:
             return None
-        found = standing(sync.route)
-        self._loses_much = found is not None and found.loses_much
-        if found is None:
-            sync.route = None
-            if sync.follows and not sync.by_datagram:
-                self._release(sync)
-        elif self._loses_much:
-            self._use_datagrams(sync)
-        return sync.route
+        found = standing(pull.connection.route)
+        self._flows.connection_measured(loses_much=found is not None and found.loses_much)
+        if not pull.connection_stands(found):
+            self._release(pull)
+        return pull.connection.route
 
     def lost(self, route: Route) -> None:
         """A connection was lost, and the peer does not get there what it follows."""
-        self.route(lambda each: None if each == route else Standing(loses_much=self._loses_much))
-
-    def supply(self) -> tuple[Route, list[Frame]] | None:
-        """The next frame for a connection, in parts, if the peer has credit left for one."""
-        sync = self._sync
-        if sync is None or sync.route is None or self._datagrams_carry(sync):
-            return None
-        parts = sync.supply()
-        return (sync.route, parts) if parts else None
-
-    def _datagrams_carry(self, sync: SyncSender) -> bool:
-        """Whether they carry what there is: a first window, and more where TCP loses much.
-
-        A peer that follows gets what is new over its connection, if that stands.
-        """
-        if not sync.by_datagram or self._flows.current is None:
-            return False
-        if (
-            (sync.done and not (sync.ended and sync.route))
-            or self._loses_much
-            or not self._flows.window_used(admitted=sync.admitted, sent=sync.sent)
-        ):
-            return True
-        sync.all_cast = False
-        flow = self._flows.current
-        sync.by_datagram = not (sync.admitted or flow.judged) and flow.rtt_s is not None
-        return False
-
-    def _use_datagrams(self, sync: SyncSender) -> None:
-        """Have them carry what the connection began, where TCP loses much and they get there."""
-        flow = self._flows.current
-        if flow is None or flow.token != sync.id or sync.done:
-            return
-        if flow.rtt_s is not None and self._loses_much:
-            sync.by_datagram = True
+        unchanged = Standing(loses_much=self._flows.loses_much)
+        self.route(lambda each: None if each == route else unchanged)
 
     def on_contact(self, now: Instant) -> None:
         """A new contact begins."""
@@ -196,166 +110,227 @@ class Server:
         if self._flows.current:
             self._flows.current.on_contact(now.steady_s)
 
+    def request_pull(self) -> None:
+        """Have a peer that follows pull again."""
+        if self._pull and self._pull.sender.ended:
+            self._pull.sender.request_pull()
+
+    # --- what goes out
+
+    def transmit(self, now: Instant) -> list[bytes]:
+        """The datagrams to send now."""
+        flow = self._flows.current
+        if flow is None:
+            return []
+        packets = flow.transmit(now.steady_s)
+        if self._pull is None and flow.settled:
+            self._flows.close()
+        return packets
+
+    def supply(self) -> tuple[Route, list[Frame]] | None:
+        """The next frame for a connection, in parts, if the peer has credit left for one."""
+        return self._pull.supply() if self._pull else None
+
+    def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
+        """Whether new messages of these robots concern the peer."""
+        return self._pull is not None and self._pull.sender.wants_push(robot_ids)
+
+    # --- for our own pulls
+
+    @property
+    def received_s(self) -> float:
+        """When something of the peer's sync came last, steady seconds."""
+        return self._pull.received_s if self._pull else 0.0
+
+    @property
+    def over(self) -> Route | None:
+        """A connection of the peer over which it pulls, and we may pull as well."""
+        pull = self._pull
+        if pull is None or pull.received_s < self._contact_s:
+            return None  # it may have gone with the contact before
+        return pull.connection.route or None  # not the one that we opened
+
+    # --- timers
+
+    @property
+    def wake_s(self) -> float | None:
+        """When to call `tick` and `transmit` at the latest; None: the time brings nothing."""
+        flow = self._flows.current
+        times = [self._original.wake_s, flow.wake_s if flow else None]
+        if self._pull:
+            times.append(self._pull.wake_s)
+        elif flow:
+            times.append(self._ended_s + LINGER_S)
+        return min((each for each in times if each is not None), default=None)
+
     def tick(self, now: Instant) -> None:
         """Run the timers: the silence of a peer ends its pull."""
-        self._session.tick(now)
-        sync = self._sync
-        if sync is None and self._flows.current and now.steady_s - self._ended_s > LINGER_S:
+        self._original.tick(now)
+        pull = self._pull
+        if pull:
+            pull.reclaim(now)
+            if pull.is_silent(now):
+                self._break_off(pull, f"the peer said nothing for {PATIENCE_S:g} s", now)
+        elif self._flows.current and now.steady_s - self._ended_s > LINGER_S:
             self._flows.close()
-        if sync is None:
-            return
-        unreachable_s = self._unreachable_s(sync)
-        if self._flows.current and unreachable_s is not None and now.steady_s > unreachable_s:
-            sync.leave_datagrams(self._flows.current.reclaim())
-        if now.steady_s - sync.received_s > _patience_s(sync):
-            self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
-    def _unreachable_s(self, sync: SyncSender) -> float | None:
-        """When it is clear that our datagrams do not get back to the peer: the connection serves.
-
-        Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
-        takes no longer.
-        """
-        flow = self._flows.current
-        if sync.reclaimed or sync.route is None or flow is None or flow.rtt_s is not None:
-            return None
-        if not sync.by_datagram and flow.settled:
-            return None
-        return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + LATE_ACK_S
+    # --- a pull begins
 
     def _handle_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         argument = frame[ID_BYTES + CODE_BYTES :]
-        sync = self._sync
-        if sync is None or sync.id != request_id:
+        pull = self._pull
+        if pull is None or pull.id != request_id:
             if code != SYNC1:
                 return request_id + SERRM
-            self._opened.append((request_id, route))
-            if request_id in self._past:
-                return self._rejection(request_id)  # a connection that came too late
-            sync = SyncSender(self._peer, request_id, now.steady_s)
-            grant, argument = argument[: GRANT.size], argument[GRANT.size :]
-            if not sync.open(argument):
-                # An error reply would make us an original node to the peer, who reads by ids.
-                self._rejected = (request_id, Reception.UNREADABLE)
-                return self._rejection(request_id)
-            sync.route = route
-            sync.grant(grant)
-            self._begin(sync, now)
+            self._open_sync(route, request_id, argument, now)
             return self._rejection(request_id)
-        if code == SYNC1 and sync.sent and sync.route != route and self._flows.current is None:
+        connection = pull.connection
+        if (
+            code == SYNC1
+            and connection.sent
+            and connection.route != route
+            and self._flows.current is None
+        ):
             # Its first connection broke, with all that was sent and granted on it.
-            sync = self._sync = SyncSender(self._peer, request_id, sync.began_s)
-        sync.received_s = now.steady_s
-        if sync.route is None or code == SYNC1:
-            sync.carry_on(route, now)
+            pull = self._pull = ServedPull(self.peer, request_id, pull.began_s, self._flows)
+        pull.received(now)
+        if pull.connection.route is None or code == SYNC1:
+            pull.connection.move(route, now)
             self._opened.append((request_id, route))
         if code == SYNC1:
-            sync.grant(argument[: GRANT.size])
+            pull.connection.grant(argument[: GRANT.size])
             argument = argument[GRANT.size :]
         if code == SYNCC:
-            sync.grant(argument)
-        elif not sync.take(argument):
+            pull.connection.grant(argument)
+        elif not self._take(pull, argument, now):
             return request_id + SERRM
-        self._check_sync(now)
         return self._rejection(request_id)
+
+    def _open_sync(self, route: Route, request_id: bytes, argument: bytes, now: Instant) -> None:
+        """A pull is to begin on a connection."""
+        self._opened.append((request_id, route))
+        if request_id in self._past:
+            return  # a connection that came too late
+        pull = ServedPull(self.peer, request_id, now.steady_s, self._flows)
+        if not pull.sender.open(argument[GRANT.size :]):
+            # An error reply would make us an original node to the peer, who reads by ids.
+            self._rejected = (request_id, Reception.UNREADABLE)
+            return
+        pull.connection.begin(route)
+        pull.connection.grant(argument[: GRANT.size])
+        self._begin(pull, now)
+
+    def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
+        if token in self._past or self._flows.is_deaf(now):
+            return False
+        before = self._pull
+        if before and before.id == token:
+            return self._packet_for_connection(before, packet, now)
+        if before and not before.sender.ended and now.steady_s - before.received_s < REPLACED_S:
+            return False  # a copy of an old opening must not end what goes well
+        pull = ServedPull(self.peer, token, now.steady_s, self._flows)
+        flow = self._flows.make(token, pull.next_for_datagram)
+        frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
+        if not frames or not all(pull.sender.open(frame) for frame in frames):
+            return False
+        flow.proven = pull.sender.admitted
+        if before and before.reaches_peer and not flow.proven:
+            return False  # nor ever what the peer gets; it may always begin anew by a connection
+        pull.begin_by_datagrams()
+        self._begin(pull, now)
+        self._flows.begin(flow, now)
+        return True
+
+    def _packet_for_connection(self, pull: ServedPull, packet: bytes, now: Instant) -> bool:
+        """The connection was first, so it serves until a probe has come back as a datagram."""
+        flow = self._flows.make(pull.id, pull.next_for_datagram)
+        flow.receive(packet, now.steady_s)
+        if pull.sender.given_out or flow.refused:
+            return False
+        flow.proven = pull.sender.admitted
+        flow.on_contact(now.steady_s)
+        self._flows.begin(flow, now)
+        return True
+
+    def _begin(self, pull: ServedPull, now: Instant) -> None:
+        if self._pull:
+            self._break_off(self._pull, "the peer began anew", now)
+        self._pull = pull
+        self.peer.connection.share(pull.connection.route)
+        self.peer.log.started(Direction.OUT, now)
+        if pull.sender.state is SendState.REJECTED:
+            self._reject(pull, now)
+
+    # --- a pull ends
+
+    def _take(self, pull: ServedPull, frame: Frame, now: Instant) -> bool:
+        """Hand a frame to the pull, and report if that ends it; False if it is none of a sync."""
+        before = pull.sender.state
+        taken = pull.sender.take(frame)
+        match pull.sender.state:
+            case state if state is before:
+                pass
+            case SendState.REJECTED:
+                self._reject(pull, now)
+            case SendState.FOLLOWED:
+                self._report_end(pull, now)
+            case SendState.OVER if before is not SendState.FOLLOWED:
+                self._end(pull, now, complete=before is not SendState.CUT_SHORT)
+        return taken
 
     def _rejection(self, request_id: bytes) -> bytes | None:
         """The reply on the connection of a rejected sync."""
         if self._rejected is None or self._rejected[0] != request_id:
             return None
-        hello = Hello(self._rejected[1], self._peer.node.config_hash)
+        hello = Hello(self._rejected[1], self.peer.node.config_hash)
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
-    def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
-        if token in self._past or self._flows.is_deaf(now):
-            return False
-        before = self._sync
-        if before and before.id == token:
-            return self._packet_for_connection(before, packet, now)
-        if before and not before.ended and now.steady_s - before.received_s < REPLACED_S:
-            return False  # a copy of an old opening must not end what goes well
-        sync = SyncSender(self._peer, token, now.steady_s)
-        flow = self._flows.make(sync)
-        frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
-        if not frames or not all(sync.open(frame) for frame in frames):
-            return False
-        flow.proven = sync.admitted
-        reached = before and (before.route or (self._flows.current and self._flows.current.proven))
-        if reached and not flow.proven:
-            return False  # nor ever what the peer gets; it may always begin anew by a connection
-        sync.by_datagram = sync.all_cast = True
-        self._begin(sync, now)
-        self._flows.begin(flow, now)
-        return True
-
-    def _packet_for_connection(self, sync: SyncSender, packet: bytes, now: Instant) -> bool:
-        """The connection was first, so it serves until a probe has come back as a datagram."""
-        flow = self._flows.make(sync)
-        flow.receive(packet, now.steady_s)
-        if sync.done or flow.refused:
-            return False
-        flow.proven = sync.admitted
-        flow.on_contact(now.steady_s)
-        self._flows.begin(flow, now)
-        return True
-
-    def _begin(self, sync: SyncSender, now: Instant) -> None:
-        if self._sync:
-            self._break_off(self._sync, "the peer began anew", now)
-        self._sync = sync
-        self._peer.shared = sync.route == DIALLED
-        self._peer.report_start(Direction.OUT, now)
-        self._check_sync(now)
-
-    def _check_sync(self, now: Instant) -> None:
-        """End the pull when the peer has ended it, or is rejected."""
-        sync = self._sync
-        if sync and (sync.over or sync.follows) and not sync.ended:
-            self._end(sync, now)
-        elif sync and sync.rejection is not None:
-            self._reject(sync, sync.rejection, now)
-
-    def _reject(self, sync: SyncSender, why: Reception, now: Instant) -> None:
+    def _reject(self, pull: ServedPull, now: Instant) -> None:
         """Reject a sync; its flow stays until the rejection is sent."""
-        self._sync = None
-        self._past.append(sync.id)
+        self._pull = None
+        self._past.append(pull.id)
         self._ended_s = now.steady_s
-        self._rejected = (sync.id, why)
-        reason = f"{self._peer.name} speaks another version of the sync; install the same release"
-        self._peer.report_timeout(Direction.OUT, reason, now)
+        self._rejected = (pull.id, Reception.UNREADABLE)
+        reason = f"{self.peer.name} speaks another version of the sync; install the same release"
+        self.peer.log.timed_out(Direction.OUT, reason, now)
 
-    def _end(self, sync: SyncSender, now: Instant) -> None:
-        sync.ended = True
+    def _end(self, pull: ServedPull, now: Instant, *, complete: bool) -> None:
+        """A pull has ended, and the peer does not follow."""
+        self._pull = None
+        self.peer.connection.unshare()
+        self._past.append(pull.id)
+        self._ended_s = now.steady_s
+        self._report_end(pull, now, complete=complete)
+
+    def _report_end(self, pull: ServedPull, now: Instant, *, complete: bool = True) -> None:
         if self._flows.current is None:
-            self._peer.renew_token()  # it has got one; a copy of what it began with is of no use
-        if not sync.follows:
-            self._sync = None
-            self._peer.shared = False
-            self._past.append(sync.id)
-            self._ended_s = now.steady_s
-        self._peer.report_end(
+            self.peer.tokens.renew()  # it has got one; a copy of what it began with is of no use
+        self.peer.log.ended(
             Direction.OUT,
             now,
-            began_s=sync.began_s,
-            messages=sync.messages,
-            size=sync.bytes,
-            complete=not sync.cut_short,
+            began_s=pull.began_s,
+            messages=pull.sender.messages,
+            size=pull.sender.sent_bytes,
+            complete=complete,
         )
 
-    def _break_off(self, sync: SyncSender, reason: str, now: Instant) -> None:
-        settled = (
-            sync.done and sync.all_cast and self._flows.current and self._flows.current.settled
-        )
-        if settled and not sync.ended:
-            self._end(sync, now)  # all has arrived, only the peer's END has not
+    def _break_off(self, pull: ServedPull, reason: str, now: Instant) -> None:
+        """The peer sends nothing more of a pull."""
+        before = pull.sender.state
+        ended = pull.sender.ended  # so its end was reported already
+        if pull.has_arrived and not ended:
+            pull.sender.end()  # all has arrived, only the peer's END has not
+            self._end(pull, now, complete=before is SendState.DONE)
             return
-        self._release(sync)
-        if not sync.ended:  # otherwise its end was reported already
-            self._peer.report_timeout(Direction.OUT, reason, now)
+        self._release(pull)
+        if not ended:
+            self.peer.log.timed_out(Direction.OUT, reason, now)
 
-    def _release(self, sync: SyncSender) -> None:
-        self._sync = None
-        self._peer.shared = False
-        self._past.append(sync.id)
+    def _release(self, pull: ServedPull) -> None:
+        """Nothing more is sent of a pull."""
+        pull.sender.end()
+        self._pull = None
+        self.peer.connection.unshare()
+        self._past.append(pull.id)
         self._flows.close()

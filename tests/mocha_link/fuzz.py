@@ -6,8 +6,8 @@ import random
 from benchmarks.fleet.network_sim import NetworkSim
 from mocha_link.datagram import packet as wire
 from mocha_link.sync import frames as sync
+from mocha_link.sync.credit import GRANT
 from mocha_link.sync.frames import MESSAGE_HEADER_BYTES
-from mocha_link.sync.peer import GRANT
 from mocha_link.sync.protocol import (
     CODE_BYTES,
     DENDT,

@@ -18,9 +18,9 @@ from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
 from mocha_link.sync import frames as sync
-from mocha_link.sync.frames import SyncFrameError, record_id
+from mocha_link.sync.frames import SyncFrameError, read_chunks, record_id
 from mocha_link.sync.peer import NodeContext, Peer
-from mocha_link.sync.sync_receiver import SyncReceiver, read_chunks
+from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.team import Team
 
@@ -140,10 +140,8 @@ class Pull:
     def take(self, frames: list[bytes]) -> None:
         self.up += frames
         self.bytes_up += sum(map(len, frames))
-        self.events += self.peer.events
-        self.refusals += self.peer.refusals
-        self.peer.events.clear()
-        self.peer.refusals.clear()
+        self.events += self.peer.log.take_events()
+        self.refusals += self.peer.log.take_refusals()
 
     def give(self, room: int = 1_100) -> bytes | None:
         """The next frame of the serving side, under way now."""

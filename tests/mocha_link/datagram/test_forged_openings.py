@@ -30,8 +30,7 @@ def server(database) -> Server:
 
 def opening(server: Server, *, padded: int, address_token: int) -> bytes:
     """The first datagram of a sender that says it is io."""
-    io = Asker(server)
-    io.peer.address_token = address_token
+    io = Asker(server, address_token=address_token)
     frames = io.receiver.open(at(0)) + ([bytes(padded)] if padded else [])
     flow = Flow(io.id, lambda _: frames.pop(0) if frames else None)
     (packet,) = flow.transmit(at(0).steady_s)
@@ -72,7 +71,7 @@ def test_acknowledgements_that_guess_prove_nothing(server):
 
 
 def test_who_shows_a_ticket_is_served_at_once(server):
-    address_token = server._peer.next_token
+    address_token = server.peer.tokens.next
     server.packet(opening(server, padded=0, address_token=address_token), at(0))
     assert sum(map(len, server.transmit(at(0)))) > 10_000
 
@@ -80,35 +79,35 @@ def test_who_shows_a_ticket_is_served_at_once(server):
 def test_a_ticket_is_good_for_a_few_syncs():
     """So a copy of an opening is of use for that long only."""
     known = peer_of()
-    address_token = known.next_token
-    assert not known.verify_token(0)
+    address_token = known.tokens.next
+    assert not known.tokens.verify(0)
     for _ in range(3):
-        assert known.verify_token(address_token)
-        known.renew_token()
-    assert not known.verify_token(address_token)
-    assert known.next_token != address_token
+        assert known.tokens.verify(address_token)
+        known.tokens.renew()
+    assert not known.tokens.verify(address_token)
+    assert known.tokens.next != address_token
 
 
 def test_only_syncs_that_got_through_use_tokens_up(server):
-    address_token = server._peer.next_token
+    address_token = server.peer.tokens.next
     for number in range(4):
         io = Asker(server, number.to_bytes(6))
         io.cast(at(100 * number))
         said(server)
         server.tick(at(100 * number + 50))
-    assert server._peer.verify_token(address_token)
+    assert server.peer.tokens.verify(address_token)
     for number in range(3):
         io = Asker(server, (100 + number).to_bytes(6))
         io.cast(at(1000 + 100 * number))
         io.run(1000 + 100 * number, FAR_S)
         server.tick(at(1000 + 100 * number + 50))
-    assert not server._peer.verify_token(address_token)
+    assert not server.peer.tokens.verify(address_token)
 
 
 @pytest.fixture
 def net(team) -> NetworkSim:
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
-    net.link("io", "titan").peer.rtt_s = 2 * FAR_S  # so that datagrams go at once
+    net.link("io", "titan").peer.path.measured(2 * FAR_S)  # so that datagrams go at once
     return net
 
 

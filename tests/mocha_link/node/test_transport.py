@@ -28,9 +28,8 @@ from mocha_link.node.node import Node
 from mocha_link.node.router import ClientConnection
 from mocha_link.node.zmtp import Part
 from mocha_link.radios import ManualRadio
-from mocha_link.sync.pull import NEAR_CONNECT_S
-from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import Server
+from mocha_link.sync.pull_datagrams import NEAR_CONNECT_S
+from mocha_link.sync.session import Session
 from tests.mocha_link.conftest import WAIT_S, Witness, free_ports
 
 IN, OUT = Direction.IN, Direction.OUT
@@ -110,23 +109,21 @@ def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypat
     assert "io: an error in the node" in caplog.text
 
 
-@pytest.mark.parametrize(
-    ("owner", "does"), [(Server, "tick"), (Server, "supply"), (Server, "handle"), (Puller, "tick")]
-)
-def test_an_error_with_one_peer_does_not_stop_the_others(field, monkeypatch, owner, does):
+@pytest.mark.parametrize("does", ["tick", "serve", "supply", "request"])
+def test_an_error_with_one_peer_does_not_stop_the_others(field, monkeypatch, does):
     titan, _, _ = field.node("titan")
     callisto, _, _ = field.node("callisto")  # the first peer of titan, so it is served first
     _, _, saw = field.node("io", timeout_s=WAIT_S)
     failed = threading.Event()
-    real = getattr(owner, does)
+    real = getattr(Session, does)
 
-    def fail(self: Server | Puller, *arguments: object) -> object:
-        if self._peer.name == "callisto" and self._peer.node.name == "titan":
+    def fail(self: Session, *arguments: object) -> object:
+        if self.peer.name == "callisto" and self.peer.node.name == "titan":
             failed.set()
             raise ValueError("oops")
         return real(self, *arguments)
 
-    monkeypatch.setattr(owner, does, fail)
+    monkeypatch.setattr(Session, does, fail)
     titan.sync("callisto")
     callisto.sync("titan")
     assert failed.wait(WAIT_S)

@@ -11,7 +11,7 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
-from mocha_link.sync import original
+from mocha_link.sync import request_window
 from mocha_link.sync.original import ClientSession, ServerSession
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA
@@ -113,7 +113,7 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
         assert session.handle([request], NOW) == reply
     messages = len(exchange(*pull.connections)) - 2
     size = sum(len(reply) for _, reply in exchange(*pull.connections))
-    assert peer.events == [
+    assert peer.log.events == [
         SyncStarted(pull.client, NOW.unix_s, Direction.OUT),
         SyncEnded(pull.client, NOW.unix_s, Direction.OUT, messages, size, 0.0),
     ]
@@ -122,8 +122,8 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
 @pytest.mark.parametrize("pull", PULLS)
 @pytest.mark.parametrize("window", [1, 8])
 def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
-    monkeypatch.setattr(original, "MIN_WINDOW", window)
-    monkeypatch.setattr(original, "MAX_WINDOW", window)
+    monkeypatch.setattr(request_window, "MIN_WINDOW", window)
+    monkeypatch.setattr(request_window, "MAX_WINDOW", window)
     recorded = exchange(*pull.connections)
     ids = iter(request[:6] for request, _ in recorded)
     own = database(recorded_team, bodies, *pull.client_holds)
@@ -136,11 +136,11 @@ def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, wi
     while pending:
         asked.append(pending.pop(0))
         pending += session.reply([replies[asked[-1]]], NOW)
-    assert not peer.refusals
+    assert not peer.log.refusals
     assert asked == [request for request, _ in recorded]
     assert session.over
     assert session.failure is None
-    stored = [event for event in peer.events if isinstance(event, MessageStored)]
+    stored = [event for event in peer.log.events if isinstance(event, MessageStored)]
     assert session.messages == len(stored) == len(recorded) - 2
     assert [event.header.pack() for event in stored] == [r[11:] for r in asked[1:-1]]
     for event in stored:

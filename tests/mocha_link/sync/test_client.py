@@ -10,8 +10,10 @@ from benchmarks.fleet.network_sim import pair_of
 from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.wire import Header, PayloadError
-from mocha_link.sync.original import MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.sync.original import ClientSession
+from mocha_link.sync.path_memory import PathMemory
 from mocha_link.sync.peer import Peer
+from mocha_link.sync.request_window import MAX_WINDOW, MIN_WINDOW
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.original import packed
 
@@ -48,10 +50,8 @@ class Pull:
 
     def take(self, frames: list[bytes]) -> None:
         self.open += frames
-        self.events += self.peer.events
-        self.refusals += self.peer.refusals
-        self.peer.events.clear()
-        self.peer.refusals.clear()
+        self.events += self.peer.log.take_events()
+        self.refusals += self.peer.log.take_refusals()
 
     def answer(self, content: bytes, steady_s: float = 1) -> None:
         """Answer the oldest open request."""
@@ -85,7 +85,7 @@ def test_a_window_of_requests_is_under_way(pull):
     pull.answer(b"Ack")
     assert pull.session.messages == TOPICS
     assert pull.session.bandwidth_bytes_s == TOPICS * (6 + len(large)) / 2
-    assert pull.peer.rate_bytes_s == pull.session.bandwidth_bytes_s
+    assert pull.peer.path.rate_bytes_s == pull.session.bandwidth_bytes_s
     assert pull.refusals == []
 
 
@@ -102,7 +102,8 @@ def test_small_messages_widen_the_window(pull):
 
 def test_what_the_last_contact_showed_sets_the_window():
     peer = peer_of(team=TEAM)
-    peer.rtt_s, peer.rate_bytes_s = 1.0, 1e9
+    peer.path.measured(1.0)
+    peer.path.moved(1e9)
     pull = Pull(peer=peer)
     pull.offer(*[header(i) for i in range(TOPICS)])
     assert len(pull.open) == TOPICS > FIRST_WINDOW
@@ -171,14 +172,14 @@ def test_a_message_that_was_cut_lets_the_others_go_first():
     assert third.asked == [b"GDATA" + header(i).pack() for i in (3, 1, 2)]
     for _ in range(3):
         third.answer(body())
-    assert third.peer.cut == {}
+    assert [third.peer.path.cuts(header(i).key) for i in (1, 2, 3)] == [0, 0, 0]
 
 
 def test_a_topic_that_is_always_too_large_starves_no_other_though_it_is_new_each_time():
-    cut_before: dict[int, int] = {}
+    memory = PathMemory()
     for contact in range(3):
         pull = Pull()
-        pull.peer.cut = cut_before
+        pull.peer.path = memory
         large = header(1, age_s=100 - contact)
         pull.offer(large, header(2), header(3))
         if contact:
@@ -186,7 +187,7 @@ def test_a_topic_that_is_always_too_large_starves_no_other_though_it_is_new_each
             pull.answer(body())
             pull.answer(body())
         cut(pull)
-    assert len(cut_before) == 1
+    assert [memory.cuts(header(i).key) for i in (1, 2, 3)] == [3, 0, 0]
 
 
 def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():

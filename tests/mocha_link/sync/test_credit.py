@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.sync.peer import (
+from mocha_link.sync.credit import (
     FIRST_WINDOW,
     GRANT,
     KNOWN_WINDOW,

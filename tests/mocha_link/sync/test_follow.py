@@ -8,12 +8,14 @@ import pytest
 
 from benchmarks.fleet.network_sim import NEAR_DBM, NetworkSim
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.sync.follower import PUSH_BYTES
 from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
+from mocha_link.sync.protocol import FOLLOW_S
 from mocha_link.sync.pull import STANDS_S
-from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import FOLLOW_S
+from mocha_link.sync.send_states import SendState
+from mocha_link.sync.session import Session
 from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news
-from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
+from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA, noise
 from tests.mocha_link.network import peer_of
@@ -273,7 +275,7 @@ def test_who_follows_before_all_was_said_ends_the_pull():
     sender = SyncSender(peer_of())
     sender.receive(message_frame(OPEN, 0, Open(9, 0, Have(())).encode(), 0, 1000))
     sender.receive(message_frame(FOLLOW, 0, b"", 0, 1000))
-    assert (sender.over, sender.follows) == (True, False)
+    assert sender.state is SendState.OVER
 
 
 @pytest.mark.parametrize("net", [True], indirect=True)
@@ -355,9 +357,9 @@ def test_what_waits_says_when_it_is_due(net):
 def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
     """A hundred peers that are silent cost a node nothing."""
     looked: list[str] = []
-    tick = Puller.tick
+    tick = Session.tick
     monkeypatch.setattr(
-        Puller, "tick", lambda it, *given: (looked.append(it._peer.name), tick(it, *given))
+        Session, "tick", lambda it, *given: (looked.append(it.peer.name), tick(it, *given))
     )
     io = net.nodes["io"]
     io.tick(net.now)
@@ -383,12 +385,12 @@ def test_what_a_lost_peer_stores_comes_by_another_at_once(team):
     """A peer that is asked rarely leaves out what is followed elsewhere; that is over now."""
     net = NetworkSim(team, by_timer=True, delay_s=0.01)
     net.wait(50)
-    callisto = net.link("callisto", "titan").puller
+    callisto = net.link("callisto", "titan").session
     publish(net, "titan", "/map", random.Random(1).randbytes(PUSH_BYTES + 1))
     while callisto.has_all:
         net.wait(0.001)
     net.blocked = {("zmq", "callisto", "titan"), ("zmq", "titan", "callisto")}
-    while callisto.followed:
+    while net.team.robot("titan").robot_id in callisto.peer.node.followed:
         net.wait(0.1)
     publish(net, "titan", "/slow", b"after")
     net.wait(3)

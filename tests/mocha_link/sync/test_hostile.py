@@ -153,11 +153,12 @@ def some_list(fuzzer: Fuzzer, now_s: float) -> bytes:
 def test_bad_datagrams_in_answer(loaded, recorded):
     """titan believes that datagrams are the way to io."""
     fuzzer = Fuzzer(recorded, 7)
-    path_stats = loaded.titan._gossip._links.by_peer["io"].peer
+    peer = loaded.titan._gossip._links.by_peer["io"].peer
     with Liar(loaded) as liar:
         while loaded.frames < 1_875 * SHARE:
             for _ in range(CHECK_EVERY // BATCH):
-                path_stats.rtt_s, path_stats.udp_misses = 0.05, 0
+                peer.path.measured(0.05)
+                peer.path.datagrams_carried()
                 with liar.asked() as (connection, parser):
                     say(connection, HANDSHAKE_OF_ROUTER)
                     token = requests(connection, parser)[0][:ID_BYTES]

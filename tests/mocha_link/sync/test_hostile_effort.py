@@ -8,12 +8,14 @@ import sys
 
 import pytest
 
+from benchmarks.fleet.network_sim import team_of
 from mocha_link.store.database import GROUPS, Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
 from mocha_link.sync import frames as sync
-from mocha_link.sync.frames import MAX_CHUNKS, SyncFrameError, message_id_of
-from mocha_link.sync.peer import MAX_CHUNK
+from mocha_link.sync.credit import MAX_CHUNK
+from mocha_link.sync.frames import MAX_CHUNKS, SyncFrameError, message_id_of, read_chunks
+from mocha_link.sync.peer import Peer
 from mocha_link.sync.sync_messages import (
     MAX_OPENED,
     MAX_ROBOTS,
@@ -23,17 +25,27 @@ from mocha_link.sync.sync_messages import (
     Since,
     decode_answers,
 )
-from mocha_link.sync.sync_receiver import SyncReceiver, read_chunks
+from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import SyncSender
-from tests.mocha_link.network import NOW, START_MS, TEAM, Node, Pull, peer_of
+from tests.mocha_link.network import NOW, START_MS, Node, Pull, peer_of
 
 HISTORY = 500
 ROBOT = 2
 
 
-def opened(database: Database, knowledge: Have | Digest, *, history: int = 1) -> SyncSender:
-    peer = peer_of(database)
-    peer._histories = dict.fromkeys(TEAM.topics_by_key, history)
+DEEP = team_of(
+    "robots:\n"
+    + "".join(
+        f"  r{robot}: {{kind: k, address: a{robot}, base_port: 10, clients: []}}\n"
+        for robot in range(ROBOT + 1)
+    )
+    + "kinds: {k: {topics: ["
+    + ", ".join(f"{{name: /t{topic}, type: a/B, history: {HISTORY}}}" for topic in range(4))
+    + "]}}\n"
+)
+
+
+def opened(peer: Peer, knowledge: Have | Digest) -> SyncSender:
     sender = SyncSender(peer)
     say(sender, sync.OPEN, Open(7, 0, knowledge).encode())
     return sender
@@ -49,7 +61,7 @@ def test_an_answer_that_repeats_itself_is_looked_at_once(monkeypatch):
     node = Node("titan")
     for topic_id in range(40):
         node.store(ROBOT, topic_id, START_MS)
-    sender = opened(node.database, Digest({ROBOT: 1}))
+    sender = opened(peer_of(node.database), Digest({ROBOT: 1}))
     looks = []
     headers_in = Database.headers_in
 
@@ -89,13 +101,14 @@ def test_what_a_peer_lists_of_a_topic_is_sorted_once():
         sorts += event == "c_call" and called is sorted
 
     ids = [message_id_of(ROBOT, 3, START_MS + each) for each in range(4 * HISTORY)]
+    peer = peer_of(team=DEEP)
     sys.setprofile(noted)
     try:
-        sender = opened(Database(), Have(ids), history=HISTORY)
+        opened(peer, Have(ids))
     finally:
         sys.setprofile(None)
     assert 1 <= sorts <= 2
-    assert sender._peer._held[ids[0] >> 48] == tuple(
+    assert peer.holdings.stamps_ms(ids[0] >> 48) == tuple(
         START_MS + each for each in reversed(range(3 * HISTORY, 4 * HISTORY))
     )
 
@@ -140,5 +153,5 @@ def test_a_frame_larger_than_any_that_was_asked_for_is_not_read():
     heads = [sync.WHOLE.pack(message_id_of(ROBOT, 3, START_MS), len(body))]
     parts = sync.chunks_parts((0, 0), heads, [], [body])
     receiver.receive(parts[0], NOW, parts[1:])
-    (refusal,) = io.refusals
+    (refusal,) = io.log.refusals
     assert f"{MAX_CHUNK + 1} bytes in a frame" in refusal

@@ -39,9 +39,7 @@ class Session:
         return self._told()
 
     def _told(self) -> list[object]:
-        events = list(self._peer.events)
-        self._peer.events.clear()
-        return events
+        return self._peer.log.take_events()
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.fleet.network_sim import Carried, NetworkSim, pair_of, pulling
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.node.gossip import TIMEOUT_S
-from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
+from mocha_link.node.gossip import TIMEOUT_S, Gossip
+from mocha_link.sync.path_memory import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import PATIENCE_S, Connect
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import noise
@@ -173,7 +173,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         assert net.sent(*UP), "not tried"
         net.wait(20)
     assert not net.told("io", SyncEnded)
-    assert net.link("io", "titan").peer.udp_misses == 0
+    assert net.link("io", "titan").peer.path.udp_misses == 0
 
 
 def test_datagrams_that_carry_nothing_are_given_up_for_a_while(team):
@@ -216,8 +216,8 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     net.publish("titan", "/map", noise(3_000_000))
     io = net.nodes["io"]
     peer, back = (net.link(a, b).peer for a, b in (("io", "titan"), ("titan", "io")))
-    peer.rtt_s = 0.03  # it was further away last time: datagrams go at once
-    peer.address_token = back.next_token
+    peer.path.measured(0.03)  # it was further away last time: datagrams go at once
+    peer.tokens.receive(back.tokens.next)
     held: list[bytes] = []
 
     def hold(piece: Carried) -> bool:
@@ -276,7 +276,10 @@ def test_a_peer_that_restarts_in_mid_pull(net):
     io = net.nodes["io"]
     io.sync("titan", net.now)
     until_some_came(net)
-    net.link("titan", "io").server.__init__(net.link("titan", "io").peer)
+    before = net.nodes["titan"]
+    net.nodes["titan"] = Gossip(
+        net.team, "titan", by_timer=False, datagrams=True, database=before.database
+    )
     net.settle()
     (broken,) = net.told("io", SyncTimedOut)
     assert broken.reason == "the peer does not know of the sync any more"

@@ -16,7 +16,7 @@ from mocha_link.store.reassembly_buffer import SLOW_S, STALL_S
 from mocha_link.store.record import Record
 from mocha_link.sync import holdings
 from mocha_link.sync.frames import record_id
-from tests.mocha_link.network import NOW, START_MS, Node, Pull
+from tests.mocha_link.network import NOW, START_MS, Node, Pull, peer_of
 
 SIZE = 1_000_000
 WINDOW = 65_536  # what an unknown peer may send before it hears that it need not
@@ -86,7 +86,7 @@ def test_of_those_that_announce_a_message_one_brings_it(count, datagrams):
     net.wait(5)
     assert crossed(net) < 1.1
     assert len(net.told("io", MessageStored)) == 1
-    assert not any(link.peer.left for link in net.links("io"))
+    assert not any(link.peer.offers.left for link in net.links("io"))
 
 
 @pytest.mark.parametrize("count", [3, 6])
@@ -228,7 +228,9 @@ def test_what_one_peer_may_not_hand_on_another_one_may(good):
         raise wire.PayloadError("not from that one")
 
     begun(asker, good, 90)
-    asker.peer("other")._verify = refuse
+    asker.peers["other"] = peer_of(
+        asker.database, name="other", reassembly=asker.reassembly, verify=refuse
+    )
     begun(asker, other, 0).run(10_000)
     assert asker.content == {}
     assert begun(asker, good, 0).run(10_000).data_down < 0.15 * SIZE

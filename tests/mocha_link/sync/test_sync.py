@@ -11,7 +11,7 @@ from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import is_alone
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import LARGE_BYTES, SyncFrameError
+from mocha_link.sync.frames import LARGE_BYTES, Chunks, SyncFrameError, read_chunks
 from mocha_link.sync.sync_messages import (
     VERSION,
     Digest,
@@ -27,7 +27,6 @@ from mocha_link.sync.sync_messages import (
     decode_topics,
     encode_topics,
 )
-from mocha_link.sync.sync_receiver import Chunks, read_chunks
 
 U64 = st.integers(0, 2**64 - 1)
 LONG = st.builds(

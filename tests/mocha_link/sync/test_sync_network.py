@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mocha_link.store.reassembly_buffer import SLOW_S
 from mocha_link.sync import holdings
 from mocha_link.sync.frames import record_id
+from mocha_link.sync.send_states import SendState
 from tests.mocha_link.network import START_MS, TEAM, Node, Pull
 
 
@@ -61,7 +62,7 @@ class World:
                         Pull.steady_s += SLOW_S  # who was bringing a message is not any more
                         pull = Pull(asker, server).run()
                         assert pull.receiver.complete
-                        assert pull.sender.over
+                        assert pull.sender.state is SendState.OVER
                         assert pull.refusals == [] or not clean
                         self.arrived[asker.name] += pull.arrived
         for node in self.nodes:

@@ -12,7 +12,7 @@ from mocha_link.store import wire
 from mocha_link.store.record import Knowledge
 from mocha_link.store.wire import WRAP_MS, PayloadError
 from mocha_link.sync import frames as sync
-from mocha_link.sync import sync_messages, sync_receiver
+from mocha_link.sync import sync_messages
 from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
 from tests.mocha_link.network import NOW, START_MS, Node, Pull, mutated, peer_of
@@ -49,10 +49,8 @@ class Asking:
         self.take(self.receiver.open(NOW))
 
     def take(self, frames: list[bytes]) -> None:
-        self.events += self.peer.events
-        self.refusals += self.peer.refusals
-        self.peer.events.clear()
-        self.peer.refusals.clear()
+        self.events += self.peer.log.take_events()
+        self.refusals += self.peer.log.take_refusals()
         for frame in frames:
             message = self.sync_messages.take(frame)
             if message:
@@ -140,13 +138,11 @@ def test_a_message_is_stored_and_told():
     assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
 
 
-def test_of_a_flood_of_messages_not_all_are_remembered(monkeypatch):
+def test_of_a_flood_of_messages_not_all_are_remembered():
     """What is not remembered to be the peer's is named to it in the next pull."""
-    monkeypatch.setattr(sync_receiver, "_MAX_GIVEN", 3)
-    asking = Asking()
+    asking = Asking(remembered=3)
     wholes = [(sync.message_id_of(3, 4, START_MS + n), body(START_MS + n)) for n in range(3)]
     asking.hear(asking.chunks(*wholes, (sync.message_id_of(5, 6, START_MS), body())))
-    assert len(asking.receiver._given) == 3
     asking.done()
     assert asking.receiver.complete
     assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 3)
@@ -275,9 +271,9 @@ def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
         message_id = sync.message_id_of(robot_id, topic_id, START_MS)
         frame = asking.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
         receiver.receive(frame, NOW)
-        assert len(peer.refusals) == 2
-        assert why in peer.refusals[0]
-        peer.refusals.clear()
+        assert len(peer.log.refusals) == 2
+        assert why in peer.log.refusals[0]
+        peer.log.take_refusals()
     assert node.content == {}
     done = Done(EPOCH, 50, asking.number, cut_short=False).encode()
     receiver.receive(sync.message_frames(sync.DONE, 0, done, 500)[0], NOW)

@@ -7,9 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.sync import frames as sync
-from mocha_link.sync import peer as peers
 from mocha_link.sync import send_queue, sync_messages
-from mocha_link.sync.frames import SyncFrameError, record_id
+from mocha_link.sync.frames import Chunks, SyncFrameError, read_chunks, record_id
+from mocha_link.sync.peer_holdings import PeerHoldings
+from mocha_link.sync.send_queue import SendQueue
+from mocha_link.sync.send_states import SendState
 from mocha_link.sync.sync_messages import (
     Digest,
     Done,
@@ -20,7 +22,6 @@ from mocha_link.sync.sync_messages import (
     Reception,
     Since,
 )
-from mocha_link.sync.sync_receiver import Chunks, read_chunks
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 from tests.mocha_link.network import START_MS, Node, Pull, mutated, peer_of
 
@@ -30,7 +31,8 @@ class Served:
 
     def __init__(self, node: Node, knowledge=None, *, requests=(), budget=0, peer=None) -> None:
         self.node = node
-        self.sender = SyncSender(peer or peer_of(node.database, boot_id=5))
+        self.peer = peer or peer_of(node.database, boot_id=5)
+        self.sender = SyncSender(self.peer)
         self.round = -1
         self.open(knowledge or Have(()), requests=requests, budget=budget)
 
@@ -156,15 +158,14 @@ def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(n
     assert chunks.pieces == [(begun, len(body), 2_000, body[2_000:])]
     assert chunks.wholes == [(record_id(newer), newer.body)]
     Served(node, peer=peer)  # the peer does not want it any more
-    assert peer.begun(begun) is None
+    assert peer.holdings.begun(begun) is None
 
 
-def test_what_is_kept_of_what_was_begun_is_bounded(node, monkeypatch):
-    monkeypatch.setattr(peers, "_BEGUN_BYTES", 64_000)
-    peer = peer_of(node.database)
+def test_what_is_kept_of_what_was_begun_is_bounded(node):
+    holdings = PeerHoldings({}, peer_of(node.database).agreement, begun_bytes=64_000)
     for number in range(6):
-        peer.begin(number, node.store(number, 0, START_MS, size=20_000))
-    assert [number for number in range(6) if peer.begun(number)] == [3, 4, 5]
+        holdings.begin(number, node.store(number, 0, START_MS, size=20_000))
+    assert [number for number in range(6) if holdings.begun(number)] == [3, 4, 5]
 
 
 def test_a_budget_is_never_exceeded(node):
@@ -173,9 +174,8 @@ def test_a_budget_is_never_exceeded(node):
     served = Served(node, budget=5_000)
     *_, done = served.hear(1_000)
     assert done.cut_short
-    assert served.sender.cut_short
-    assert 4_000 < served.sender.bytes <= 5_000
-    assert served.sender.done
+    assert served.sender.state is SendState.CUT_SHORT
+    assert 4_000 < served.sender.sent_bytes <= 5_000
 
 
 @pytest.mark.parametrize("of", [(1, 0), (0, 1)])
@@ -187,11 +187,11 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     )
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, requests=[request])
-    address_token = served.sender._peer.next_token
+    address_token = served.peer.tokens.next
     assert served.hear() == [Hello(Reception.UNKNOWN, address_token=address_token, boot_id=5)]
     node.store(0, 2, START_MS)
     assert served.hear() == []
-    assert not served.sender.done
+    assert served.sender.state is SendState.WAITING
     served.open(Have(()), requests=[request])
     hello, chunks, done = served.hear()
     assert hello.reception is Reception.WELCOME
@@ -207,19 +207,27 @@ def test_on_a_slow_link_the_queue_holds_no_more_than_the_database(node, topic_id
     for version in range(30):
         newest = node.store(0, topic_id, START_MS + version, size=9_000)
         served.sender.next(1_100)
-        assert len(served.sender._queue._records) <= history + 2
     chunks = [said for said in served.hear() if isinstance(said, Chunks)]
     given = {each[0] for said in chunks for each in (*said.wholes, *said.pieces)}
     assert record_id(newest) in given
-    assert served.sender.done
+    assert served.sender.state is SendState.DONE
     assert served.sender.messages <= 30 // 9 + 1 + history
+
+
+@pytest.mark.parametrize(("topic_id", "history"), [(0, 1), (3, 3)])
+def test_a_slow_queue_is_as_long_as_the_history_of_a_topic(node, topic_id, history):
+    queue = SendQueue(peer_of(node.database))
+    for version in range(30):
+        queue.add([node.store(0, topic_id, START_MS + version, size=9_000)])
+        queue.fill(1_100, 0, b"", may_be_replaced=True)
+        assert len(queue) <= history + 2
 
 
 def test_what_the_peer_gave_us_is_not_given_back(node):
     peer = peer_of(node.database)
-    peer.met(77)
+    peer.opened(77)
     record = node.store(0, 0, START_MS)
-    peer.holds(record_id(record))
+    peer.holdings.add(record_id(record))
     since = Since(node.database.epoch, 0, ())
     assert Served(node, since, peer=peer).wholes() == []
     assert Served(node, peer=peer).wholes() == [record_id(record)]  # it says that it has nothing
@@ -227,9 +235,9 @@ def test_what_the_peer_gave_us_is_not_given_back(node):
 
 def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
     peer = peer_of(node.database)
-    peer.met(76)
+    peer.opened(76)
     record = node.store(0, 0, START_MS)
-    peer.holds(record_id(record))
+    peer.holdings.add(record_id(record))
     since = Since(node.database.epoch, 0, ())
     assert Served(node, since, peer=peer).wholes() == [record_id(record)]
 
@@ -321,18 +329,14 @@ def test_what_was_skipped_in_an_earlier_round_may_be_wanted_now():
     assert sender.messages == 1
 
 
-def test_what_a_peer_that_follows_was_given_is_not_remembered_for_ever(monkeypatch):
-    monkeypatch.setattr(send_queue, "_MAX_GIVEN", 3)
-    server, asker = Node("server"), Node("asker")
-    pull = Pull(asker, server).run()
-    for number in range(10):
-        server.store(1, 1, START_MS + number)
-    pull = Pull(asker, server).run()
-    for number in range(10):
-        server.store(number, 2, START_MS)
-    pull = Pull(asker, server).run()
-    assert len(pull.sender._queue._given) == 3
-    assert asker.content == server.content
+def test_what_a_peer_that_follows_was_given_is_not_remembered_for_ever(node):
+    """It may follow for days; a message beyond those that are remembered may go out twice."""
+    queue = SendQueue(peer_of(node.database), remembered=3)
+    records = [node.store(number, 2, START_MS) for number in range(10)]
+    for _ in range(2):
+        queue.add(records)
+        queue.fill(65_536, 0, b"", may_be_replaced=False)
+    assert queue.messages == 10 + 7
 
 
 def test_one_message_more_is_not_looked_at_beside_all_that_wait(monkeypatch):

@@ -1,0 +1,183 @@
+"""The messages that one pull brings in, whole or in pieces: checked, put together, stored."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Set as AbstractSet
+
+from mocha_link.clock import Instant
+from mocha_link.store import (
+    UNSAFE_MS,
+    WRAP_MS,
+    Header,
+    PayloadError,
+    Record,
+    impossibility,
+    is_alone,
+    wire,
+)
+from mocha_link.sync.frames import LARGE_BYTES, Chunks, SyncFrameError
+from mocha_link.sync.holdings import Holdings
+from mocha_link.sync.peer import Peer, check_type
+from mocha_link.sync.protocol import Frame
+
+MAX_GIVEN = 65_536
+_SKIP_BYTES = 4_096  # a SKIP pays off for at least so much that we have already
+_MAX_BEGUN = 1_024
+_MAX_FAILED = 1_024
+_MAX_REFUSALS = 100  # that are reported of one frame
+
+
+class Intake:
+    """Stores the messages of one pull; refuses what is damaged or impossible.
+
+    Args:
+        holdings: what we hold.
+        remembered: messages that the peer gave us; later ones are reported to it in the next pull
+            like ours.
+
+    Attributes:
+        messages: that were stored.
+        given: ids of messages that the peer gave us before the pull ended.
+        flawed: the round lacks something that may be requested again.
+        hopeless: something will not come whole in this pull.
+    """
+
+    def __init__(self, peer: Peer, holdings: Holdings, *, remembered: int = MAX_GIVEN) -> None:
+        self.messages = 0
+        self.given: set[int] = set()
+        self.flawed = False
+        self.hopeless = False
+        self._peer = peer
+        self._holdings = holdings
+        self._reassembly = peer.node.reassembly
+        self._topics = peer.node.team.topics_by_key
+        self._remembered = remembered
+        self._now = Instant(0.0, 0.0)  # of the frame at hand
+        self._refusals_end = 0  # no refusals beyond this number are recorded
+        self._begun: set[int] = set()  # messages of which a part came in this pull
+        self._skipped: set[int] = set()  # requested not to be sent on in this round
+        self._skips: list[int] = []  # of these, the ones that are not requested yet
+        self._failed: set[int] = set()  # messages that came damaged
+
+    # --- the course of the pull
+
+    def begin_frame(self, now: Instant) -> None:
+        """A frame has come."""
+        self._now = now
+        self._refusals_end = len(self._peer.log.refusals) + _MAX_REFUSALS
+
+    def begin_round(self) -> None:
+        """A round begins."""
+        self.flawed = False
+        self._skipped.clear()
+
+    def end(self) -> None:
+        """The pull has ended: what comes from now on is pushed, and is not noted as given."""
+        self._remembered = 0
+
+    def refuse_frame(self, error: SyncFrameError) -> None:
+        """The frame cannot be read; what it held may be requested again."""
+        self._refuse(str(error))
+        self.flawed = True
+
+    def missing(self, left: AbstractSet[int]) -> list[int]:
+        """What has begun and not come whole, and what no other peer sends of what was `left`."""
+        elsewhere = self._reassembly.elsewhere(self._peer.name, self._now.steady_s)
+        return [*filter(self._is_new, self._begun), *(left - elsewhere)]
+
+    # --- messages
+
+    def take(self, chunks: Chunks) -> None:
+        """Take in a frame of chunks. Raises SyncFrameError."""
+        for message_id, body in chunks.wholes:
+            keeps = len(body) >= LARGE_BYTES and is_alone(body)
+            self._take_message(message_id, body if keeps else bytes(body))
+        for piece in chunks.pieces:
+            self._take_piece(*piece)
+
+    def take_skips(self) -> list[int]:
+        """The messages whose rest need not be sent, since the last call."""
+        skips, self._skips = self._skips, []
+        return skips
+
+    def wanted(self, message_ids: Collection[int]) -> list[int]:
+        """Those of the announced messages that are possible and would be new."""
+        return [
+            each for each in message_ids if not self._is_impossible(each) and self._is_new(each)
+        ]
+
+    def _take_piece(self, message_id: int, total: int, offset: int, data: memoryview) -> None:
+        if self._is_impossible(message_id):
+            return
+        # Another peer has brought it, or a newer one, or is at it.
+        if not self._is_new(message_id) or self._holdings.leaves(message_id, total, self._now):
+            self._begun.discard(message_id)
+            more = total - offset - len(data) > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
+            if more and message_id not in self._skipped:
+                self._skipped.add(message_id)
+                self._skips.append(message_id)
+            return
+        if message_id not in self._begun and len(self._begun) >= _MAX_BEGUN:
+            raise SyncFrameError("parts of too many messages")
+        body = self._reassembly.add(message_id, total, offset, data, self._peer.name)
+        if body is None:
+            self._begun.add(message_id)
+        else:
+            self._begun.discard(message_id)
+            self._take_message(message_id, body)
+
+    def _take_message(self, message_id: int, body: Frame) -> None:
+        if self._is_impossible(message_id):
+            return
+        peer, stamp_ms = self._peer, message_id & wire.STAMP_MASK
+        robot, topic = known = self._topics[message_id >> 48]
+        try:
+            trailer = wire.check(body, (robot.robot_id, topic.topic_id), stamp_ms)
+            if trailer is None:
+                check_type(body, topic)
+        except PayloadError as error:  # damaged on its way, perhaps
+            self._refuse(f"message {message_id:016x}: {error}")
+            if not self._reassembly.fail(message_id):  # of this peer alone
+                self.hopeless |= message_id in self._failed or len(self._failed) >= _MAX_FAILED
+                self._failed.add(message_id)
+            self.flawed = True
+        else:
+            header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
+            now_s = self._now.unix_s
+            record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
+            peer.holdings.add(message_id)
+            if len(self.given) < self._remembered:
+                self.given.add(message_id)
+            try:
+                self.messages += peer.store(known, record, trailer)
+            except PayloadError as error:  # intact, so it will not be another one next time
+                self._refuse(f"message {message_id:016x}: {error}")
+                self._reassembly.fail(message_id, but=peer.name)
+                return
+            if self._reassembly.cost:
+                self._reassembly.drop(message_id)
+
+    def _is_impossible(self, message_id: int) -> bool:
+        """Whether a message has unknown ids or an impossible time; records the refusal."""
+        stamp_ms = message_id & wire.STAMP_MASK
+        taken = wire.is_taken(stamp_ms, self._now.unix_s)
+        safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
+        key = message_id >> 48
+        if safe and key in self._topics and self._peer.agreement.exchanges(key):
+            return False
+        robot_id, topic_id = divmod(message_id >> 48, 256)
+        why = impossibility(self._peer.node.team, robot_id, topic_id, stamp_ms, self._now.unix_s)
+        self._refuse(f"message {message_id:016x}: {why}")
+        return True
+
+    def still_new(self, message_ids: Iterable[int]) -> Iterator[int]:
+        """Those that have not come, from this peer or another one."""
+        return filter(self._is_new, message_ids)
+
+    def _is_new(self, message_id: int) -> bool:
+        return self._holdings.wants(message_id, self._now.unix_s)
+
+    def _refuse(self, reason: str) -> None:
+        if len(self._peer.log.refusals) < self._refusals_end:
+            self._peer.log.refuse(reason)
