@@ -6,9 +6,10 @@ What `benchmarks.mutants` and `benchmarks.sabotage` stand on: a change that does
 exactly one place of its module is an error, so that no list of changes outlives its code.
 """
 
-import ast
+import builtins
 import json
 import runpy
+import symtable
 import sys
 from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
@@ -40,6 +41,25 @@ def changed(source: str, change: Change) -> str:
     return source.replace(change.old, change.new)
 
 
+def undefined(source: str) -> set[str]:
+    """The names that the functions of a module use, and that nothing defines.
+
+    Raises:
+        SyntaxError: it is no Python.
+    """
+    module = symtable.symtable(source, "source", "exec")
+    known = {*vars(builtins), "__file__", "__name__"}
+    for each in module.get_symbols():
+        if each.is_assigned() or each.is_imported() or each.is_namespace():
+            known.add(each.get_name())
+    tables, found = [module], set[str]()
+    while tables:
+        table = tables.pop()
+        tables += table.get_children()
+        found |= {each.get_name() for each in table.get_symbols() if each.is_global()}
+    return found - known
+
+
 def check(changes: Sequence[Change]) -> None:
     """Raise ChangeError unless each change applies to the source as it stands; it stays Python."""
     for change in changes:
@@ -47,11 +67,13 @@ def check(changes: Sequence[Change]) -> None:
         if not path.exists():
             raise ChangeError(f"there is no module {change.module}")
         source = changed(path.read_text(encoding="utf-8"), change)
+        where = f"{change.module} with {change.new!r}"
         try:
-            ast.parse(source)
+            unknown = undefined(source)
         except SyntaxError as error:
-            where = f"{change.module} with {change.new!r}"
             raise ChangeError(f"{where} is no Python: {error}") from None
+        if unknown:  # it would only end in a NameError
+            raise ChangeError(f"{where} uses {', '.join(sorted(unknown))}, defined nowhere")
 
 
 def install(changes: Sequence[Change]) -> None:

@@ -1,7 +1,9 @@
 """What is broken on purpose still is: every change applies to one place of the code of now."""
 
+import pytest
+
 from benchmarks.mutants import MUTANTS
-from benchmarks.patched import ChangeError, check
+from benchmarks.patched import Change, ChangeError, check
 from benchmarks.sabotage.table import SABOTAGES
 from benchmarks.stpa.__main__ import BREAKS
 from sitl.rehearsal.faults import Fault
@@ -14,6 +16,13 @@ def misfits(changes):
             check(of_it)
         except ChangeError as error:
             yield f"{name}: {error}"
+
+
+@pytest.mark.parametrize("new", ["return not_defined(cells)", "return cells for"])
+def test_a_change_that_could_only_crash_is_no_change(new):
+    old = "return header + cells.tobytes()"
+    with pytest.raises(ChangeError, match=r"not_defined, defined nowhere|no Python"):
+        check([Change("geo.grid", old, new)])
 
 
 def test_every_mutant_applies():

@@ -36,6 +36,12 @@ _DONE, _OTHERWISE, _REFUSED, _TAKEN_OVER = 0, 1, 5, 6
 """Exit codes of `air-router fly`: landed at home; ended otherwise; refused, left as it is; the
 pilot took over."""
 
+_CRASHED: Final = 70
+"""What the companion ends with in a simulated flight after an exception that it does not expect."""
+
+_TRACEBACK: Final = "Traceback (most recent call last)"
+"""What `air-router fly` prints then."""
+
 _LAG_S: Final = 0.5
 """Lines are stamped by the program that reads them, happenings by the one that does them."""
 
@@ -259,6 +265,15 @@ def _was_lied_to(case: Case) -> bool:
         if critical and not any(sample.failsafe for sample in about):
             return True
     return False
+
+
+def the_companion_does_not_crash(case: Case) -> Iterator[Violation]:
+    """A program error is a finding, also where the vehicle holds safely after it."""
+    evidence = case.evidence
+    printed_s = next((s.time_s for s in evidence.lines if _TRACEBACK in s.text), None)
+    if evidence.exit_code == _CRASHED or printed_s is not None:
+        at_s = float(case.time_s[-1]) if printed_s is None else printed_s
+        yield Violation(at_s, "crash", f"the companion crashed: {evidence.outcome}")
 
 
 def a_fault_is_announced(case: Case) -> Iterator[Violation]:

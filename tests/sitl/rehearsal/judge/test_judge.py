@@ -166,6 +166,15 @@ def test_what_only_hopped_has_not_landed_from_a_flight(highest_m, told):
     assert kinds(evidence(hop, code=1)) & {"told"} == told
 
 
+def test_a_companion_that_crashes_is_a_finding_even_if_the_vehicle_holds():
+    holds = track(((0, 0), (60, 0)), land=False)
+    ended = [SceneEvent(len(holds) - 1.0, SceneEventKind.ENDED)]
+    assert "crash" not in kinds(evidence(holds, code=5, happenings=ended))
+    assert "crash" in kinds(evidence(holds, code=70, happenings=ended))
+    printed = [(60.0, "Traceback (most recent call last):")]
+    assert "crash" in kinds(evidence(holds, code=1, said=printed, happenings=ended))
+
+
 NEAR = ((0, 0), (16, 30), (0, 0))
 THROUGH = ((0, 0), (10, 30), (50, 30), (10, 30), (0, 0))
 OUT = ((0, 0), (-97, 0), (0, 0))
