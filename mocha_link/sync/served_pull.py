@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from mocha_link.clock import Instant
+from mocha_link.datagram import Flow
 from mocha_link.sync.flows import Flows
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, PATIENCE_S, Frame, Route, Standing
@@ -91,16 +92,22 @@ class ServedPull:
 
     # --- which way
 
+    @property
+    def _flow(self) -> Flow | None:
+        """The flow of this pull; the current one may still be that of the pull before."""
+        flow = self._flows.current
+        return flow if flow and flow.token == self.id else None
+
     def _datagrams_carry(self) -> bool:
         """Whether they carry what there is: a first window, and more where TCP loses much.
 
         A peer that follows gets what is new over its connection, if that stands.
         """
-        flow, sender = self._flows.current, self.sender
+        flow, sender = self._flow, self.sender
         if not self.by_datagram or flow is None:
             return False
         if (
-            (sender.given_out and not (sender.ended and self.connection.route))
+            (sender.given_out and not (sender.ended and self.connection.route is not None))
             or self._flows.loses_much
             or not self._flows.window_used(admitted=sender.admitted, sent=self.connection.sent)
         ):
@@ -111,8 +118,8 @@ class ServedPull:
 
     def use_datagrams(self) -> None:
         """Have them carry what the connection began, where TCP loses much and they get there."""
-        flow = self._flows.current
-        if flow is None or flow.token != self.id or self.sender.given_out:
+        flow = self._flow
+        if flow is None or self.sender.given_out:
             return
         if flow.rtt_s is not None and self._flows.loses_much:
             self.by_datagram = True
@@ -124,7 +131,7 @@ class ServedPull:
         Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
         takes no longer.
         """
-        flow, connection = self._flows.current, self.connection
+        flow, connection = self._flow, self.connection
         if self._reclaimed or connection.route is None or flow is None or flow.rtt_s is not None:
             return None
         if not self.by_datagram and flow.settled:
@@ -136,7 +143,7 @@ class ServedPull:
 
         It sends again what they may have lost.
         """
-        flow, due_s = self._flows.current, self._unreachable_s
+        flow, due_s = self._flow, self._unreachable_s
         if flow and due_s is not None and now.steady_s > due_s:
             self.by_datagram = False
             self._reclaimed = True
@@ -148,13 +155,13 @@ class ServedPull:
     @property
     def reaches_peer(self) -> bool:
         """Whether what we send is known to reach the peer."""
-        flow = self._flows.current
-        return bool(self.connection.route or (flow and flow.proven))
+        flow = self._flow
+        return self.connection.route is not None or bool(flow and flow.proven)
 
     @property
     def has_arrived(self) -> bool:
         """Whether all was given out and acknowledged, so that only the peer's END is missing."""
-        flow = self._flows.current
+        flow = self._flow
         return bool(self.sender.given_out and self._all_cast and flow and flow.settled)
 
     @property

@@ -17,8 +17,16 @@ from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.flows import WINDOW_BYTES
-from mocha_link.sync.frames import END, HELLO, OPEN, MessageAssembler, message_frames
-from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S, Standing
+from mocha_link.sync.frames import (
+    CHUNKS,
+    END,
+    HELLO,
+    OPEN,
+    MessageAssembler,
+    message_frames,
+    read_chunks,
+)
+from mocha_link.sync.protocol import DIALLED, ID_BYTES, PATIENCE_S, Standing
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
@@ -614,3 +622,28 @@ def test_an_old_opening_does_not_end_a_sync_that_goes_well():
     assert server.packet(first, at(0))
     assert not server.packet(second, at(0.3))
     assert server.packet(second, at(0.9))
+
+
+def test_a_pull_takes_nothing_of_the_datagrams_of_the_pull_before(server, database):
+    before = Asker(server, b"before")
+    before.cast(at(0))
+    assert server.transmit(at(0))  # none of these arrives
+    before.open(now=at(0.01))
+    server.tick(at(0.02))
+    before.ask(b"SYNCF" + message_frames(END, 0, b"", 1100)[0], now=at(0.02))
+    after = Asker(server, b"after.")
+    after.open(now=at(0.5))
+    server.tick(at(0.51))
+    frames = [frame for _, frame in after.drain()]
+    assert [frame[ID_BYTES] for frame in frames].count(HELLO) == 1
+    numbers = [read_chunks(f[ID_BYTES:]).number for f in frames if f[ID_BYTES] == CHUNKS]
+    assert numbers == sorted(set(numbers))
+
+
+def test_an_old_opening_does_not_end_a_pull_over_the_connection_that_we_opened(server):
+    goes_well = Asker(server, b"goes.w")
+    goes_well.open(route=DIALLED)
+    stranger = Asker(server, b"strang", address_token=5)
+    stranger.cast(at(0.9))
+    assert server.transmit(at(0.9)) == []
+    assert {frame[:ID_BYTES] for _, frame in goes_well.drain()} == {goes_well.id}
