@@ -74,6 +74,8 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "seeking.md 1": "a formula",
     "seeking.md 2": "a formula",
     "sync-protocol.md 1": "who sends what when",
+    "sync-protocol.md 2": "a frame; tests/mocha_link/test_second_puller.py",
+    "sync-protocol.md 3": "a frame; tests/mocha_link/test_second_puller.py",
     "usual-values.md 1": "printed; every band: tests/air_router/files/test_usual_values.py",
     "watching.md 1": "what is printed; its parts: air_router/test_status.py",
     "watching.md 2": "what is printed; its columns: below",
