@@ -1,7 +1,7 @@
 """A reliable, unordered, paced flow of frames over datagrams. No sockets, threads or clocks here.
 
 For links where setting up a connection takes most of a contact: the first packet carries data, and
-what the last contact showed of the link is used from the first moment on. docs/sync-protocol.md
+what the last contact showed of the link is used from the first moment on. docs/datagrams.md
 describes the packets and what a sender does.
 """
 

@@ -1,6 +1,6 @@
 """Packets of the datagram path, and what the receiving end knows of them. Bytes only, no sockets.
 
-docs/sync-protocol.md shows the layout byte by byte.
+docs/datagrams.md shows the layout byte by byte.
 """
 
 from __future__ import annotations

@@ -43,12 +43,13 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "editing.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
     "embedding.md python 1": "mocha_link/test_docs_embedding.py::test_the_planner_meets_everybody",
     "embedding.md python 2": (
-        "mocha_link/test_docs_embedding.py::test_the_reader_needs_nothing_of_ours"
+        "mocha_link/test_docs_embedding.py::"
+        "test_the_planner_of_another_language_needs_nothing_of_ours"
     ),
     "embedding.md python 3": "mocha_link/test_docs_embedding.py::test_the_radio_of_a_program",
     "embedding.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
     "embedding.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
-    "embedding.md 4": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
+    "embedding.md 5": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "mission-file.md yaml": (
         "air_router/files/missions/test_mission_file.py::"
         "test_the_documented_examples_load_and_the_table_has_every_key"
@@ -68,11 +69,13 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "architecture.md 1": "who imports whom; tests/test_house.py sees to it",
     "editing.md 7": "printed by the command above it, shortened",
     "errors.md 1": "printed; every code: tests/test_errors.py",
-    "embedding.md 2": "PromQL; its metrics: tests/mocha_link/service/test_prometheus.py",
+    "embedding.md 3": "PromQL; its metrics: tests/mocha_link/service/test_prometheus.py",
     "mission-file.md 2": "printed; its codes: below",
     "seeking.md 1": "a formula",
     "seeking.md 2": "a formula",
     "sync-protocol.md 1": "who sends what when",
+    "sync-protocol.md 2": "a frame; tests/mocha_link/test_second_puller.py",
+    "sync-protocol.md 3": "a frame; tests/mocha_link/test_second_puller.py",
     "usual-values.md 1": "printed; every band: tests/air_router/files/test_usual_values.py",
     "watching.md 1": "what is printed; its parts: air_router/test_status.py",
     "watching.md 2": "what is printed; its columns: below",

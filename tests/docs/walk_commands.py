@@ -122,7 +122,9 @@ def end(process):
 
 
 NEEDS = {  # what has to run beside it
-    "ipc:///tmp/io.metrics": ("mocha-link node io.yaml --robot io --metrics ipc:///tmp/io.metrics"),
+    "monitor ipc:///tmp/b.metrics": (
+        "mocha-link node missions/two/team.yaml --robot b --metrics ipc:///tmp/b.metrics"
+    ),
     "mocha-link metrics": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
     "mocha-link monitor": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
 }

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import json
 import re
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from mocha_link import (
 from mocha_link.errors import RadioError
 from mocha_link.links.metrics import Direction
 from mocha_link.radios.reports import parse_report
+from mocha_link.service.service import ServiceServer
 from mocha_link.team.document import Document
 from mocha_link.team.team import Trigger
 from mocha_link.team.team_file import FORMS, RobotModel, TopicModel
@@ -34,6 +36,15 @@ DOCS = Path(__file__).parents[2] / "docs"
 EMBEDDING = (DOCS / "embedding.md").read_text()
 PLANNER, READER, MODEM = re.findall(r"```python\n(.*?)```", EMBEDDING, re.DOTALL)
 WAIT_S = 60
+PLANNERS = """
+robots:
+  titan: {kind: robot, address: 127.0.0.1, base_port: 10, clients: [callisto, io]}
+  callisto: {kind: robot, address: 127.0.0.1, base_port: 20, clients: [io, titan]}
+  io: {kind: robot, address: 127.0.0.1, base_port: 30, clients: [callisto, titan]}
+kinds:
+  robot: {topics: [{name: /pose, type: json/Pose}, {name: /goal, type: json/Goal}]}
+trigger: {interval_s: 0.2}
+"""
 
 
 def rows(text):
@@ -41,15 +52,15 @@ def rows(text):
     return [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
 
 
-def test_the_planner_meets_everybody(field, tmp_path):
+def test_the_planner_meets_everybody(field_of, tmp_path):
     assert len([line for line in PLANNER.splitlines() if line.strip()]) <= 30
+    field = field_of(PLANNERS)
     path = tmp_path / "team.yaml"
-    path.write_text(field.team.dump().replace("interval_s: 2.0\n", "interval_s: 0.2\n"))
-    team = Team.load(path)
-    assert team.trigger.interval_s == 0.2
+    path.write_text(field.team.dump())
     with contextlib.ExitStack() as stack:
         for name in ("callisto", "io"):  # no radio: all of them pull by the timer
-            stack.enter_context(Node(team, name)).publish("/pose", b"{}")
+            node = stack.enter_context(Node(field.team, name))
+            node.publish("/pose", b'{"x": 1}')
         planner = subprocess.run(
             [sys.executable, "-c", PLANNER, str(path), "titan"],
             capture_output=True,
@@ -60,27 +71,38 @@ def test_the_planner_meets_everybody(field, tmp_path):
     *met, callisto, io = planner.stdout.splitlines()  # both may be met before it looks
     for line in met:
         assert re.fullmatch(r"met (callisto|io); seek (callisto|io), heard at None", line)
-    assert re.fullmatch(r"callisto: data of 1 topics, newest \d[\d.e-]* s", callisto)
-    assert re.fullmatch(r"io: data of 1 topics, newest \d[\d.e-]* s", io)
+    assert callisto == "callisto: {'x': 1}"
+    assert io == "io: {'x': 1}"
 
 
-def test_the_reader_needs_nothing_of_ours(field, tmp_path):
+def test_the_planner_of_another_language_needs_nothing_of_ours(field_of, tmp_path):
     assert "mocha_link" not in READER
+    field = field_of(PLANNERS)
     node, radio, _ = field.node("titan")
     with (
-        MetricsServer(node, f"ipc://{tmp_path}/metrics") as server,
+        MetricsServer(node, f"ipc://{tmp_path}/metrics") as metrics,
+        ServiceServer(node, f"ipc://{tmp_path}/node") as service,
         subprocess.Popen(
-            [sys.executable, "-c", READER, server.endpoint], stdout=subprocess.PIPE, text=True
-        ) as reader,
+            [sys.executable, "-c", READER, metrics.endpoint, service.endpoint],
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as planner,
         contextlib.ExitStack() as stack,
     ):
-        stack.callback(reader.kill)
-        lines = iter(reader.stdout.readline, "")
-        assert next(lines) == "titan callisto idle None\n"
-        radio.report("io", Reading(-80.0, Unit.DBM, "wifi"))
+        stack.callback(planner.kill)
+        lines = iter(planner.stdout.readline, "")
+        assert next(lines) == "seek callisto, heard at None, None\n"
+        assert json.loads(node.latest("titan", "/goal").data) == {"seek": "callisto"}
+        strong = Reading(-60.0, Unit.DBM, "wifi")
+        for name in ("callisto", "io"):
+            peer, radio_of_peer, _ = field.node(name)
+            peer.publish("/pose", json.dumps({"of": name}).encode())
+            radio.report(name, strong)
+            radio_of_peer.report("titan", strong)
         assert any(re.fullmatch(r"[\d.]+ RssiChanged io\n", line) for line in lines)
-        shown = "titan io idle {'value': -80.0, 'unit': 'dBm', 'source': 'wifi'}\n"
-        assert shown in lines
+        signal = "{'value': -60.0, 'unit': 'dBm', 'source': 'wifi'}"
+        # both were met at the same time of a clock that stands
+        assert f"seek callisto, heard at {signal}, {{'of': 'callisto'}}\n" in lines
 
 
 def test_every_event_is_documented_with_its_fields():
