@@ -17,8 +17,7 @@ START_RATE = 1_250_000.0  # bytes/s at which they leave
 UNKNOWN_RTT_S = 0.2
 BURST_S = 0.01  # sending that was missed by a late call and may be caught up at once
 AHEAD_S = 0.001  # a packet may leave so much early: fewer wake-ups
-MIN_PACKETS = 4  # under way, however little the link holds
-SLACK_S = 0.03  # and what it takes in this time, as acknowledgements may be late
+SLACK_PACKETS = 4  # under way besides what the link holds, as acknowledgements may be late
 TRUSTED_BYTES = 512 * 1024  # and never more than this and twice what has arrived
 MAX_RATE = 125e6
 RTT_WINDOW_S = 10.0  # the lowest round trip of so long
@@ -30,7 +29,7 @@ GROWTH = 1.25  # with less in two rounds a fast start ends
 SPREAD_PACKETS = 6  # whose distances show a rate
 BURST_OVER_S = 0.05  # packets that left farther apart show nothing
 STRETCHED, STRETCHED_S = 1.5, 0.01  # so much later than they left they have come out of a full link
-STANDS_S, STANDS_PACKETS = 0.03, 4  # a round trip that is so much longer throughout is a queue
+STANDS_S, STANDS_PACKETS = 0.03, 2  # a round trip that is so much longer throughout is a queue
 DRAIN_ROUNDS = 3  # a queue that lasts longer is not ours
 
 
@@ -147,8 +146,8 @@ class Pacing:
         if not self._rate:
             return START_PACKETS * self.packet_bytes
         holds = self._gains[1] * self._rate * (self.rtt.min_s or UNKNOWN_RTT_S)
-        slack = max(MIN_PACKETS * self.packet_bytes, self._rate * SLACK_S)
-        return int(min(holds + slack, TRUSTED_BYTES + 2 * self._delivered))
+        holds += SLACK_PACKETS * self.packet_bytes
+        return int(min(holds, TRUSTED_BYTES + 2 * self._delivered))
 
     def room(self, in_flight: int) -> bool:
         """Whether the link holds another packet."""
