@@ -10,20 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mocha_link.datagram import packet as wire
-from mocha_link.datagram.outbox import Acknowledged, Content, Outbox
+from mocha_link.datagram.address_proof import AddressProof
+from mocha_link.datagram.outbox import Outbox
 from mocha_link.datagram.pacing import AHEAD_S, UNKNOWN_RTT_S, Pacing
-from mocha_link.datagram.packet import ACK_BYTES, ACK_DELAY_S, DATA_BYTES, LENGTH_BYTES, MAX_MASK
+from mocha_link.datagram.packet import ACK_BYTES, DATA_BYTES, LENGTH_BYTES, MAX_MASK
+from mocha_link.datagram.silence import QUIET_S, Silence, deviation_s
 
-MAX_QUOTA = 1 << 30
 PACKET_BYTES = 1_400  # 1,500 of most links - 20 - 8 - 40 for a seal around it, and some to spare
 PIGGYBACK_BYTES = 16  # a longer list of what arrived goes in a packet of its own
 SECOND_FRAME_BYTES = 300  # with less room left in a packet no further frame is requested
-GRANULARITY_S = 0.01
-QUIET_S = 0.15  # without a packet for two round trips and this the link is down
-PROBE_S = 0.1  # then probes leave at this distance, growing
-MAX_PROBE_S = 1.0
 LEAST_QUOTA = 80  # less is not worth a packet
-RETURN = 3  # times the bytes received: more does not leave before the peer has proven its address
 CONTACT_REPEAT_S = 1.0  # a second contact within this time does not send everything once more
 
 
@@ -40,6 +36,12 @@ class Flow:
     first_number: of our packets. Who cannot guess it cannot acknowledge what it did not get.
     proven: what we send gets to the peer itself, not to a victim in whose name it came. Otherwise
         that is shown by the first acknowledgement, and little leaves before it.
+
+    Attributes:
+        token: names the flow.
+        alive_s: when the last packet was received.
+        refused: packets that were none.
+        repeated: packets whose frames had arrived before.
     """
 
     def __init__(  # noqa: PLR0913 - the options of a flow
@@ -56,28 +58,36 @@ class Flow:
         if len(token) != wire.TOKEN_BYTES:
             raise ValueError(f"a token has {wire.TOKEN_BYTES} bytes, not {len(token)}")
         self.token = token
-        self.alive_s: float | None = None  # when the last packet was received
-        self.proven = proven
-        self.refused = 0  # packets that were none
-        self.repeated = 0  # packets whose frames had arrived before
-        self.down = False  # an expected acknowledgement is overdue
-        self._bytes_in = self._bytes_out = 0  # limit what leaves to an unproven address
+        self.alive_s: float | None = None
+        self.refused = 0
+        self.repeated = 0
         self._source = source
         self._packet = packet_bytes  # bytes of a full packet
-        self._known_rate = rate_bytes_s  # remembered, bytes/s
+        self._address = AddressProof(proven=proven)
         self._pacing = Pacing(packet_bytes, rate_bytes_s=rate_bytes_s, rtt_s=rtt_s)
         self._arrivals = wire.Arrivals()
         self._outbox = Outbox(first_number)
+        self._silence = Silence()
         self._dry = False  # the source had nothing
-        self._progress_s = self._sent_s = 0.0  # of the last acknowledgement, of the last packet
-        self._tail = False  # a probe for a lost tail is under way
-        self._probe_s = 0.0  # when the next probe leaves
-        self._probe_every_s = PROBE_S  # grows while it is down
-        self._blind = False  # what of the last flight arrived is not known yet: it goes later
         self._contact_s: float | None = None  # when a contact began without a packet so far
+        self._blind = False  # the next acknowledgement reports what arrived of what is lost
         self._hello = False  # a packet has to leave now, whatever is in it
 
     # --- what others may know
+
+    @property
+    def proven(self) -> bool:
+        """Whether the peer has proven its address."""
+        return self._address.proven
+
+    @proven.setter
+    def proven(self, proven: bool) -> None:
+        self._address.proven = proven
+
+    @property
+    def down(self) -> bool:
+        """Whether expected acknowledgements are overdue."""
+        return self._silence.down
 
     @property
     def rtt_s(self) -> float | None:
@@ -97,7 +107,7 @@ class Flow:
     @property
     def bytes_out(self) -> int:
         """How many bytes have left, in all packets."""
-        return self._bytes_out
+        return self._address.bytes_out
 
     @property
     def arrived(self) -> int:
@@ -115,15 +125,13 @@ class Flow:
         if self._hello:
             return 0.0
         times = [] if self._arrivals.due_s is None else [self._arrivals.due_s]
-        if self.down:
-            return min([self._probe_s, *times])
-        if self._outbox.under_way():
-            times.append(self._alarm_s())
+        if self._outbox.under_way:
+            times.append(self._silence.due_s(self._pacing.rtt))
             overtaken_s = self._outbox.overtaken_s()
             if overtaken_s is not None:
                 times.append(overtaken_s + self._patience_s())
-        again = self._outbox.some_again and self._quota() >= self._packet
-        if (again or not self._dry) and self._may_send():
+        again = self._outbox.again is not None and self._quota() >= self._packet
+        if not self.down and (again or not self._dry) and self._may_send():
             times.append(self._pacing.due_s)
         return min(times) if times else None
 
@@ -136,63 +144,43 @@ class Flow:
             self.refused += 1
             return []
         self.alive_s = now_s
-        self._bytes_in += len(packet)
+        self._address.bytes_in += len(packet)
         if parsed.ack:
             self._acknowledged(parsed.ack, now_s)
-        if self.down:
-            self._resume(now_s)
-        self._progress_s = now_s
-        self._blind = False
+        if self.down:  # the link is back after a gap
+            self._restart(now_s)
+        self._silence.end(now_s)
         self._contact_s = None
-        if parsed.number is None:
-            return []
+        self._blind = False
         if self._arrivals.take(parsed, now_s):
             return parsed.frames
         self.repeated += bool(parsed.frames)
         return []
 
     def _acknowledged(self, ack: wire.Ack, now_s: float) -> None:
-        outbox = self._outbox
-        acked = outbox.acknowledged(ack)
-        if acked.stamps and not self.proven:
-            self._prove(acked, ack, now_s)
+        stamps, newest = self._outbox.acknowledged(ack)
+        if not stamps or self.down:  # after a gap its length would be measured
             return
-        if not acked.stamps or self.down:  # after a gap its length would be measured
+        came_s = now_s - ack.delay_s
+        if newest is None or came_s <= newest.sent_s:
+            came_s = now_s
+        rtt_s = came_s - newest.sent_s if newest else None
+        if self.proven:
+            self._pacing.arrived(stamps, rtt_s, came_s)
             return
-        self._tail = False
-        rtt_s = None
-        came_s = now_s
-        if acked.newest:
-            rtt_s = now_s - acked.newest.sent_s
-            if ack.delay_s < rtt_s:
-                rtt_s -= ack.delay_s
-                came_s -= ack.delay_s
-        self._lose(now_s)
-        self._pacing.arrived(acked.stamps, rtt_s, came_s, outbox.in_flight_bytes)
-
-    def _prove(self, acked: Acknowledged, ack: wire.Ack, now_s: float) -> None:
-        """Restart the pacing: the few packets before this did not measure the link."""
-        self.proven = True
-        rtt_s = None
-        if acked.newest:
-            rtt_s = max(now_s - acked.newest.sent_s - ack.delay_s, 0.0) or None
-        self._outbox.give_up()
-        self._pacing = Pacing(self._packet, rate_bytes_s=self._known_rate, rtt_s=rtt_s)
-        self._pacing.resume(now_s)
-
-    def _lose(self, now_s: float) -> None:
-        for stamp in self._outbox.lose(now_s - self._patience_s()):
-            self._pacing.lost(stamp)
+        self._address.proven = True
+        if rtt_s is not None:
+            self._pacing.rtt.add(rtt_s, now_s)
+        self._restart(now_s)  # the few packets before this did not measure the link
 
     def _patience_s(self) -> float:
         """So long after its sending a packet that was overtaken is lost."""
-        rtt = self._pacing.rtt
-        return 1.125 * (rtt.smoothed_s or UNKNOWN_RTT_S) + max(4 * rtt.deviation_s, GRANULARITY_S)
+        rtt_s = self._pacing.rtt.smoothed_s or UNKNOWN_RTT_S
+        return 1.125 * rtt_s + min(deviation_s(self._pacing.rtt), 0.5 * rtt_s)
 
-    def _resume(self, now_s: float) -> None:
-        """The link is back after a gap: what was under way is lost."""
+    def _restart(self, now_s: float) -> None:
+        """What is under way is lost; the link may be another one."""
         self._outbox.give_up()
-        self.down = self._tail = False
         self._pacing.resume(now_s)
 
     def on_contact(self, now_s: float) -> None:
@@ -204,15 +192,20 @@ class Flow:
         if self._contact_s is not None and now_s < self._contact_s + CONTACT_REPEAT_S:
             return
         self._blind = self._contact_s is None
-        self._contact_s = self._progress_s = now_s
-        self._resume(now_s)
+        self._contact_s = now_s
+        self._silence.end(now_s)
+        self._restart(now_s)
 
     # --- what goes out
 
     def transmit(self, now_s: float) -> list[bytes]:
         """The datagrams to send now."""
         out: list[bytes] = []
-        self._watch(now_s, out)
+        outbox = self._outbox
+        outbox.lose(now_s - self._patience_s())
+        if outbox.under_way and now_s >= self._silence.due_s(self._pacing.rtt):
+            self._silence.probe(now_s)
+            self._probe(None if self.down else outbox.oldest(), now_s, out)
         if not self.down:
             self._dry = False
             while self._may_send() and self._pacing.due_s <= now_s + AHEAD_S:
@@ -220,18 +213,13 @@ class Flow:
                 if packet is None:
                     break
                 out.append(packet)
-        elif now_s >= self._probe_s:
-            self._probe_s = now_s + self._probe_every_s
-            self._probe_every_s = min(self._probe_every_s * 1.5, MAX_PROBE_S)
-            self._probe(now_s, out)
-        if self._hello:
-            self._hello = False
-            if not out:
-                self._probe(now_s, out)
+        if self._hello and not out:
+            self._probe(None, now_s, out)
+        self._hello = False
         due_s = self._arrivals.due_s
         if due_s is not None and due_s <= now_s:
             packet = wire.only_ack(self.token, self._arrivals.acknowledge(now_s))
-            self._bytes_out += len(packet)
+            self._address.bytes_out += len(packet)
             out.append(packet)
         return out
 
@@ -240,69 +228,30 @@ class Flow:
         bodies = self._outbox.bodies()
         return [frame for body in bodies for frame in wire.split(body, 0) or ()]
 
-    def _probe(self, now_s: float, out: list[bytes]) -> None:
+    def _probe(self, content: int | None, now_s: float, out: list[bytes]) -> None:
         if self._quota() >= self._packet:
-            out.append(self._send(None, now_s))
+            out.append(self._send(content, now_s))
 
     def _quota(self) -> int:
         """How many bytes may leave."""
-        if self._outbox.exhausted:
-            return 0
-        if self.proven:
-            return MAX_QUOTA
-        return RETURN * self._bytes_in - self._bytes_out
+        return 0 if self._outbox.exhausted else self._address.quota
 
     def _may_send(self) -> bool:
-        if not self.proven and self._quota() < LEAST_QUOTA:
+        if self._quota() < LEAST_QUOTA or self._outbox.full:
             return False
-        return self._pacing.room(self._outbox.in_flight_bytes) and not self._outbox.full
-
-    def _alarm_s(self) -> float:
-        """When the silence means something: first a lost tail, then a link that is down."""
-        rtt = self._pacing.rtt
-        rtt_s = rtt.smoothed_s or UNKNOWN_RTT_S
-        down_s = self._progress_s + 2 * rtt_s + 4 * rtt.deviation_s + QUIET_S
-        if self._tail:
-            return down_s
-        wait_s = rtt_s + max(4 * rtt.deviation_s, GRANULARITY_S) + ACK_DELAY_S
-        return min(down_s, max(self._progress_s, self._sent_s) + wait_s)
-
-    def _watch(self, now_s: float, out: list[bytes]) -> None:
-        """Look at the clock: overtaken packets, a lost tail, a link that is down."""
-        outbox = self._outbox
-        if self.down or not outbox.under_way():
-            return
-        overtaken_s = outbox.overtaken_s()
-        if overtaken_s is not None and overtaken_s + self._patience_s() <= now_s:
-            self._lose(now_s)
-        if not outbox.under_way() or now_s < self._alarm_s():
-            return
-        if self._tail:
-            self.down = True
-            self._probe_every_s = PROBE_S
-            self._probe_s = now_s
-        else:
-            self._tail = True
-            if self._quota() >= self._packet:
-                out.append(self._send(outbox.oldest(), now_s))
+        return self._pacing.room(self._outbox.in_flight_bytes)
 
     def _fill(self, now_s: float) -> bytes | None:
         """The next packet with frames, or None."""
         outbox = self._outbox
-        scarce = self._quota() < self._packet  # new frames may be made to fit
-        content = None
-        if not self._blind and not scarce:  # blind: the next acknowledgement reports the arrivals
-            content = outbox.again()
-        if content is None:
-            body = self._pull()
-            if body:
-                content = outbox.content(body)
-            elif not scarce:
-                content = outbox.again()
-        if content is not None:
-            return self._send(content, now_s)
+        again = outbox.again if self._quota() >= self._packet else None  # new ones are made to fit
+        body = self._pull() if again is None or self._blind else b""
+        if body:
+            return self._send(outbox.content(body), now_s)
+        if again is not None:
+            return self._send(again, now_s)
         self._dry = True
-        self._pacing.limited(outbox.in_flight_bytes)
+        self._pacing.limited()
         return None
 
     def _pull(self) -> bytes:
@@ -321,25 +270,23 @@ class Flow:
             room -= len(frame) + LENGTH_BYTES
         return wire.join(frames)
 
-    def _send(self, content: Content | None, now_s: float) -> bytes:
+    def _send(self, content: int | None, now_s: float) -> bytes:
         """A numbered packet, and with it what arrived, if that fits."""
         outbox, arrivals = self._outbox, self._arrivals
-        body = content.body if content else b""
+        body = b"" if content is None else outbox.body(content)
         ack = b""
-        if arrivals.waiting or (arrivals.any and not body):
+        if arrivals.waiting or (arrivals.count and not body):
             room = self._packet - DATA_BYTES - ACK_BYTES - len(body)
             ack = arrivals.acknowledge(now_s, min(room, MAX_MASK)) if room >= 0 else b""
         packet = wire.data(
             self.token,
             outbox.next,
             floor=outbox.base,
-            content=content.number if content else outbox.next,
+            content=outbox.next if content is None else content,
             body=body,
             ack=ack,
         )
-        if not outbox.under_way():
-            self._progress_s = now_s
+        self._silence.sent(now_s, first=not outbox.under_way)
         outbox.add(content, self._pacing.sent(len(packet), now_s, outbox.in_flight_bytes))
-        self._sent_s = now_s
-        self._bytes_out += len(packet)
+        self._address.bytes_out += len(packet)
         return packet

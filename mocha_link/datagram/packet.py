@@ -37,6 +37,17 @@ class Ack(NamedTuple):
     bits: int
     delay_s: float  # between the newest packet's arrival and this acknowledgement
 
+    @property
+    def end(self) -> int:
+        """It covers no number from here on."""
+        return max(self.below, self.start + self.bits.bit_length())
+
+    def covers(self, number: int) -> bool:
+        """Whether that packet has arrived."""
+        return number < self.below or (
+            number >= self.start and bool(self.bits >> (number - self.start) & 1)
+        )
+
 
 class Packet(NamedTuple):
     """One packet, taken apart. Without a number it only acknowledges."""
@@ -131,7 +142,6 @@ class Arrivals:
     def __init__(self) -> None:
         self.due_s: float | None = None  # when an acknowledgement has to leave
         self.waiting = 0  # packets that are not acknowledged yet
-        self.any = False  # something has arrived
         self.count = 0  # different packets that arrived
         self._floor = 0  # the sender needs no acknowledgement below it
         self._seen = 0  # bit n: floor + n has arrived
@@ -139,40 +149,35 @@ class Arrivals:
         self._newest_s = 0.0  # when that arrived
 
     def take(self, packet: Packet, now_s: float) -> bool:
-        """Note a numbered packet; True if its frames are new."""
+        """Note a packet; True if it has frames, and they are new."""
         number = packet.number
         if number is None:
             return False
         if packet.floor > self._floor:
             self._seen >>= packet.floor - self._floor
             self._floor = packet.floor
-        if number < self._floor or number >= self._floor + WINDOW:
-            self._schedule_ack(now_s)  # settled long ago: the acknowledgement was lost
+        if not self._note(number):
+            self.due_s = now_s  # the acknowledgement was lost
             return False
-        bit = 1 << (number - self._floor)
-        if self._seen & bit:
-            self._schedule_ack(now_s)
-            return False
-        self._seen |= bit
-        self.any = True
         self.count += 1
         self.waiting += 1
         if number != self._next or not packet.frames or self.waiting >= LATE_PACKETS:
-            self._schedule_ack(now_s)
+            self.due_s = now_s
         elif self.due_s is None:
             self.due_s = now_s + ACK_DELAY_S
         if number >= self._next:
             self._next = number + 1
             self._newest_s = now_s
-        if packet.content == number:
-            return bool(packet.frames)
-        if packet.content < self._floor or self._seen >> (packet.content - self._floor) & 1:
-            return False
-        self._seen |= 1 << (packet.content - self._floor)
-        return bool(packet.frames)
+        new = packet.content == number or self._note(packet.content)
+        return new and bool(packet.frames)
 
-    def _schedule_ack(self, now_s: float) -> None:
-        self.due_s = now_s if self.due_s is None else min(self.due_s, now_s)
+    def _note(self, number: int) -> bool:
+        """Whether a number is in the window, and has not arrived before."""
+        place = number - self._floor
+        if not 0 <= place < WINDOW or self._seen >> place & 1:
+            return False
+        self._seen |= 1 << place
+        return True
 
     def acknowledge(self, now_s: float, room: int = MAX_MASK) -> bytes:
         """All that a peer has to know, for a packet that leaves now; empty if it does not fit.
@@ -189,7 +194,7 @@ class Arrivals:
             length = MAX_MASK
         if length > room:
             return b""
-        delay = min(int((now_s - self._newest_s) / _TICK_S), 0xFFFF) if self.any else 0
+        delay = min(int((now_s - self._newest_s) / _TICK_S), 0xFFFF) if self.count else 0
         self.due_s = None
         self.waiting = 0
         below = self._floor + whole

@@ -7,10 +7,8 @@ Requests go out on it and replies come in. Drive it: `watch` after every turn, `
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 import socket
-from collections import deque
 from collections.abc import Container, Iterable, Sequence
 
 import zmq
@@ -20,6 +18,7 @@ from mocha_link.hosts import family_of, host_of, joined, socket_address
 from mocha_link.node import kernel, zmtp
 from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
+from mocha_link.node.send_buffer import SendBuffer
 from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
 from mocha_link.team import PublicKey, SecretKey
@@ -33,7 +32,6 @@ SEND_BEFORE_READY_S = (
 _READ_BYTES = 64 * 1024
 _TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
 _MAX_REPLY_BYTES = 1024 * 1024  # to heartbeats
-_MAX_PIECES = 64  # in a system call
 
 
 class Connection:
@@ -73,10 +71,9 @@ class Connection:
 
     def _connect(self) -> None:
         self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES, mechanism=self._mechanism())
-        self._out: deque[memoryview] = deque([memoryview(self._protocol.hello)])
-        self._reply_bytes = 0  # bytes of them that may not be out yet
-        self._connected_s: float | None = None
-        self._opened = False
+        self._out = SendBuffer([self._protocol.hello])
+        self._connected_s: float | None = None  # when TCP stood, steady clock
+        self._opened = False  # requests were sent before the peer was ready
         self._socket = closed_in_children(socket.socket(family_of(self.host), socket.SOCK_STREAM))
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -170,7 +167,7 @@ class Connection:
                 arrived = True
             arrived = self._read() or arrived
             self._send_requests(now_s)
-            self._flush()
+            self._out.flush(self._socket)
         except (OSError, zmtp.ZmtpError) as error:
             self._fail(error)
         return arrived
@@ -181,7 +178,7 @@ class Connection:
         if self._protocol.ready:
             self._send_requests(0.0)
             with contextlib.suppress(OSError):
-                self._flush()
+                self._out.flush(self._socket)
 
     def take_waiting(self) -> list[bytes]:
         """The requests that have not been sent, which are not sent on this connection any more."""
@@ -235,12 +232,12 @@ class Connection:
 
     def push(self, parts: Sequence[Part]) -> None:
         """Queue a frame of a sync for the next `flush`; the connection has to stand."""
-        self._out.extend(map(memoryview, self._protocol.encoded([b"", *parts])))
+        self._out.extend(self._protocol.encoded([b"", *parts]))
 
     def flush(self) -> bool:
         """Send what the kernel takes; whether it takes more."""
         with contextlib.suppress(OSError):  # the next turn says why
-            self._flush()
+            self._out.flush(self._socket)
         return not self._out
 
     @property
@@ -251,19 +248,6 @@ class Connection:
     def loses_much(self) -> bool:
         """Whether so much of what it sends is lost that it hardly sends."""
         return kernel.loses_much(self._socket)
-
-    def _flush(self) -> None:
-        while self._out:
-            try:
-                sent = self._socket.sendmsg(itertools.islice(self._out, _MAX_PIECES))
-            except BlockingIOError:
-                return
-            while sent:
-                piece = self._out.popleft()
-                if len(piece) > sent:
-                    self._out.appendleft(piece[sent:])
-                sent -= min(len(piece), sent)
-        self._reply_bytes = 0
 
     def _read(self) -> bool:
         taken = 0
@@ -281,11 +265,9 @@ class Connection:
                 raise ConnectionResetError(0, "the peer closed the connection")
             taken += count
             replies = self._protocol.receive(data) if room is None else self._protocol.filled(count)
-            self._reply_bytes += len(replies)
-            if self._reply_bytes > _MAX_REPLY_BYTES:
+            self._out.reply(replies)
+            if self._out.reply_bytes > _MAX_REPLY_BYTES:
                 raise zmtp.ZmtpError("the peer does not read the replies that it requests")
-            if replies:
-                self._out.append(memoryview(replies))
         return taken > 0
 
     def _fail(self, error: Exception) -> None:

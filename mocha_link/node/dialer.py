@@ -1,32 +1,28 @@
-"""The sockets of our pulls: addresses of peers, a connection to each, and outgoing datagrams."""
+"""The sockets of our pulls: addresses of peers, a connection to each, and outgoing datagrams.
+
+It decides to which address; `connector` and `datagram_socket` do it.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import math
-import socket
 import time
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 from functools import partial
 
-import zmq
-
 from mocha_link.addresses import AddressBook, Mdns, Resolver
-from mocha_link.hosts import host_of
-from mocha_link.logs import NodeLog
 from mocha_link.loopback import is_loopback
-from mocha_link.node import kernel
 from mocha_link.node.attempts import Attempts
 from mocha_link.node.connection import Connection
+from mocha_link.node.connector import Connector
+from mocha_link.node.datagram_socket import DatagramSocket
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.router import BURST
+from mocha_link.node.link_keys import LinkKeys
 from mocha_link.node.zmtp import Part
 from mocha_link.sync import Standing
-from mocha_link.team import PublicKey, Robot, Seal, SecretKey, Team
+from mocha_link.team import Robot, Team
 
-WAIT_FOR_READY_S = 300.0
 MOVED_S = 10.0  # a connection is replaced at most so often because its peer seems to be elsewhere
-MAX_PLACES = 1024  # to which datagrams went; what comes from elsewhere is not received
 MAX_COPIES = 3  # of a datagram, while it is not known at which address the peer is
 
 
@@ -37,9 +33,7 @@ class Dialer:
 
     Args:
         me: whose connections they are.
-        secret: of `me`; None: no link is protected.
-        keys: of protected peers.
-        seals: for the datagrams of protected peers.
+        keys: of `me` and of protected peers.
         wake: called from another thread when an address has come or gone.
         lost: called with a peer and why there is no connection to it.
         mdns: finds robots without an address in the team file.
@@ -54,21 +48,16 @@ class Dialer:
         me: Robot,
         poller: Poller,
         *,
-        secret: SecretKey | None,
-        keys: Mapping[str, PublicKey],
-        seals: Mapping[str, Seal],
+        keys: LinkKeys,
         wake: Callable[[], None],
         lost: Callable[[str, str], None],
         mdns: Mdns | None = None,
     ) -> None:
-        self._team = team
-        self._me = me
+        self.book = AddressBook(team, keys.peers, Resolver(self.update), mdns)
         self._poller = poller
-        self._secret = secret
-        self._keys = keys
-        self._seals = seals
+        self._connector = Connector(team, me, keys)
+        self._datagrams = DatagramSocket(team, me, poller, keys)
         self._lost = lost
-        self.book = AddressBook(team, keys, Resolver(self.update), mdns)
         self._wake = wake
         self._updated = False  # an address may have come or gone
         self._connections: dict[str, Connection | Attempts] = {}
@@ -78,25 +67,16 @@ class Dialer:
         self._left_s: dict[str, float] = {}  # by peer: when our address went away, steady
         # Peers whose connections need a turn without a poller event; all others wait for one.
         self._needs_polling: set[str] = set()
-        self._wait_until_s: dict[str, float] = {}  # peers that requests must not hurry to
-        self._datagrams: socket.socket | None = None
-        self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
 
     def start(self) -> None:
         """Open the socket for datagrams, if there can be one."""
-        try:
-            self._datagrams = kernel.datagram_socket(self._me.listen)
-        except OSError as error:
-            NodeLog(self._me.name).warning("no datagrams: %s", error)
-        else:
-            self._poller.register(self._datagrams.fileno(), zmq.POLLIN)
+        self._datagrams.open()
 
     def close(self) -> None:
         """Give up everything that it holds open."""
         for peer in list(self._connections):
             self.hang_up(peer, void=True)
-        if self._datagrams:
-            self._datagrams.close()
+        self._datagrams.close()
 
     def update(self) -> None:
         """An address may have come or gone; from any thread."""
@@ -113,8 +93,8 @@ class Dialer:
         self._needs_polling.add(peer)
 
     def _attempts(self, peer: str) -> Attempts:
-        connect, trusted = partial(self._new_connection, peer), partial(self.book.is_trusted, peer)
-        return Attempts(connect, self._poller, peer, trusted=trusted)
+        connect = partial(self._connector.connect, peer)
+        return Attempts(connect, self._poller, peer, trusted=partial(self.book.is_trusted, peer))
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
@@ -157,9 +137,7 @@ class Dialer:
                 self.book.failed(peer, host)
             connection.close()
         elif connection:
-            now_s = time.monotonic()
-            if not connection.send_before_ready and now_s >= self._wait_until_s.get(peer, 0.0):
-                self._wait_until_s[peer] = now_s + WAIT_FOR_READY_S
+            self._connector.closed(peer, connection, time.monotonic())
             if connection.failure or not connection.stands:
                 self.book.failed(peer, connection.host)
             connection.forget(self._poller)
@@ -249,13 +227,6 @@ class Dialer:
             self._lost(peer, why)
         return None
 
-    def _new_connection(self, peer: str, host: str) -> Connection:
-        port = self._team.robot(peer).port_for(self._me.name)
-        send_before_ready = time.monotonic() >= self._wait_until_s.get(peer, 0.0)
-        key = self._keys.get(peer)
-        keys = (self._secret, key) if self._secret and key else None
-        return Connection(host, port, send_before_ready=send_before_ready, keys=keys)
-
     # --- peers that move, and our own addresses
 
     def came_from(self, peer: str, host: str) -> None:
@@ -320,33 +291,13 @@ class Dialer:
 
     def send_datagram(self, peer: str, packet: bytes) -> None:
         """Send a datagram to a peer's port for us; where it may be, before it was reached."""
-        if self._datagrams is None:
-            return
         reached = self._reached.get(peer)
         hosts = [reached] if reached else self.book.hosts(peer)[:MAX_COPIES]
         hosts = [host for host in hosts if reached or self.book.is_trusted(peer, host)]
-        port = self._team.robot(peer).port_for(self._me.name)
-        seal = self._seals.get(peer)
-        if len(self._peers_at) > MAX_PLACES:
-            self._peers_at.clear()
-        for host in hosts:
-            place = kernel.destination(self._datagrams, host, port)
-            if place:
-                self._peers_at[host, port] = peer
-                with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
-                    self._datagrams.sendto(seal.seal(packet) if seal else packet, place)
+        self._datagrams.send(peer, hosts, packet)
 
     def packets(self, ready: Container[Polled]) -> Iterator[tuple[str, bytes]]:
         """The datagrams that peers have sent in reply to ours, each with its peer."""
-        if self._datagrams is None or self._datagrams.fileno() not in ready:
-            return
-        for packet, source in kernel.received(self._datagrams, BURST):
-            host = host_of(source)
-            peer = self._peers_at.get((host, source[1]))
-            if peer is None:
-                continue
-            seal = self._seals.get(peer)
-            opened = seal.open(packet) if seal else packet
-            if opened is not None:
-                self._note_reached(peer, host)
-                yield peer, opened
+        for peer, host, packet in self._datagrams.received(ready):
+            self._note_reached(peer, host)
+            yield peer, packet

@@ -16,10 +16,11 @@ from mocha_link.logs import NodeLog
 from mocha_link.node import kernel
 from mocha_link.node.curve import CurveServer
 from mocha_link.node.kernel import Polled, Poller
+from mocha_link.node.link_keys import LinkKeys
 from mocha_link.node.router import ClientConnections, Router
 from mocha_link.node.zmtp import Part
 from mocha_link.sync import Route, Standing
-from mocha_link.team import PublicKey, Robot, SecretKey
+from mocha_link.team import Robot
 
 MAX_REQUEST_BYTES = 65_536 + 1024
 
@@ -38,28 +39,28 @@ class Port:
     Args:
         poller: Waits for its connections, too.
         clients: Shared by the ports of a node.
-        secret: of `me`; None: clients need no key.
-        key: Of the peer, which alone opens a port with a secret.
+        keys: Of `me` and the peer, which alone opens a protected port; None: clients need no key.
     """
 
     TOGETHER_BYTES = 16 * 1024  # of frames that leave in one system call
     DESCRIPTORS = 2  # a listener and datagrams
 
-    def __init__(  # noqa: PLR0913 - what it stands between
+    def __init__(
         self,
         poller: Poller,
         clients: ClientConnections,
         me: Robot,
         peer: str,
         *,
-        secret: SecretKey | None = None,
-        key: PublicKey | None = None,
+        keys: LinkKeys | None = None,
     ) -> None:
         self.peer = peer
+        self._keys = keys or LinkKeys()
         self.datagram_address: SocketAddress | None = None
         number = me.port_for(peer)
         mechanism = None
-        if secret and key:
+        if pair := self._keys.pair(peer):
+            secret, key = pair
             mechanism = partial(CurveServer, secret.curve, key.curve)
         self._router = Router(
             _listener(me, peer, number), poller, clients, MAX_REQUEST_BYTES, mechanism
@@ -123,14 +124,27 @@ class Port:
         return route is None or self._router.flush(route[0])
 
     def packets(self, limit: int) -> Iterator[tuple[bytes, SocketAddress]]:
-        """The datagrams that have come, and where from."""
-        return kernel.received(self._datagrams, limit) if self._datagrams else iter(())
+        """The datagrams that the peer has sent, and where from.
+
+        Where the link is not protected anyone may have sent them.
+        """
+        if self._datagrams is None:
+            return
+        for packet, source in kernel.received(self._datagrams, limit):
+            opened = self._keys.open(self.peer, packet)
+            if opened is not None:
+                yield opened, source
+
+    @property
+    def protected(self) -> bool:
+        """Whether what comes is the peer's for sure."""
+        return self._keys.protects(self.peer)
 
     def send_datagram(self, packet: bytes) -> None:
         """Send a datagram to where the peer's come from."""
         if self._datagrams and self.datagram_address:
             with contextlib.suppress(OSError):
-                self._datagrams.sendto(packet, self.datagram_address)
+                self._datagrams.sendto(self._keys.seal(self.peer, packet), self.datagram_address)
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""

@@ -20,6 +20,7 @@ import zmq
 from mocha_link.hosts import host_of
 from mocha_link.node import kernel
 from mocha_link.node.kernel import Polled, Poller
+from mocha_link.node.send_buffer import SendBuffer
 from mocha_link.node.zmtp import (
     GREETING_BYTES,
     Mechanism,
@@ -46,7 +47,6 @@ IDLE_MS = 1000  # a clock may be set; all else that happens wakes the node
 _MAX_ACCEPTED = 8  # in a turn
 _READ_BYTES = 16 * 1024
 _MAX_REQUESTS = 1024  # in one read; our pulls have up to 256 under way
-_MAX_PIECES = 64  # in a system call
 
 
 def _host(name: Callable[[], object]) -> str | None:
@@ -69,7 +69,6 @@ class ClientConnection:
         self.number = connection.fileno()
         self.source = _host(connection.getpeername)
         self.requests: deque[list[Part]] = deque()  # without a reply so far
-        self.waiting_bytes = 0  # for the kernel to take them
         self.began_s = now_s
         self.ended = False  # nothing more comes
         self.moved = 0  # when it last took or brought something, by the count of the node
@@ -77,9 +76,7 @@ class ClientConnection:
         self.watched = 0  # for what the poller waits
         self._session = session
         self._broken = False  # the link failed: the client did not close it
-        self._owed = 0  # bytes of replies since it took all
-        self._out: deque[memoryview] = deque()
-        self._put(session.hello)
+        self._out = SendBuffer([session.hello])
 
     @property
     def ready(self) -> bool:
@@ -90,6 +87,11 @@ class ClientConnection:
     def known(self) -> bool:
         """Whether it has shown a key that is let in."""
         return self._session.known
+
+    @property
+    def waiting_bytes(self) -> int:
+        """What waits for the kernel to take it."""
+        return self._out.size
 
     @property
     def holds_bytes(self) -> int:
@@ -112,7 +114,7 @@ class ClientConnection:
     @property
     def is_late(self) -> bool:
         """Whether its requests wait because it does not take its replies."""
-        return self._owed > OWED_BYTES
+        return self._out.reply_bytes > OWED_BYTES
 
     def read(self) -> bool:
         """Take in what has come; whether anything has. Raises ZmtpError."""
@@ -126,53 +128,34 @@ class ClientConnection:
         self.ended = not data
         reply = self._session.receive(data)
         if reply:
-            self._put(reply)
-            self._owed += len(reply)
+            self._out.reply(reply)
         self.requests.extend(self._session.messages())
         return bool(data)
 
     def reply(self, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
         """Have a reply sent with the next `flush`."""
-        self._owed += sum(map(len, frames))
+        self._out.count_reply(sum(map(len, frames)))
         self.push([*envelope, *frames])
 
     def push(self, parts: Sequence[Part]) -> None:
         """Queue a frame of a sync; replies to requests do not wait for it."""
-        for piece in self._session.encoded(parts):
-            self._put(piece)
+        self._out.extend(self._session.encoded(parts))
 
     def send_last(self, last: bytes) -> None:
         """Send an error before the connection is closed, if the kernel takes it at once."""
         if last and not self._out:
-            self._put(last)
+            self._out.extend([last])
             self.flush()
-
-    def _put(self, piece: Part) -> None:
-        self._out.append(memoryview(piece))
-        self.waiting_bytes += len(piece)
 
     def flush(self) -> bool:
         """Send as much as the kernel takes; whether it took anything."""
-        before = self.waiting_bytes
-        while self._out:
-            try:
-                sent = self.connection.sendmsg(itertools.islice(self._out, _MAX_PIECES))
-            except BlockingIOError:
-                break
-            except OSError:  # the client has closed
-                self.ended = True
-                self._out.clear()
-                self.waiting_bytes = 0
-                break
-            self.waiting_bytes -= sent
-            while sent:
-                piece = self._out.popleft()
-                if len(piece) > sent:
-                    self._out.appendleft(piece[sent:])
-                sent -= min(len(piece), sent)
-        if not self._out:
-            self._owed = 0
-        return self.waiting_bytes < before
+        before = self._out.size
+        try:
+            self._out.flush(self.connection)
+        except OSError:  # the client has closed
+            self.ended = True
+            self._out.clear()
+        return self._out.size < before
 
 
 def _least_needed(clients: Collection[ClientConnection]) -> ClientConnection:

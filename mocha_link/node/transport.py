@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import socket
 import threading
-import time
 from collections.abc import Callable, Container, Hashable, Mapping
 
 import zmq
@@ -20,8 +17,12 @@ from mocha_link.node.connection import Connection
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.port import Port, provide_descriptors
-from mocha_link.node.router import BURST, IDLE_MS, ClientConnections
+from mocha_link.node.link_keys import LinkKeys
+from mocha_link.node.port import Port
+from mocha_link.node.ports import Ports
+from mocha_link.node.router import BURST, IDLE_MS
+from mocha_link.node.shared_lock import SharedLock
+from mocha_link.node.waker import Waker
 from mocha_link.sync import (
     DIALLED,
     Action,
@@ -35,16 +36,11 @@ from mocha_link.sync import (
     SendDatagram,
     Standing,
 )
-from mocha_link.team import PublicKey, Seal, SecretKey, Team
+from mocha_link.team import PublicKey, SecretKey, Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
 EXPIRE_S = 1.0  # between checks for clients to disconnect
-# A thread that waits for the lock would not get it from one that takes it again at once. To yield
-# costs a turn of the scheduler, which takes milliseconds on a busy machine.
-YIELD_EVERY_S = 0.005
 CLOSE_S = 0.9
-LINK_DESCRIPTORS = 2  # a connection each way
-OWN_DESCRIPTORS = 16
 
 
 class Transport:
@@ -53,6 +49,9 @@ class Transport:
     `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
     key in the team file are encrypted. `simulated`: the clock of `now` may run at another rate.
     Without `serves` it pulls from peers and serves none, next to a running node.
+
+    Raises:
+        SealError: a peer's key makes no shared secret.
     """
 
     def __init__(  # noqa: PLR0913 - what the shell stands between
@@ -68,80 +67,53 @@ class Transport:
         simulated: bool = False,
         serves: bool = True,
     ) -> None:
-        self._me = gossip.me  # whose node it is
-        self._mdns = Mdns.needed(team, self._me, announces=serves, wake=self._found)
+        me = gossip.me  # whose node it is
+        link_keys = LinkKeys(secret, keys)
+        self._mdns = Mdns.needed(team, me, announces=serves, wake=self._found)
         self._gossip = gossip
-        self._lock = lock
+        self._lock = SharedLock(lock)  # of the gossip, which other threads enter as well
         self._now = now
         self._deliver = deliver
-        self._secret = secret
-        self._keys = keys or {}  # of protected peers
-        self._simulated = simulated
-        self._serves = serves  # has ports; otherwise it only pulls
+        self._simulated = simulated  # the clock may run fast
         self._poller = Poller()
-        self._ports: dict[str, Port] = {}  # by peer
-        self._unfinished: set[str] = set()  # peers at whose port there is more to do
-        self._clients = ClientConnections()  # of all ports
-        self._seals: dict[str, Seal] = {}  # by peer
+        self._ports = Ports(self._poller, me, link_keys, serves=serves)
         self._own_addresses = OwnAddresses()
         self._dialer = Dialer(
             team,
-            self._me,
+            me,
             self._poller,
-            secret=secret,
-            keys=self._keys,
-            seals=self._seals,
+            keys=link_keys,
             wake=self.wake,
             lost=self._lose,
             mdns=self._mdns,
         )
-        self._waker, self._woken = socket.socketpair()  # end the poller's wait
-        self._expired_s = 0.0  # steady clock
-        self._waited_s = 0.0  # when another thread could last take the lock, steady clock
+        self._waker = Waker()
+        self._expired_s = 0.0  # when clients were last looked through, steady clock
         # Input from one peer must not end the work for the others.
-        self._guard = Guard(f"{self._me.name}: an error in the node", log=NodeLog(self._me.name))
+        self._guard = Guard(f"{me.name}: an error in the node", log=NodeLog(me.name))
         self._stopping = False  # set by `close`
-        self._thread = threading.Thread(
-            target=self._run, name=f"mocha-link {self._me.name}", daemon=True
-        )
+        self._thread = threading.Thread(target=self._run, name=f"mocha-link {me.name}", daemon=True)
 
     def start(self) -> None:
         """Bind the ports and begin. Raises PortInUseError or ListenError, and is closed then."""
         try:
-            self._provide_descriptors()
-            if self._secret:
-                for peer, key in self._keys.items():
-                    self._seals[peer] = Seal(self._secret, key)
-            for peer in self._me.peers if self._serves else ():
-                self._ports[peer] = self._new_port(peer)
+            self._ports.provide_descriptors()
+            self._ports.open()
             self._dialer.start()
             if self._mdns:
                 self._mdns.start()
         except BaseException:
             self._close_all()
             raise
-        self._waker.setblocking(False)
-        self._woken.setblocking(False)
-        for port in self._ports.values():
-            port.watch(self._poller)
-        self._poller.register(self._woken.fileno(), zmq.POLLIN)
+        self._ports.watch()
+        self._waker.watch(self._poller)
         if self._own_addresses.number is not None:
             self._poller.register(self._own_addresses.number, zmq.POLLIN)
         self._thread.start()
 
-    def _new_port(self, peer: str) -> Port:
-        key = self._keys.get(peer)
-        return Port(self._poller, self._clients, self._me, peer, secret=self._secret, key=key)
-
-    def _provide_descriptors(self) -> None:
-        """Without enough of them no peer that comes could be let in."""
-        each = Port.DESCRIPTORS + LINK_DESCRIPTORS
-        provide_descriptors(self._me, OWN_DESCRIPTORS + each * len(self._me.peers))
-
     def wake(self) -> None:
         """Wake the thread for a turn; from any thread."""
-        with contextlib.suppress(OSError):  # full: it is about to wake anyway; closed: too late
-            self._waker.send(b"\0")
+        self._waker.wake()
 
     def _found(self) -> None:
         """MDNS has found an address, or lost one; from its thread."""
@@ -160,9 +132,10 @@ class Transport:
         elif self._thread is not threading.current_thread():
             self._thread.join(CLOSE_S)
             if self._thread.is_alive():
-                NodeLog(self._me.name).error(
+                name = self._gossip.me.name
+                NodeLog(name).error(
                     "%s: a listener has not returned for %g s; the ports close when it does",
-                    self._me.name,
+                    name,
                     CLOSE_S,
                 )
 
@@ -181,14 +154,11 @@ class Transport:
 
     def _turn(self, ready: Mapping[Polled, Hashable]) -> int:
         """Run one turn; returns the milliseconds to wait for the next."""
-        self._waited_s = time.monotonic()
-        if self._woken.fileno() in ready:
-            with contextlib.suppress(BlockingIOError):
-                self._woken.recv(4096)
+        self._lock.yielded()
+        self._waker.clear(ready)
         if self._own_addresses.number in ready and self._own_addresses.changed():
             self._leave_old_addresses()
-        active = {each.peer for each in ready.values() if isinstance(each, Port)}
-        active |= self._unfinished
+        active = self._ports.active(ready)
         for peer in active:
             with self._guard:
                 self._serve(self._ports[peer], ready)
@@ -207,10 +177,9 @@ class Transport:
         with self._lock:
             active |= self._gossip.tick(now, self._guard)
         self._act()
-        waits_ms = {peer: self._supply(self._ports[peer]) for peer in active & self._ports.keys()}
-        self._unfinished = {peer for peer, wait_ms in waits_ms.items() if wait_ms < IDLE_MS}
+        waits_ms = {port.peer: self._supply(port) for port in self._ports.of(active)}
         self._act()
-        return min(min(waits_ms.values(), default=IDLE_MS), self._wait_ms())
+        return min(self._ports.finished(waits_ms), self._wait_ms())
 
     def _wait_ms(self) -> int:
         """How long nothing is to be done if nothing comes."""
@@ -232,17 +201,14 @@ class Transport:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._came_from(port.peer, port.source(route))
             self._act()
-            self._give_way()
-        seal = self._seals.get(port.peer)
+            self._lock.give_way()
         for packet, source in port.packets(BURST):
-            opened = seal.open(packet) if seal else packet
             host = host_of(source)
             # Without a key only the address identifies a peer.
-            strange = not seal and not self._dialer.book.is_at(port.peer, host)
-            if opened is None or strange:
+            if not port.protected and not self._dialer.book.is_at(port.peer, host):
                 continue
             with self._guard, self._lock:
-                accepted = self._gossip.packet_in(port.peer, opened, self._now())
+                accepted = self._gossip.packet_in(port.peer, packet, self._now())
             if accepted:
                 port.datagram_address = source
                 self._came_from(port.peer, host)
@@ -259,20 +225,13 @@ class Transport:
         for peer in self._dialer.own_addresses_changed(now.steady_s):
             with self._lock:
                 self._gossip.sync(peer, now)
-        for port in self._ports.values():
-            port.own_addresses_changed()
+        self._ports.own_addresses_changed()
         if self._mdns:
             self._mdns.addresses_changed()
 
-    def _give_way(self) -> None:
-        """Let another thread take the lock, now and then."""
-        if time.monotonic() - self._waited_s > YIELD_EVERY_S:
-            time.sleep(0.0)
-            self._waited_s = time.monotonic()
-
     def _expire_clients(self, now: Instant) -> None:
         self._dialer.expire(now.steady_s)
-        for port in self._ports.values():
+        for port in self._ports:
             for why in port.expire(now.steady_s):
                 with self._lock:
                     self._gossip.refused(port.peer, why)
@@ -326,7 +285,7 @@ class Transport:
             with self._guard, self._lock:
                 if not self._gossip.leaves(peer):
                     self._gossip.reply(peer, parts, self._now())
-            self._give_way()
+            self._lock.give_way()
         with self._lock:
             if connection.failure and not self._gossip.leaves(peer):
                 self._gossip.lost(peer, connection.failure, now)
@@ -364,17 +323,13 @@ class Transport:
             case SendDatagram():
                 self._dialer.send_datagram(peer, action.packet)
             case ReplyDatagram():
-                seal = self._seals.get(peer)
-                packet = seal.seal(action.packet) if seal else action.packet
-                self._ports[peer].send_datagram(packet)
+                self._ports[peer].send_datagram(action.packet)
 
     def _close_all(self) -> None:
         if self._mdns:
             self._mdns.close()
         self._dialer.close()
         self._own_addresses.close()
-        for port in self._ports.values():
-            port.close()
+        self._ports.close()
         self._poller.close()
         self._waker.close()
-        self._woken.close()

@@ -22,6 +22,7 @@ from pathlib import Path
 
 from mocha_link.logs import Log
 from mocha_link.store import storage_file
+from mocha_link.store.backlog import Backlog
 from mocha_link.store.changes import Changes
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage_file import (
@@ -31,9 +32,9 @@ from mocha_link.store.storage_file import (
     StorageFile,
     StorageForeignError,
     StorageFullError,
-    StorageUnreachableError,
     StorageVersionError,
 )
+from mocha_link.store.storage_place import FileLostError, StoragePlace
 from mocha_link.store.trust import TeamConfig
 
 LOG = logging.getLogger("mocha_link")
@@ -42,10 +43,6 @@ RETRY_S = 5.0
 CLOSE_S = 1.0
 # These need the operator to replace the file, so it is not read again before that.
 _LASTING = (StorageDamagedError, StorageForeignError, StorageVersionError)
-
-
-class _LostError(StorageUnreachableError):
-    """It is not where it was when it was opened."""
 
 
 class Storage:
@@ -72,27 +69,24 @@ class Storage:
         connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
         log: Log = LOG,
     ) -> None:
-        self.path = Path(path)
+        self._place = StoragePlace(Path(path))
         self._log = log
         self._config = config
         self._on_fault = on_fault
         self._retry_s = retry_s
         self._connect = connect
         self._file: StorageFile | None = None  # None: closed, or after a fault
-        self._inode = 0  # of the open file
-        self._refused: tuple[int, ...] | None = None  # state of a file that stays unusable
+        self._fault: StorageError | None = None  # None while it works
         self._epoch = 0  # of the database that is kept
         # after a fault: what the file lacks
         self._reconcile: Callable[[Contents, Storage], None] | None = None
         self._thread: threading.Thread | None = None  # writes to the file
-        self._changed = threading.Condition()  # guards all below
-        self._pending = Changes()  # for the next transaction
-        self._given = 0  # changes so far; those on disk: `_saved`
-        self._saved = 0  # changes on disk
-        self._fault: StorageError | None = None  # None while it works
-        self._hurried = False  # after a fault: try again now
-        self._closing = False  # write the rest, and end
-        self._ended = False  # the thread has ended
+        self._backlog = Backlog()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._place.path
 
     @property
     def fault(self) -> StorageError | None:
@@ -124,39 +118,26 @@ class Storage:
 
     def put(self, number: int, record: Record) -> None:
         """For the database: a message to write."""
-        with self._changed:
-            self._pending.puts[number] = record
-            self._tell()
+        self._backlog.put(number, record)
 
     def drop(self, number: int, key: int) -> None:
         """For the database: a message that is not kept any longer, of the topic of that key."""
-        with self._changed:
-            if self._pending.puts.pop(number, None) is None:
-                self._pending.drops[number] = key
-            self._tell()
+        self._backlog.drop(number, key)
 
     def learn(self, peer: str, knowledge: Knowledge) -> None:
         """For the database: something to remember of a peer, with all that was put before."""
-        with self._changed:
-            self._pending.knowledge[peer] = knowledge
-            self._tell()
+        self._backlog.learn(peer, knowledge)
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until all that the database took before this call is on disk; whether it is.
 
         It does not wait for the end of a fault: False as soon as the file cannot be used.
         """
-        with self._changed:
-            target = self._given
-            self._changed.wait_for(
-                lambda: (
-                    self._saved >= target
-                    or self._ended
-                    or (self._fault is not None and not self._hurried)
-                ),
-                timeout_s,
-            )
-            return self._saved >= target
+        return self._backlog.wait(timeout_s)
+
+    def retry(self) -> None:
+        """After a fault: try again now, not only when `retry_s` are over."""
+        self._backlog.hurry()
 
     def close(self, timeout_s: float = CLOSE_S) -> bool:
         """Write the rest and close the file; whether all is on disk by then.
@@ -164,67 +145,47 @@ class Storage:
         A disk that is slower than `timeout_s` is written in the background while the process
         lives. May be called twice.
         """
-        with self._changed:
-            self._closing = True
-            self._changed.notify_all()
+        self._backlog.close()
         if self._thread:
             self._thread.join(timeout_s)
-        with self._changed:
-            left = self._given - self._saved
+        left = self._backlog.left
         if left:
             what = "1 change is" if left == 1 else f"{left} changes are"
             self._log.warning("%s: %s not on disk", self.path, what)
         return not left
 
-    def _tell(self) -> None:
-        self._given += 1
-        self._changed.notify_all()
-
     def _run(self) -> None:
         try:
-            while self._is_due():
+            while self._backlog.wait_for_work(self._retry_s):
                 self._attempt()
-            if self._given > self._saved:
+            if self._backlog.left:
                 self._attempt()
         except Exception as error:  # noqa: BLE001 - our mistake ends the writing, not the node
             self._log.exception("%s: the writing has ended", self.path)
             self._fault = StorageError(f"{self.path} is not written any more: {error!r}")
             self._report(self._fault)
         finally:
-            with self._changed:
-                self._ended = True
-                self._changed.notify_all()
+            self._backlog.end()
             self._close_file()
-
-    def _is_due(self) -> bool:
-        """Wait until there is something to write, or it is time to try again; False at the end."""
-        with self._changed:
-            if self._fault:
-                self._changed.wait_for(lambda: self._closing or self._hurried, self._retry_s)
-            else:
-                self._changed.wait_for(lambda: self._closing or self._given > self._saved)
-            return not self._closing
 
     def _attempt(self) -> None:
         """Write everything that is pending."""
         changes = Changes()
         try:
-            self._check_place()
+            if self._file:
+                self._place.check()
             file = self._file or self._reopen()
-            with self._changed:
-                changes, self._pending = self._pending, changes
-                given = self._given
+            changes, given = self._backlog.take()
             file.write(changes)
         except Exception as error:  # noqa: BLE001 - whatever it is, the node works without a file
-            with self._changed:
-                self._pending.put_back(changes)
+            self._backlog.put_back(changes)
             self._fail(error)
         else:
             self._succeed(given)
 
     def _reopen(self) -> StorageFile:
         """Open the file after a fault and find out what it lacks."""
-        if self._fault and self._refused and self._refused == self._state():
+        if self._fault and self._place.is_refused:
             raise self._fault
         found = Contents()
         try:
@@ -239,7 +200,7 @@ class Storage:
 
     def _open(self, found: Contents) -> StorageFile:
         self._file = StorageFile(self.path, self._connect)
-        self._inode = (self._state() or (0,))[0]
+        self._place.opened()
         self._file.read(found)
         removed = self._file.adopt(self._config, found) if self._config else 0
         if removed:
@@ -255,47 +216,16 @@ class Storage:
             with suppress(sqlite3.Error):
                 file.close()
 
-    def _check_place(self) -> None:
-        """Raises _LostError if the open file is no longer the file at the path."""
-        if self._file and (self._state() or (None,))[0] != self._inode:
-            raise _LostError(f"{self.path} was deleted or replaced while it was open")
-
-    def _set_aside(self) -> str | None:
-        """Move a damaged file aside, for an operator to examine; its new name, None if it stays."""
-        number = 1
-        try:
-            while (to := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
-                number += 1
-            if not storage_file.is_database(self.path):
-                return None  # the wrong name was given, perhaps: it is not ours to move
-            self.path.rename(to)
-            for tail in ("-wal", "-shm"):
-                with suppress(FileNotFoundError):
-                    Path(f"{self.path}{tail}").rename(f"{to}{tail}")
-        except OSError:
-            return None
-        return str(to)
-
-    def _state(self) -> tuple[int, ...] | None:
-        """Tells a file from another one at its place."""
-        try:
-            stat = self.path.stat()
-        except OSError:
-            return None
-        return stat.st_ino, stat.st_size, stat.st_mtime_ns
-
     def _fail(self, error: Exception) -> None:
         fault = storage_file.fault(error, self.path)
         if not isinstance(fault, StorageFullError):  # nothing but room is missing then
             self._close_file()
-        aside = self._set_aside() if isinstance(fault, StorageDamagedError) else None
-        anew = aside is not None or isinstance(fault, _LostError)
-        self._refused = self._state() if isinstance(fault, _LASTING) else None
-        with self._changed:
-            is_known = type(fault) is type(self._fault)
-            self._fault = fault
-            self._hurried = anew
-            self._changed.notify_all()
+        aside = self._place.set_aside() if isinstance(fault, StorageDamagedError) else None
+        anew = aside is not None or isinstance(fault, FileLostError)
+        self._place.refuse(lasting=isinstance(fault, _LASTING))
+        is_known = type(fault) is type(self._fault)
+        self._fault = fault
+        self._backlog.suspend(retry_now=anew)
         if anew:
             moved = f", and is now {aside}" if aside else ""
             self._log.error("%s%s; a new one is begun with what is in memory", fault, moved)
@@ -305,11 +235,8 @@ class Storage:
             self._report(fault)
 
     def _succeed(self, given: int) -> None:
-        with self._changed:
-            was, self._fault = self._fault, None
-            self._hurried = False
-            self._saved = given
-            self._changed.notify_all()
+        was, self._fault = self._fault, None
+        self._backlog.saved(given)
         if was:
             self._log.warning("%s: all is on disk again", self.path)
             self._report(None)

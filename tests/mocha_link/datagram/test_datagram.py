@@ -1,127 +1,18 @@
 """Flows of frames over a model of a link: rate, round trip, queue, losses, times when it is up."""
 
-import heapq
 import itertools
 import math
-import random
 import struct
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.link.flow_sim import MBIT, TOKEN, End, Way, World
 from mocha_link.datagram import packet as wire
-from mocha_link.datagram.datagram import MAX_PROBE_S, PACKET_BYTES, Flow
+from mocha_link.datagram.datagram import PACKET_BYTES, Flow
 from mocha_link.datagram.pacing import TRUSTED_BYTES
-
-TOKEN = b"token1"
-OVER_UDP = 28  # bytes of IPv4 and UDP headers
-MBIT = 125_000
-
-
-class World:
-    """Time, and what happens when."""
-
-    def __init__(self):
-        self.now_s = 0.0
-        self._events = []
-        self._order = itertools.count()
-
-    def at(self, time_s, do):
-        heapq.heappush(self._events, (time_s, next(self._order), do))
-
-    def run(self, until_s):
-        while self._events and self._events[0][0] <= until_s:
-            self.now_s, _, do = heapq.heappop(self._events)
-            do()
-        self.now_s = until_s
-
-
-class Way:
-    """One direction of a link, with a queue that drops at its end."""
-
-    def __init__(  # noqa: PLR0913 - a link has so many faults
-        self,
-        world,
-        rate,
-        delay_s,
-        *,
-        queue_bytes=200_000,
-        loss=0.0,
-        up=None,
-        jitter_s=0.0,
-        twice=0.0,
-        seed=1,
-    ):
-        self.world, self.rate, self.delay_s, self.queue_bytes = world, rate, delay_s, queue_bytes
-        self.loss, self.up, self.jitter_s, self.twice = loss, up, jitter_s, twice
-        self.random = random.Random(seed)
-        self.free_s = 0.0
-        self.asked = self.dropped = 0
-
-    def _up(self, begin_s, end_s):
-        return self.up is None or any(a <= begin_s and end_s < b for a, b in self.up)
-
-    def send(self, packet, to):
-        now_s = self.world.now_s
-        self.asked += 1
-        if not self._up(now_s, now_s):
-            self.free_s = now_s
-            return
-        rate = self.rate(now_s) if callable(self.rate) else self.rate
-        waiting_s = max(self.free_s - now_s, 0.0)
-        if waiting_s * rate > self.queue_bytes:
-            self.dropped += 1
-            return
-        self.free_s = now_s + waiting_s + (len(packet) + OVER_UDP) / rate
-        for _ in range(2 if self.random.random() < self.twice else 1):
-            if self.random.random() >= self.loss:
-                at_s = self.free_s + self.delay_s + self.random.random() * self.jitter_s
-                if self._up(now_s, at_s):
-                    self.world.at(at_s, lambda: to(packet))
-
-
-class End:
-    """Runs a flow as a shell does, waking up at whole milliseconds."""
-
-    def __init__(self, world, way, source=lambda _: None, got=None, **known):
-        self.world, self.way = world, way
-        self.flow = Flow(TOKEN, source, **known)
-        self.got = [] if got is None else got
-        self.got_s = []
-        self.closed = False
-        self.other = None
-        self._wake_s = None
-
-    def join(self, other):
-        self.other, other.other = other, self
-        return self
-
-    def arrive(self, packet):
-        if not self.closed:
-            frames = self.flow.receive(packet, self.world.now_s)
-            self.got += frames
-            self.got_s += [self.world.now_s] * len(frames)
-            self.go()
-
-    def go(self):
-        if self.closed:
-            return
-        for packet in self.flow.transmit(self.world.now_s):
-            assert len(packet) <= PACKET_BYTES
-            self.way.send(packet, self.other.arrive)
-        wake_s = self.flow.wake_s
-        if wake_s is None:
-            self._wake_s = None
-            return
-        wake_s = (int(max(wake_s, self.world.now_s) * 1000) + 1) / 1000
-        if self._wake_s is None or wake_s < self._wake_s or self._wake_s <= self.world.now_s:
-            self._wake_s = wake_s
-            self.world.at(wake_s, lambda: self.go() if self._wake_s == wake_s else None)
-
-    @property
-    def bytes(self):
-        return sum(map(len, self.got))
+from mocha_link.datagram.silence import MAX_PROBE_S
 
 
 def endless(room):
@@ -219,9 +110,9 @@ def test_a_cut_and_what_comes_after(contact):
     a.go()
     world.run(3)
     assert a.flow.down
-    asked = there.asked
+    asked = there.offered
     world.run(7.999)
-    assert there.asked - asked < 12  # it does not flood a link that is down
+    assert there.offered - asked < 12  # it does not flood a link that is down
     before = b.bytes
     world.run(8)
     (a if contact else b).flow.on_contact(world.now_s)  # the side that hears of the contact
@@ -243,7 +134,7 @@ def test_contacts_do_not_flood_a_link_that_is_down():
         world.run(tenth / 10)
         a.flow.on_contact(world.now_s)
         a.go()
-    assert there.asked < 20 * 40
+    assert there.offered < 20 * 40
     assert len(a.flow._outbox._contents) < 64
 
 
@@ -450,5 +341,5 @@ def test_whatever_is_received(junk, generator):
                     assert all(len(frame) < 1500 for frame in flow.receive(raw, now_s))
                 wake_s = flow.wake_s
                 assert wake_s is None or math.isfinite(wake_s)
-        assert max(len(flow._outbox._sent) for flow in (a, b)) < 100
+        assert max(flow._outbox.in_flight_bytes for flow in (a, b)) < 100 * PACKET_BYTES
         assert max(flow._arrivals._seen.bit_length() for flow in (a, b)) <= wire.WINDOW

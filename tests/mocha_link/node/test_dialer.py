@@ -11,6 +11,7 @@ from mocha_link.links import SyncEnded, SyncTimedOut
 from mocha_link.node import Node
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.kernel import Poller
+from mocha_link.node.link_keys import LinkKeys
 from mocha_link.node.port import Port
 from mocha_link.node.router import ClientConnections
 from mocha_link.radios import ManualRadio
@@ -37,9 +38,7 @@ def dialer_of(team: Team, poller: Poller) -> Dialer:
         team,
         team.robot("io"),
         poller,
-        secret=None,
-        keys={},
-        seals={},
+        keys=LinkKeys(),
         wake=lambda: None,
         lost=lambda _peer, _why: None,
     )

@@ -14,6 +14,7 @@ import zmq
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
+from mocha_link.node.link_keys import LinkKeys
 from mocha_link.node.port import MAX_REQUEST_BYTES, Port
 from mocha_link.node.router import BURST, MAX_CONNECTIONS, ClientConnections
 from mocha_link.node.zmtp import Null, ZmtpSession
@@ -45,8 +46,8 @@ class Shell:
 
     def __init__(self, kind: bool, titan: Robot) -> None:
         self.poller = Poller()
-        keys = {"secret": OF_TITAN, "key": OF_IO.public} if kind is PROTECTED else {}
-        self.port = Port(self.poller, ClientConnections(), titan, "io", **keys)
+        keys = LinkKeys(OF_TITAN, {"io": OF_IO.public}) if kind is PROTECTED else None
+        self.port = Port(self.poller, ClientConnections(), titan, "io", keys=keys)
         self.port.watch(self.poller)
 
     def turn(self, wait_ms: int = 0) -> list[tuple[tuple[bytes, ...], list[bytes]]]:
@@ -401,13 +402,21 @@ def ready(port: Port) -> dict[Polled, Hashable]:
         return poller.poll(WAIT_MS)
 
 
-def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
+def test_datagrams_go_back_to_where_the_peer_was_seen(kind, port, sender):
+    io = LinkKeys(OF_IO, {"titan": OF_TITAN.public}) if kind is PROTECTED else LinkKeys()
     port.send_datagram(b"to no peer yet")
+    sender.send(io.seal("titan", b"hello"))
+    assert ready(port)
+    ((packet, port.datagram_address),) = port.packets(64)
+    assert packet == b"hello"
+    port.send_datagram(b"hello back")
+    assert io.open("titan", sender.recv(100)) == b"hello back"
+
+
+def test_a_protected_port_drops_datagrams_that_the_peer_did_not_seal(kind, port, sender):
     sender.send(b"hello")
     assert ready(port)
-    ((_, port.datagram_address),) = port.packets(64)
-    port.send_datagram(b"hello back")
-    assert sender.recv(100) == b"hello back"
+    assert [packet for packet, _ in port.packets(64)] == ([] if kind is PROTECTED else [b"hello"])
 
 
 def test_a_datagram_port_that_is_taken_is_done_without(kind, titan, caplog):

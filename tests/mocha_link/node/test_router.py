@@ -122,7 +122,7 @@ def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypa
         assert max(relieved) <= most
         _, _, saw = field.node("io", datagrams=False)
         assert saw.pull("titan").messages == 1
-    while len(node._transport._clients.routers) > 1:  # that of io, which follows
+    while len(node._transport._ports.clients.routers) > 1:  # that of io, which follows
         pass
 
 

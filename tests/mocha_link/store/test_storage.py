@@ -40,13 +40,6 @@ def record(number: int, *, topic_id: int | None = None, body: bytes = b"\0\0body
     return Record(header, number % 4, body, T_MS + number, T_MS / 1000 + number / 7, number % 2 > 0)
 
 
-def hurry(storage):
-    """Have it try again now, not when the time has come."""
-    with storage._changed:
-        storage._hurried = storage.fault is not None
-        storage._changed.notify_all()
-
-
 class Shelter:
     """A database on a file, and what was said of it."""
 
@@ -61,7 +54,7 @@ class Shelter:
             assert self.database.insert(record(number), NOW_S)
 
     def retry(self):
-        hurry(self.storage)
+        self.storage.retry()
         return self.storage.wait(60)
 
     def fault(self):

@@ -18,7 +18,6 @@ from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import StorageDamagedError
 from mocha_link.store.wire import Header
-from tests.mocha_link.store.test_storage import hurry
 
 T_MS = 1_795_000_000_000
 NOW_S = T_MS / 1000 + 1000
@@ -139,10 +138,10 @@ def test_nothing_hangs_and_nothing_raises_whatever_call_fails(memory, monkeypatc
             assert database.insert(record(number), NOW_S)
             database.learn("io", Knowledge(1, 2, 3))
             assert kept.wait(WAIT_S) or kept.fault
-            hurry(kept)
+            kept.retry()
         ours = database.kept()
         failed, disk.first, disk.lasting = disk.calls >= first, CALLS, False
-        hurry(kept)
+        kept.retry()
         saved = kept.wait(WAIT_S)
         assert saved or isinstance(kept.fault, StorageDamagedError)  # that may have to be moved
         assert kept.close(WAIT_S) == saved
@@ -175,7 +174,7 @@ def test_a_mistake_that_ends_the_writing_lets_no_caller_wait(tmp_path, monkeypat
     kept = Storage(tmp_path / "messages.db", on_fault=faults.append)
     database = Database(storage=kept)
     monkeypatch.setattr(storage.storage_file, "fault", lambda *_: 1 / 0)
-    monkeypatch.setattr(kept, "_check_place", lambda: 1 / 0)
+    kept.path.unlink()
     database.insert(record(1), NOW_S)
     assert not kept.wait()
     assert not kept.close(WAIT_S)

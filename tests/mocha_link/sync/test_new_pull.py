@@ -12,6 +12,7 @@ import zmq
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import SyncTimedOut
 from mocha_link.node.connection import Connection
+from mocha_link.node.connector import Connector
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
 from mocha_link.sync.protocol import Connect, Disconnect
@@ -139,7 +140,7 @@ def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypat
         lines.append(line)
         return line
 
-    monkeypatch.setattr(transport._dialer, "_new_connection", new_connection)
+    monkeypatch.setattr(Connector, "connect", new_connection)
     gossip.signal_received("io", -50.0, now())
     transport._act()
     time_s[0] = 3.0  # nothing came for long
