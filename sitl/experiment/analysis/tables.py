@@ -184,8 +184,11 @@ def of_the_paper(experiment: Experiment) -> bool:
 
 
 def beside_the_paper(experiment: Experiment) -> bool:
-    """Whether every row is a team of the paper's table, in some reading of where all begin."""
-    ours = set(experiment.varied) - _PLACES
+    """Whether rows are the paper's table, or some of its teams in several readings of places."""
+    varied = set(experiment.varied)
+    if varied.isdisjoint(_PLACES):
+        return of_the_paper(experiment)
+    ours = varied - _PLACES
     return ours <= _HEADS.keys() and all(paper_row(row.settings) for row in experiment.rows)
 
 
