@@ -84,6 +84,7 @@ experiments-remade: setup
 # That, and tables and verdicts of docs/evidence/experiments.md from all archived runs: fails if a number differs
 experiments-verify: setup experiments-remade
 	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/evidence/experiments.md || exit 1; done
+	$(BIN)/python -m benchmarks.archives --claims verify
 
 # Seek policies on the frozen test set; commit first, as the table names the commit. make leaderboard POLICIES="tour my_policy:Nearest"
 POLICIES ?= never freshest rendezvous tour oracle

@@ -4,11 +4,15 @@
     python -m benchmarks.archives --seed 7 --runs 20
     python -m benchmarks.archives --index    # rewrite docs/evidence/archives.csv
     python -m benchmarks.archives --again table1 searches-confirmation
+    python -m benchmarks.archives --claims            # all claims in order, into the page
+    python -m benchmarks.archives --claims verify     # the exit code is 1 if the page differs
 
 `archives.csv` lists for each archive its command, the time to repeat it, and in `moved` (edited by
 hand) the change that has altered its results since. Archives with such a note are not repeated.
 `--again` repeats all runs of archives with the same seeds, updates docs/evidence/experiments.md,
 and removes the notes.
+`--claims` decides every claim again from its archive of confirmation runs, and writes the table
+of all claims in experiments.md (`--claims verify`: compares it).
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from __future__ import annotations
 import argparse
 import csv
 import random
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -24,11 +29,13 @@ from typing import Final
 
 from air_router.files import write_whole
 from benchmarks.patched import ROOT
-from sitl.experiment import Experiment, Record, experiment_names
+from sitl.experiment import Experiment, Record, experiment_names, load_experiment
+from sitl.experiment.analysis import Report
 from sitl.experiment.campaign import ARCHIVE_ENDING, Remade, read_archive, remade, remakeable
 
 EVIDENCE: Final = ROOT / "docs" / "evidence"
 INDEX: Final = EVIDENCE / "archives.csv"
+PAGE: Final = EVIDENCE / "experiments.md"
 ENDING: Final = f"-runs{ARCHIVE_ENDING}"
 
 LONGEST_CPU_S: Final = 20.0
@@ -131,12 +138,71 @@ def again(names: Iterable[str], jobs: int) -> int:
         arguments = [experiment.name, "--jobs", str(jobs), "--out", str(ROOT / "build" / name)]
         arguments += ["--first-seed", str(min(numbers))]
         arguments += ["--seeds", str(max(numbers) - min(numbers) + 1)]
-        arguments += ["--archive", str(path_of(name)), "--docs", str(EVIDENCE / "experiments.md")]
+        arguments += ["--archive", str(path_of(name)), "--docs", str(PAGE)]
         done = subprocess.run([sys.executable, "-m", "sitl", "experiment", *arguments], check=False)  # noqa: S603 - ours
         if done.returncode:
             return done.returncode
         notes.pop(name, None)
         write_whole(INDEX, index(notes), replace=True)
+    return 0
+
+
+CONFIRMED: Final = "-confirmation"
+
+
+def claims_text(names: Iterable[str], page: str) -> str:
+    """The table of all declared claims, in order, as archives of confirmation runs decide them.
+
+    Args:
+        names: Of the archives.
+        page: The text that has their sections.
+    """
+    rows: dict[int, tuple[str, str, str, str]] = {}
+
+    def add(experiment: Experiment, number: int, text: str, brief: str, because: str) -> None:
+        where = f"[`{experiment.name}`](#{anchor(page, experiment.called('confirmation'))})"
+        rows[number] = text, f"**{brief}**", because, where
+
+    for experiment, _ in map(load_experiment, experiment_names()):
+        for rule in experiment.claims:
+            add(experiment, rule.number, rule.text, "not run yet", "")
+    for name in names:
+        experiment, records = read_archive(path_of(name))
+        for claim in Report(experiment, records).claims if experiment.claims else ():
+            first, *others = claim.parts
+            more = f"; first of {len(others) + 1} parts" if others else ""
+            add(experiment, claim.number, claim.text, claim.brief, first.because + more)
+    heads = "| claim | what it says | verdict | effect [95 % interval] | experiment |"
+    cells = (f"| {number} | {' | '.join(rows[number])} |" for number in sorted(rows))
+    return "\n".join([heads, "|---:|---|---|---|---|", *cells])
+
+
+def anchor(page: str, name: str) -> str:
+    """The anchor of the section that has an archive's claims."""
+    before = page.partition(f"<!-- begin {name} claims -->")[0]
+    heading = re.findall(r"^#+ (.+)$", before, re.MULTILINE)[-1:] or [name]
+    return re.sub(r"[^a-z0-9 _-]", "", heading[0].lower()).replace(" ", "-")
+
+
+def with_claims(page: str, table: str) -> str:
+    """The page with another table of all claims."""
+    begin, end = "<!-- begin all claims -->", "<!-- end -->"
+    before, found, rest = page.partition(begin)
+    if not found:
+        raise ValueError(f"{PAGE} has no '{begin}'")
+    return f"{before}{begin}\n{table}\n{end}{rest.partition(end)[2]}"
+
+
+def claims(*, write: bool) -> int:
+    """Decide all claims anew; the exit code is 1 if the page says otherwise and is not written."""
+    page = PAGE.read_text(encoding="utf-8")
+    confirmed = [name for name in archives() if name.endswith(CONFIRMED)]
+    new = with_claims(page, claims_text(confirmed, page))
+    if write:
+        write_whole(PAGE, new, replace=True)
+    elif new != page:
+        sys.stderr.write(f"{PAGE}: the table of all claims is not what the archives say\n")
+        return 1
     return 0
 
 
@@ -149,6 +215,13 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=None, help="seed of the choice of runs")
     parser.add_argument("--index", action="store_true", help="rewrite docs/evidence/archives.csv")
     parser.add_argument(
+        "--claims",
+        nargs="?",
+        const="write",
+        choices=("write", "verify"),
+        help="write, or compare, the table of all claims",
+    )
+    parser.add_argument(
         "--again",
         nargs="+",
         choices=archives(),
@@ -160,6 +233,8 @@ def main() -> int:
     if arguments.index:
         write_whole(INDEX, index(moved()), replace=True)
         return 0
+    if arguments.claims:
+        return claims(write=arguments.claims == "write")
     if arguments.again:
         return again(arguments.again, arguments.jobs)
     seed = random.SystemRandom().randrange(10**6) if arguments.seed is None else arguments.seed

@@ -1,10 +1,12 @@
 """`make experiments-remade`: the index of archives, and which of their runs are tried."""
 
 import random
+import re
 
 import pytest
 
 from benchmarks import archives
+from sitl.experiment import experiment_names, load_experiment
 from sitl.experiment.campaign import read_archive
 
 
@@ -52,3 +54,28 @@ def test_a_run_that_comes_out_otherwise_fails_the_check_and_says_how_to_go_on(
     said = capsys.readouterr()
     assert "table1: not tried, results have moved: moved" in said.out
     assert "--again field" in said.err
+
+
+def test_the_page_has_every_declared_claim_once_and_in_order():
+    page = archives.PAGE.read_text(encoding="utf-8")
+    table = page.partition("<!-- begin all claims -->")[2].partition("<!-- end -->")[0]
+    told = [int(number) for number in re.findall(r"^\| (\d+) \|", table, re.MULTILINE)]
+    declared = {
+        claim.number for name in experiment_names() for claim in load_experiment(name)[0].claims
+    }
+    assert told == sorted(declared)
+
+
+def test_claims_are_decided_by_archives_and_lead_to_their_sections():
+    page = "# Page\n## The link: `radio`\n<!-- begin radio-confirmation claims -->\n<!-- end -->\n"
+    table = archives.claims_text(["radio-confirmation", "crowd"], page)
+    by_number = {line.split("|")[1].strip(): line for line in table.splitlines()}
+    line = by_number["13"]
+    assert line.startswith("| 13 | With the link that 3GPP says a UAV has")
+    assert "| **not run yet** |" in by_number["14"]  # its archive is not among these
+    assert "| **holds** | 0.11 times [" in line
+    assert "; first of 3 parts | [`radio`](#the-link-radio) |" in line
+    whole = f"top\n<!-- begin all claims -->\nold\n<!-- end -->\n{page}"
+    assert archives.with_claims(whole, table) == whole.replace("old", table)
+    with pytest.raises(ValueError, match="begin all claims"):
+        archives.with_claims(page, table)

@@ -285,8 +285,22 @@ def within(ratio: Interval) -> Literal["yes", "no", "open"]:
     return "no" if low > 1 + WITHIN or high < 1 - WITHIN else "open"
 
 
-def likeness(runs: Runs) -> str:
-    """Whether experiments come to what processes do, or a real PX4: side by side, for a document.
+class Likeness(NamedTuple):
+    """A measure of the same missions by experiments and by what flies.
+
+    Attributes:
+        name: what it is called.
+        means: geometric means, of both.
+        ratio: of experiments to what flies.
+    """
+
+    name: str
+    means: tuple[float, float]
+    ratio: Interval
+
+
+def flown_beside(runs: Runs) -> tuple[str, list[Likeness]]:
+    """What missions were flown in beside experiments, and how alike each measure is.
 
     Flights of one seed meet the same patrols and fading, so they are compared in pairs. Empty where
     no missions were flown in both.
@@ -300,7 +314,7 @@ def likeness(runs: Runs) -> str:
     here = flown.pop("mission")
     other, there = next(((world, rows) for world, rows in flown.items() if rows), ("", []))
     if not here or not there:
-        return ""
+        return "", []
 
     def factor(key: str, weights: Weights) -> Interval:
         found = runs.effect(weights, key, ratio=True).interval()
@@ -308,14 +322,31 @@ def likeness(runs: Runs) -> str:
 
     ours, theirs = _mean_of(here), _mean_of(there)
     apart = [*ours, *_mean_of(there, -1.0)]
-    names = f"{FLOWN_IN['mission']} | {FLOWN_IN[other]}"
-    lines = [f"| per mission, geometric means | {names} | ratio | within 10 % |"]
-    lines += ["|---|---:|---:|---:|---|"]
-    for key, name in FLIGHT_MEASURES.items():
-        if not runs.has(key):
-            continue
-        means = " | ".join(f"{factor(key, weights).value:.1f}" for weights in (ours, theirs))
-        ratio = factor(key, apart)
-        value, low, high = (f"{number:.2f}" for number in ratio)
-        lines.append(f"| {name} | {means} | {value} ({low} to {high}) | {within(ratio)} |")
+    return FLOWN_IN[other], [
+        Likeness(
+            name,
+            (factor(key, ours).value, factor(key, theirs).value),
+            factor(key, apart),
+        )
+        for key, name in FLIGHT_MEASURES.items()
+        if runs.has(key)
+    ]
+
+
+def likeness(runs: Runs) -> str:
+    """Whether experiments come to what processes do, or a real PX4: side by side, for a document.
+
+    Empty where no missions were flown in both.
+    """
+    other, found = flown_beside(runs)
+    if not found:
+        return ""
+    lines = [
+        f"| per mission, geometric means | {FLOWN_IN['mission']} | {other} | ratio | within 10 % |",
+        "|---|---:|---:|---:|---|",
+    ]
+    for one in found:
+        means = " | ".join(f"{mean:.1f}" for mean in one.means)
+        value, low, high = (f"{number:.2f}" for number in one.ratio)
+        lines.append(f"| {one.name} | {means} | {value} ({low} to {high}) | {within(one.ratio)} |")
     return "\n".join(lines)

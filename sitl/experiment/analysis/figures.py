@@ -20,10 +20,11 @@ from air_router.files import write_whole
 from air_router.words import counted
 from mocha_link.errors import needs_extra
 from sitl.experiment import Experiment, Record, Row, settings_text, value_of
+from sitl.experiment.analysis.claims import FLOWN_IN, WITHIN, flown_beside
 from sitl.experiment.analysis.link_prediction import MODELS_SHOWN, calibration, of_links
 from sitl.experiment.analysis.outcome import OUTCOMES, Scenarios, is_of_scenarios
-from sitl.experiment.analysis.statistics import Numbers
-from sitl.experiment.analysis.tables import Line, lines, of_the_paper
+from sitl.experiment.analysis.statistics import Numbers, Runs, interval
+from sitl.experiment.analysis.tables import Line, lines, of_the_paper, readings
 from sitl.experiment.engine import BIN_S
 
 with needs_extra("a figure", "experiments", "air-router"):
@@ -57,6 +58,8 @@ _LEAST_SIZES: Final = 4
 _MOST_EXAMPLES: Final = 4
 _MOST_LINES: Final = 9
 _LEAST_SCENARIOS: Final = 2
+_LEAST_POLICIES: Final = 2
+_MARKERS: Final = "os^DvPX"
 _LEAST_FACTOR: Final = 0.3
 """Factors below are told in numbers."""
 _STEP_S: Final = 15.0
@@ -169,6 +172,126 @@ def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
         paper = [getattr(line.paper, theirs) if line.paper else np.nan for line in own]
         hollow: dict[str, Any] = {"ls": (0, (3, 2)), "mfc": "white", "lw": 1, "zorder": 2}
         one.plot(radii_m, paper, label=f"{team_name}, paper", **style, **hollow)
+
+
+def draw_readings(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """Goals over the radius for each reading of where robots start and vehicles stand."""
+    compared = readings(experiment)
+    found = {line.label: line for line in lines(experiment, records)}
+    if not compared or not all(row.label in found for row in experiment.rows):
+        return None
+
+    def team(line: Line) -> tuple[int, int]:
+        return line.settings["uavs"], line.settings["ugvs"]
+
+    teams = sorted({team(line) for line in found.values()})
+    figure, axes = sheet(
+        len(teams),
+        "Goals by where robots start and vehicles stand, beside the paper's",
+        "Filled, with 95 % confidence intervals: ours. Hollow and dashed: the paper's",
+        columns=3,
+    )
+    for one, (uavs, ugvs) in zip(axes, teams, strict=True):
+        paper: dict[float, float] = {}
+        for place, (name, rows) in enumerate(compared.items()):
+            own = [found[row.label] for row in rows if team(found[row.label]) == (uavs, ugvs)]
+            own.sort(key=lambda line: line.settings["radius_m"])
+            paper |= {line.paper.radius_m: line.paper.goals_percent for line in own if line.paper}
+            shift = 0.5 * (place - (len(compared) - 1) / 2)  # apart, to be seen
+            radii_m = np.array([line.settings["radius_m"] for line in own]) + shift
+            value, low, high = np.array([line.values["goals_percent"] for line in own]).T
+            reach = np.maximum(np.nan_to_num([value - low, high - value]), 0)
+            style: dict[str, Any] = {"color": COLOURS[place], "marker": _MARKERS[place], "ms": 4.5}
+            style |= {"lw": 1.4, "elinewidth": 1.0, "capsize": 2.5, "label": name}
+            one.errorbar(radii_m, value, yerr=reach, **style)
+        hollow: dict[str, Any] = {"ls": (0, (3, 2)), "mfc": "white", "color": INK, "marker": "o"}
+        one.plot([*paper], [*paper.values()], label="the paper", lw=1.2, zorder=4, **hollow)
+        one.set(xlabel="radius (m)", ylabel="goals reached (%)", ylim=(0, 105))
+        one.set_title(f"{counted(uavs, 'UAVs')}, {counted(ugvs, 'UGVs')}", loc="left")
+    legend_below(figure)
+    return figure
+
+
+_AGES: Final = {
+    "service_age_mean_s": "age of poses at UAVs and of maps at robots (s)",
+    "exchange_age_mean_s": "age of exchanges (s)",
+}
+_KNOWN_POLICIES: Final = (
+    *("round robin", "tour", "rendezvous", "freshest", "milp", "oracle", "orienteering"),
+)
+"""Each has its colour in every figure."""
+
+
+def draw_policies(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """How old data are with each policy, scenario by scenario."""
+    runs = Runs(experiment, records)
+    measure = next((each for each in _AGES if runs.has(each)), None)
+    if "policy" not in experiment.varied or measure is None or is_of_scenarios(experiment):
+        return None
+    rows = [row for row in experiment.rows if len(runs.numbers(row)) > 1]
+    policies = list(dict.fromkeys(map(_policy, rows)))
+    scenarios = list(dict.fromkeys(map(_scenario, rows)))
+    if len(policies) < _LEAST_POLICIES or not {*policies} <= {*_KNOWN_POLICIES}:
+        return None
+    policies.sort(key=_KNOWN_POLICIES.index)
+    figure, (one,) = sheet(
+        1,
+        "How old data are, by whom the UAV seeks",
+        experiment.title,
+        high=0.9 + 0.14 * len(scenarios) * (len(policies) + 1),
+    )
+    for place, policy in enumerate(policies):
+        own = [row for row in rows if _policy(row) == policy]
+        height = np.array([-scenarios.index(_scenario(row)) for row in own], dtype=np.float64)
+        height -= 0.8 * ((place + 0.5) / len(policies) - 0.5)
+        found = [interval(runs.values(row, measure, runs.numbers(row))) for row in own]
+        value, low, high = np.array(found).T
+        kind = _KNOWN_POLICIES.index(policy)
+        style: dict[str, Any] = {"color": COLOURS[kind], "marker": _MARKERS[kind]}
+        one.hlines(height, low, high, colors=COLOURS[kind], lw=1.6)
+        one.scatter(value, height, s=22, zorder=3, label=policy, **style)
+    one.set_yticks(-np.arange(len(scenarios)), scenarios, fontsize=8)
+    one.set(
+        xlabel=f"{_AGES[measure]}, 95 % intervals",
+        ylim=(-len(scenarios) + 0.45, 0.55),
+        xlim=(0, None),
+    )
+    one.tick_params(axis="y", length=0, labelcolor=INK, color=FAINT)
+    legend_below(figure)
+    return figure
+
+
+def _policy(row: Row) -> str:
+    return settings_text({"policy": value_of(row.settings, "policy")}, ["policy"])
+
+
+def _scenario(row: Row) -> str:
+    """A row's label without its policy."""
+    parts = [FLOWN_IN.get(p, p) for p in row.label.split(", ") if p != _policy(row)]
+    return ", ".join(parts) or "all"
+
+
+def draw_fidelity(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """Missions by experiments as a factor of what flies says, with the tenth that is asked."""
+    other, found = flown_beside(Runs(experiment, records))
+    if not found:
+        return None
+    figure, (one,) = sheet(
+        1,
+        f"The same missions by experiments and by {other}",
+        "Ratios of geometric means with 95 % intervals; grey: within 10 %",
+        high=0.9 + 0.2 * len(found),
+    )
+    height = -np.arange(len(found))
+    value, low, high = np.array([each.ratio for each in found]).T
+    one.axvspan(1 - WITHIN, 1 + WITHIN, color=FAINT, alpha=0.18, lw=0)
+    one.axvline(1.0, color=FAINT, lw=0.8)
+    one.hlines(height, low, high, colors=COLOURS[0], lw=1.6)
+    one.scatter(value, height, color=COLOURS[0], s=25, zorder=3)
+    one.set_yticks(height, [each.name for each in found], fontsize=8)
+    one.set(xlabel=f"experiments / {other}")
+    one.tick_params(axis="y", length=0, labelcolor=INK, color=FAINT)
+    return figure
 
 
 def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
@@ -371,6 +494,9 @@ def _runs_by_row(experiment: Experiment, records: Sequence[Record]) -> dict[Row,
 _Draw = Callable[[Experiment, Sequence[Record]], Figure | None]
 _OF_MEASURES: Final[Mapping[str, _Draw]] = {
     "table": draw_table,
+    "readings": draw_readings,
+    "policies": draw_policies,
+    "fidelity": draw_fidelity,
     "compare": draw_comparison,
     "cost": draw_cost,
     "outcome": draw_outcome,

@@ -8,9 +8,9 @@ summary.json    the table and the verdicts on the claims, for programs
 
 A document gets it between marks: `<!-- begin NAME WHAT -->` and `<!-- end -->`; NAME is the
 experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, paper,
-claims, fidelity, fit, blind, outcome, links. So the document can be made again from any runs.
-Figures go beside it, into `images`; tables, rows compared by seeds, the numbers behind claims,
-settings that were fitted, what they predict, and policies compared over scenarios into
+readings, claims, fidelity, fit, blind, outcome, links. So the document can be made again from any
+runs. Figures go beside it, into `images`; tables, rows compared by seeds, the numbers behind
+claims, settings that were fitted, what they predict, and policies compared over scenarios into
 `NAME-table.csv`, `-pairs.csv`, `-claims.csv`, `-draws.csv`, `-cells.csv`, `-policies.csv` and
 `-strata.csv`, where these exist.
 """
@@ -275,6 +275,7 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
     experiment = report.experiment
     whole = tables.of_the_paper(experiment) and len(experiment.rows) == len(tables.PAPER_TABLE)
     return {
+        "readings": tables.readings_text(experiment, report.records),
         "fidelity": likeness(Runs(experiment, report.records)),
         "claims": _claims(document, report),
         "facts": _facts(report),

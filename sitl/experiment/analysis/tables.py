@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sitl.experiment import Experiment, Record, flat, value_of, value_text
+from sitl.experiment import Experiment, Record, Row, flat, value_of, value_text
 from sitl.experiment.analysis.statistics import (
     Interval,
     Numbers,
@@ -28,6 +28,9 @@ from sitl.experiment.analysis.statistics import (
 
 _HEADS: Final = {"radius_m": "radius m", "uavs": "UAVs", "ugvs": "UGVs"}
 """What the paper's table varies."""
+
+_PLACES: Final = {"starts", "goals"}
+"""Where robots start and vehicles stand: the paper's text leaves it open."""
 
 _WIDTH: Final = 160
 """Letters in a line of a terminal that is opened wide."""
@@ -180,6 +183,26 @@ def of_the_paper(experiment: Experiment) -> bool:
     return set(experiment.varied) == _HEADS.keys()
 
 
+def beside_the_paper(experiment: Experiment) -> bool:
+    """Whether rows are the paper's table, or some of its teams in several readings of places."""
+    varied = set(experiment.varied)
+    if varied.isdisjoint(_PLACES):
+        return of_the_paper(experiment)
+    ours = varied - _PLACES
+    return ours <= _HEADS.keys() and all(paper_row(row.settings) for row in experiment.rows)
+
+
+def readings(experiment: Experiment) -> dict[str, list[Row]]:
+    """The paper's teams by reading, where several are compared; each reading has the same teams."""
+    keys = [key for key in experiment.varied if key in _PLACES]
+    found: dict[str, list[Row]] = {}
+    if keys and beside_the_paper(experiment):
+        for row in experiment.rows:
+            name = ", ".join(f"{key}: {value_of(row.settings, key)}" for key in keys)
+            found.setdefault(name, []).append(row)
+    return found
+
+
 def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
     """The table as it is read: the heads, then the cells of each row."""
     columns: dict[str, list[str]] = {}
@@ -194,7 +217,7 @@ def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
         estimates = [line.values.get(column.key, _NONE) for line in found]
         if not all(math.isnan(estimate.value) for estimate in estimates):
             columns[column.head] = [_shown(estimate, column.digits) for estimate in estimates]
-            if column.paper and of_the_paper(experiment):
+            if column.paper and beside_the_paper(experiment):
                 theirs = [line.paper and getattr(line.paper, column.paper) for line in found]
                 columns[f"paper: {column.head}"] = [
                     "" if number is None else f"{number:.{column.digits}f}" for number in theirs
@@ -249,13 +272,50 @@ def nearness(ours: Sequence[Line]) -> str:
         factors = value / paper
         cells = [
             column.head,
-            f"{_geometric(factors):.2f} ({factors.min():.2f} to {factors.max():.2f})",
+            _range(factors),
             *_fit(value, paper),
             f"{np.count_nonzero((low <= paper) & (paper <= high))} of {len(ours)}",
             *_fit(shape * _geometric(paper / shape), paper),
         ]
         text.append(f"| {' | '.join(cells)} |")
     return "\n".join(text)
+
+
+def readings_text(experiment: Experiment, records: Sequence[Record]) -> str:
+    """How near each reading comes to the paper, for a document; empty: only one was made.
+
+    Teams are independent, so the mean over them has Welch's interval.
+    """
+    runs, by_label = Runs(experiment, records), {}
+    for line in lines(experiment, records):
+        by_label[line.label] = line
+    columns = [column for column in COLUMNS if column.paper]
+    goals, *others = columns
+    heads = "".join(f" {column.head}, ours / paper (range) |" for column in others)
+    text = [
+        "| reading | goals %, mean over teams | paper | ours / paper (range) | paper in interval |"
+        + heads,
+        "|---|" + "---:|" * (4 + len(others)),
+    ]
+    for name, rows in readings(experiment).items():
+        own = [by_label[row.label] for row in rows if row.label in by_label]
+        if len(own) < len(rows):
+            return ""
+        mean = runs.effect([(1 / len(rows), row) for row in rows], goals.measure).interval()
+        paper = {c: np.array([getattr(line.paper, c.paper or "") for line in own]) for c in columns}
+        factors = {
+            c: np.array([line.values[c.key].value for line in own]) / paper[c] for c in columns
+        }
+        _, low, high = np.array([line.values[goals.key] for line in own]).T
+        held = np.count_nonzero((low <= paper[goals]) & (paper[goals] <= high))
+        cells = [name, _shown(mean, 1), f"{paper[goals].mean():.1f}", _range(factors[goals])]
+        cells += [f"{held} of {len(own)}", *(_range(factors[column]) for column in others)]
+        text.append(f"| {' | '.join(cells)} |")
+    return "\n".join(text) if len(text) > 2 else ""
+
+
+def _range(factors: Numbers) -> str:
+    return f"{_geometric(factors):.2f} ({factors.min():.2f} to {factors.max():.2f})"
 
 
 def formula(column: Column, row: PaperRow) -> float:
