@@ -223,7 +223,7 @@ MUTANTS = (
     _row("any address token", "mocha_link.address_tokens", "return address_token in self._issued",
          "return True", "forged_openings server"),
     _row("ranges without limit", "mocha_link.reassembly_buffer", "if len(gaps) <= limit:", "if True:", "reassembly_buffer"),
-    _row("amplification", "mocha_link.datagram", "RETURN = 3  #", "RETURN = 300  #",
+    _row("amplification", "mocha_link.address_proof", "RETURN = 3  #", "RETURN = 300  #",
          "datagram forged_openings"),
     _row("stalled pull lives", "mocha_link.puller", "now.steady_s - pull.alive_s <= STALLED_S:",
          "now.steady_s - pull.alive_s <= 100 * STALLED_S:", "gossip new_pull"),
