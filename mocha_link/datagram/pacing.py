@@ -4,7 +4,7 @@ A small subset of BBR (draft-ietf-ccwg-bbr). Packets are sent at the highest rec
 with little more than the bandwidth-delay product in flight. Single losses are ignored, as radios
 lose packets without congestion. A standing queue shows congestion; the delivery rate at that moment
 is the rate of the link. Unlike BBR, the dispersion of the first packets gives the rate at once.
-Bulk data is left to TCP. No clock here. docs/sync-protocol.md has the measured benefit of each
+Bulk data is left to TCP. No clock here. docs/evidence/goals.md has the measured benefit of each
 part.
 """
 

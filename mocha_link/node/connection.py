@@ -71,7 +71,7 @@ class Connection:
     def _connect(self) -> None:
         self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES, mechanism=self._mechanism())
         self._out = SendBuffer([self._protocol.hello])
-        self._connected_s: float | None = None  # when TCP stood, steady clock
+        self._connected_s: float | None = None  # when TCP was established, steady seconds
         self._opened = False  # requests were sent before the peer was ready
         self._socket = closed_in_children(socket.socket(family_of(self.host), socket.SOCK_STREAM))
         self._socket.setblocking(False)
