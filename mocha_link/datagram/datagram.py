@@ -162,12 +162,12 @@ class Flow:
         stamps, newest = self._outbox.acknowledged(ack)
         if not stamps or self.down:  # the round trip would include the gap
             return
-        came_s = now_s - ack.delay_s
-        if newest is None or came_s <= newest.sent_s:
-            came_s = now_s
-        rtt_s = came_s - newest.sent_s if newest else None
+        arrived_s = now_s - ack.delay_s
+        if newest is None or arrived_s <= newest.sent_s:
+            arrived_s = now_s
+        rtt_s = arrived_s - newest.sent_s if newest else None
         if self.proven:
-            self._pacing.arrived(stamps, rtt_s, came_s)
+            self._pacing.arrived(stamps, rtt_s, arrived_s)
             return
         self._address.proven = True
         if rtt_s is not None:

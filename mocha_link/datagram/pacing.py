@@ -205,15 +205,15 @@ class Pacing:
         """Estimate the rate from the dispersion of the first packets."""
         if self._spread is None:
             self._spread = now_s, newest.sent_s, self._delivered
-        came_s, left_s, before = self._spread
+        first_arrived_s, first_sent_s, before = self._spread
         size = self._delivered - before
-        if self.judged or size < SPREAD_PACKETS * self.packet_bytes or now_s <= came_s:
+        if self.judged or size < SPREAD_PACKETS * self.packet_bytes or now_s <= first_arrived_s:
             return
         self.judged = True
-        if newest.sent_s - left_s > BURST_OVER_S:
+        if newest.sent_s - first_sent_s > BURST_OVER_S:
             return
-        rate = min(size / (now_s - came_s), MAX_RATE)
-        if now_s - came_s > STRETCHED * (newest.sent_s - left_s) + STRETCHED_S:
+        rate = min(size / (now_s - first_arrived_s), MAX_RATE)
+        if now_s - first_arrived_s > STRETCHED * (newest.sent_s - first_sent_s) + STRETCHED_S:
             # They arrived more slowly than they were sent: the link is the bottleneck.
             self._rate, self._known, self._start_rounds = rate, True, 0
         elif rate > 2 * self._rate:  # the sending rate limited the burst: only a lower bound
@@ -223,11 +223,11 @@ class Pacing:
     def _learn(self, round_: Round) -> None:
         """Update the rate after a round with enough to send."""
         self._known = self._known or self._delivered >= SPREAD_PACKETS * self.packet_bytes
-        stands = round_.queue_stands(self.rtt.min_s or 0.0, self.packet_bytes)
-        self._full_rounds = self._full_rounds + 1 if stands else 0
+        queued = round_.queue_stands(self.rtt.min_s or 0.0, self.packet_bytes)
+        self._full_rounds = self._full_rounds + 1 if queued else 0
         if self._start_rounds:
             grew = self._rate > GROWTH * self._start_rate
-            self._start_rounds = 0 if stands else 2 if grew else self._start_rounds - 1
+            self._start_rounds = 0 if queued else 2 if grew else self._start_rounds - 1
             self._start_rate = self._rate
         if self._full_rounds > DRAIN_ROUNDS:  # not our queue: the path has become longer
             self.rtt.min_s, self._full_rounds, self._start_rounds = round_.rtt_s, 0, 2

@@ -190,9 +190,9 @@ class Gossip:
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Process a datagram at the port of a peer; whether to reply to its source address."""
         link = self._link(peer)
-        is_there = link.session.packet(packet, now)
+        accepted = link.session.packet(packet, now)
         self._announce(link, now)
-        return is_there
+        return accepted
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Process a reply on the connection to a peer, or a request that the peer sent on it."""

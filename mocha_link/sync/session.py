@@ -94,9 +94,9 @@ class Session:
 
     def packet(self, packet: bytes, now: Instant) -> bool:
         """Process a datagram at the peer's port; whether to reply to its source address."""
-        is_there = self._server.packet(packet, now)
+        accepted = self._server.packet(packet, now)
         self._transmit(now)
-        return is_there
+        return accepted
 
     def packet_back(self, packet: bytes, now: Instant) -> None:
         """Process a datagram that the peer sent in reply to ours."""
