@@ -1,18 +1,18 @@
-"""Whether what is sent gets to the peer itself, not to a victim in whose name it came."""
+"""A limit on what is sent to an address that may have been spoofed (amplification attacks)."""
 
 from __future__ import annotations
 
-RETURN = 3  # times the bytes received: more does not leave before the peer has proven its address
+RETURN = 3  # times the bytes received may be sent before the peer has proven its address
 UNLIMITED = 1 << 30
 
 
 class AddressProof:
-    """Limits what is sent to an address that the peer has not proven to be its own.
+    """Limits the bytes that are sent to an address until the peer has proven that it is its own.
 
     Attributes:
-        proven: the limit is off.
-        bytes_in: that were received from there.
-        bytes_out: that were sent there.
+        proven: the address is proven: no limit applies.
+        bytes_in: bytes received from the address.
+        bytes_out: bytes sent to the address.
     """
 
     def __init__(self, *, proven: bool) -> None:
@@ -22,5 +22,5 @@ class AddressProof:
 
     @property
     def quota(self) -> int:
-        """How many bytes may leave."""
+        """How many more bytes may be sent."""
         return UNLIMITED if self.proven else RETURN * self.bytes_in - self.bytes_out

@@ -1,8 +1,8 @@
 """A reliable, unordered, paced flow of frames over datagrams. No sockets, threads or clocks here.
 
-For links where setting up a connection takes most of a contact: the first packet carries data, and
-what the last contact showed of the link is used from the first moment on. docs/datagrams.md
-describes the packets and what a sender does.
+For links where setting up a connection takes most of a contact. The first packet carries data, and
+the rate measured in the last contact is used from the start. docs/datagrams.md describes the
+packets and the sender.
 """
 
 from __future__ import annotations
@@ -16,32 +16,33 @@ from mocha_link.datagram.pacing import AHEAD_S, UNKNOWN_RTT_S, Pacing
 from mocha_link.datagram.packet import ACK_BYTES, DATA_BYTES, LENGTH_BYTES, MAX_MASK
 from mocha_link.datagram.silence import QUIET_S, Silence, deviation_s
 
-PACKET_BYTES = 1_400  # 1,500 of most links - 20 - 8 - 40 for a seal around it, and some to spare
-PIGGYBACK_BYTES = 16  # a longer list of what arrived goes in a packet of its own
+PACKET_BYTES = 1_400  # MTU of 1,500 - 20 for IP - 8 for UDP - 40 for a seal, with a margin
+PIGGYBACK_BYTES = 16  # of an acknowledgement in a data packet; a longer one gets its own packet
 SECOND_FRAME_BYTES = 300  # with less room left in a packet no further frame is requested
-LEAST_QUOTA = 80  # less is not worth a packet
-CONTACT_REPEAT_S = 1.0  # a second contact within this time does not send everything once more
+LEAST_QUOTA = 80  # with a smaller quota no packet is sent
+CONTACT_REPEAT_S = 1.0  # a second contact within this time does not retransmit everything again
 
 
 class Flow:
-    """One end. Whatever the `source` of one end hands out arrives at the other, once, in any order.
+    """One end of a flow: delivers each frame of its `source` to the other end once, in any order.
 
     `source(room)` returns the next frame of at most `room` bytes, or None when there is none now.
-    The source is called when a packet can leave, not before, so the most urgent frame goes first.
-    Call `transmit` after every `receive`, at `wake_s`, and when the source has something again.
-    Both ends begin with the same token; who has lost the state of a flow begins another one.
+    It is called when a packet can be sent, not before, so that the most urgent frame is sent first.
+    Call `transmit` after every `receive`, at `wake_s`, and when the source has a frame again.
+    Both ends begin with the same token. A node that has lost the state of a flow begins a new one.
     All times are steady seconds from the same clock.
 
-    rate_bytes_s, rtt_s: what another flow showed of this link, if it is known.
-    first_number: of our packets. Who cannot guess it cannot acknowledge what it did not get.
-    proven: what we send gets to the peer itself, not to a victim in whose name it came. Otherwise
-        that is shown by the first acknowledgement, and little leaves before it.
+    rate_bytes_s, rtt_s: measured by an earlier flow over this link; None: not known.
+    first_number: the number of our first packet. A sender that cannot guess it cannot acknowledge
+        packets that it did not receive.
+    proven: the peer has proven its address. Otherwise the first acknowledgement proves it, and the
+        bytes sent before that are limited.
 
     Attributes:
-        token: names the flow.
+        token: identifies the flow.
         alive_s: when the last packet was received.
-        refused: packets that were none.
-        repeated: packets whose frames had arrived before.
+        refused: received packets that were invalid.
+        repeated: received packets whose frames had arrived before.
     """
 
     def __init__(  # noqa: PLR0913 - the options of a flow
@@ -69,11 +70,11 @@ class Flow:
         self._outbox = Outbox(first_number)
         self._silence = Silence()
         self._dry = False  # the source had nothing
-        self._contact_s: float | None = None  # when a contact began without a packet so far
-        self._blind = False  # the next acknowledgement reports what arrived of what is lost
-        self._hello = False  # a packet has to leave now, whatever is in it
+        self._contact_s: float | None = None  # when the contact began, until a packet is received
+        self._blind = False  # packets given up at the contact may have arrived: send new ones first
+        self._hello = False  # a packet must be sent now, even without frames
 
-    # --- what others may know
+    # --- state for the caller
 
     @property
     def proven(self) -> bool:
@@ -91,27 +92,27 @@ class Flow:
 
     @property
     def rtt_s(self) -> float | None:
-        """The lowest round trip of late, in seconds: for the memory of this link."""
+        """The lowest recent round trip, in seconds, to remember for this link."""
         return self._pacing.rtt.min_s
 
     @property
     def rate_bytes_s(self) -> float | None:
-        """Bytes/s that the link takes, for the memory of it; None if too little was sent."""
+        """The rate of the link in bytes/s, to remember for it; None if too little was sent."""
         return self._pacing.rate_bytes_s
 
     @property
     def judged(self) -> bool:
-        """Whether the first packets of a contact have shown how fast the link is."""
+        """Whether the first packets of a contact have been used to estimate the rate."""
         return self._pacing.judged
 
     @property
     def bytes_out(self) -> int:
-        """How many bytes have left, in all packets."""
+        """The bytes of all packets sent."""
         return self._address.bytes_out
 
     @property
     def arrived(self) -> int:
-        """How many numbered packets of the peer have come; copies of them count for nothing."""
+        """How many numbered packets of the peer were received; copies do not count."""
         return self._arrivals.count
 
     @property
@@ -121,7 +122,7 @@ class Flow:
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `transmit` if nothing arrives before; None: no need."""
+        """When to call `transmit` if nothing is received before; None: no timer runs."""
         if self._hello:
             return 0.0
         times = [] if self._arrivals.due_s is None else [self._arrivals.due_s]
@@ -135,10 +136,10 @@ class Flow:
             times.append(self._pacing.due_s)
         return min(times) if times else None
 
-    # --- what comes in
+    # --- received packets
 
     def receive(self, packet: bytes, now_s: float) -> list[bytes]:
-        """Take in one datagram; returns the frames that are new. What is none is counted."""
+        """Process one datagram; returns its new frames. An invalid datagram is counted."""
         parsed = wire.parse(packet) if packet[1:7] == self.token else None
         if parsed is None or (parsed.ack and not self._outbox.credible(parsed.ack)):
             self.refused += 1
@@ -159,14 +160,14 @@ class Flow:
 
     def _acknowledged(self, ack: wire.Ack, now_s: float) -> None:
         stamps, newest = self._outbox.acknowledged(ack)
-        if not stamps or self.down:  # after a gap its length would be measured
+        if not stamps or self.down:  # the round trip would include the gap
             return
-        came_s = now_s - ack.delay_s
-        if newest is None or came_s <= newest.sent_s:
-            came_s = now_s
-        rtt_s = came_s - newest.sent_s if newest else None
+        arrived_s = now_s - ack.delay_s
+        if newest is None or arrived_s <= newest.sent_s:
+            arrived_s = now_s
+        rtt_s = arrived_s - newest.sent_s if newest else None
         if self.proven:
-            self._pacing.arrived(stamps, rtt_s, came_s)
+            self._pacing.arrived(stamps, rtt_s, arrived_s)
             return
         self._address.proven = True
         if rtt_s is not None:
@@ -174,17 +175,17 @@ class Flow:
         self._restart(now_s)  # the few packets before this did not measure the link
 
     def _patience_s(self) -> float:
-        """So long after its sending a packet that was overtaken is lost."""
+        """The time after which a packet counts as lost if a later one was acknowledged."""
         rtt_s = self._pacing.rtt.smoothed_s or UNKNOWN_RTT_S
         return 1.125 * rtt_s + min(deviation_s(self._pacing.rtt), 0.5 * rtt_s)
 
     def _restart(self, now_s: float) -> None:
-        """What is under way is lost; the link may be another one."""
+        """Give up all packets in flight and restart the pacing: the link may have changed."""
         self._outbox.give_up()
         self._pacing.resume(now_s)
 
     def on_contact(self, now_s: float) -> None:
-        """A contact begins: send at once."""
+        """Note that a contact begins: send at once."""
         self._hello = True
         rtt_s = self._pacing.rtt.smoothed_s or UNKNOWN_RTT_S
         if self.alive_s is not None and now_s < self.alive_s + rtt_s + QUIET_S:
@@ -196,7 +197,7 @@ class Flow:
         self._silence.end(now_s)
         self._restart(now_s)
 
-    # --- what goes out
+    # --- packets to send
 
     def transmit(self, now_s: float) -> list[bytes]:
         """The datagrams to send now."""
@@ -224,7 +225,7 @@ class Flow:
         return out
 
     def reclaim(self) -> list[bytes]:
-        """The frames that have not been acknowledged, to send them another way as well."""
+        """The frames that were not acknowledged, for the caller to send by TCP as well."""
         bodies = self._outbox.bodies()
         return [frame for body in bodies for frame in wire.split(body, 0) or ()]
 
@@ -233,7 +234,7 @@ class Flow:
             out.append(self._send(content, now_s))
 
     def _quota(self) -> int:
-        """How many bytes may leave."""
+        """How many more bytes may be sent."""
         return 0 if self._outbox.exhausted else self._address.quota
 
     def _may_send(self) -> bool:
@@ -244,7 +245,7 @@ class Flow:
     def _fill(self, now_s: float) -> bytes | None:
         """The next packet with frames, or None."""
         outbox = self._outbox
-        again = outbox.again if self._quota() >= self._packet else None  # new ones are made to fit
+        again = outbox.again if self._quota() >= self._packet else None  # only new ones fit a quota
         body = self._pull() if again is None or self._blind else b""
         if body:
             return self._send(outbox.content(body), now_s)
@@ -255,7 +256,7 @@ class Flow:
         return None
 
     def _pull(self) -> bytes:
-        """Frames of the source, as they stand in a packet; empty if there is none."""
+        """Frames of the source, encoded for a packet; empty if there is none."""
         room = min(self._packet, self._quota()) - DATA_BYTES
         if self._arrivals.waiting:
             room -= ACK_BYTES + PIGGYBACK_BYTES
@@ -271,7 +272,7 @@ class Flow:
         return wire.join(frames)
 
     def _send(self, content: int | None, now_s: float) -> bytes:
-        """A numbered packet, and with it what arrived, if that fits."""
+        """A numbered packet, with an acknowledgement if one fits."""
         outbox, arrivals = self._outbox, self._arrivals
         body = b"" if content is None else outbox.body(content)
         ack = b""

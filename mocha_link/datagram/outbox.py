@@ -1,4 +1,4 @@
-"""What was sent over a flow of datagrams and has not arrived yet. No sockets, no clocks."""
+"""The unacknowledged packets of a flow of datagrams. No sockets, no clocks."""
 
 from __future__ import annotations
 
@@ -11,51 +11,51 @@ from mocha_link.datagram.packet import MAX_NUMBER, WINDOW, Ack
 
 
 class Sent(NamedTuple):
-    """A packet under way."""
+    """A packet in flight."""
 
-    content: int | None  # the number of the packet that carried its frames first; None: a probe
+    content: int | None  # the number of the first packet with its frames; None: a probe
     stamp: Stamp
 
 
 class Acknowledged(NamedTuple):
-    """What an acknowledgement brought."""
+    """The packets that an acknowledgement newly covers."""
 
-    stamps: list[Stamp]  # of the packets that arrived, in the order of their numbers
-    newest: Stamp | None  # the last of them, if it is newer than all that were known before
+    stamps: list[Stamp]  # in the order of their numbers
+    newest: Stamp | None  # the last of them, if it is newer than all acknowledged before
 
 
 class Outbox:
-    """Packets under way by number, and contents that have to arrive.
+    """Packets in flight by number, and their contents until these are acknowledged.
 
-    A packet that is sent again gets a new number, so an acknowledgement always identifies the copy.
-    Contents keep the number of the first packet with them. Packets and contents are in the order of
-    their numbers.
+    A retransmission gets a new number, so that an acknowledgement always identifies the copy. A
+    content keeps the number of the first packet that carried it. Packets and contents are in the
+    order of their numbers.
 
     Args:
         first: the number of the first packet.
 
     Attributes:
         next: the number of the next packet.
-        in_flight_bytes: of packets under way.
+        in_flight_bytes: bytes of the packets in flight.
     """
 
     def __init__(self, first: int = 0) -> None:
         self.next = first
         self.in_flight_bytes = 0
         self._under_way: dict[int, Sent] = {}
-        self._contents: dict[int, bytes] = {}  # frames as they stand in a packet, to arrive yet
-        self._again: dict[int, None] = {}  # contents that are lost, to be sent once more
-        self._newest = first - 1  # the highest number that was acknowledged
+        self._contents: dict[int, bytes] = {}  # encoded frames that are not acknowledged
+        self._again: dict[int, None] = {}  # lost contents to retransmit, in order
+        self._newest = first - 1  # the highest acknowledged number
 
     @property
     def base(self) -> int:
-        """Everything below is settled."""
+        """The number below which everything is settled."""
         first_sent = next(iter(self._under_way), self.next)
         return min(first_sent, next(iter(self._contents), self.next))
 
     @property
     def under_way(self) -> bool:
-        """Whether an acknowledgement may still come."""
+        """Whether any packet is in flight."""
         return bool(self._under_way)
 
     @property
@@ -65,56 +65,56 @@ class Outbox:
 
     @property
     def full(self) -> bool:
-        """Whether there are no more numbers, for the moment."""
+        """Whether no number is free at the moment."""
         return self.next - self.base >= WINDOW or self.exhausted
 
     @property
     def exhausted(self) -> bool:
-        """Whether there are no more numbers for good: the flow can send nothing."""
+        """Whether all numbers are used up: the flow can send nothing more."""
         return self.next > MAX_NUMBER
 
     def content(self, body: bytes) -> int:
-        """New frames, which the next packet will carry."""
+        """Register new frames for the next packet; returns their number."""
         self._contents[self.next] = body
         return self.next
 
     def body(self, content: int) -> bytes:
-        """The frames of a content that has not arrived."""
+        """The frames of an unacknowledged content."""
         return self._contents[content]
 
     def bodies(self) -> list[bytes]:
-        """Everything that has not arrived, in the order in which it went first."""
+        """All unacknowledged contents, in the order in which they were first sent."""
         return list(self._contents.values())
 
     @property
     def again(self) -> int | None:
-        """The content to be sent again next."""
+        """The content to retransmit next."""
         return next(iter(self._again), None)
 
     def oldest(self) -> int | None:
-        """The content of the oldest packet under way, if it needs to arrive."""
+        """The content of the oldest packet in flight, if it is not acknowledged."""
         content = next((sent.content for sent in self._under_way.values()), None)
         return content if content in self._contents else None
 
     def add(self, content: int | None, stamp: Stamp) -> None:
-        """The packet with the number `next` leaves."""
+        """Note that the packet with the number `next` is sent."""
         if content is not None:
             self._again.pop(content, None)
         self._under_way[self.next] = Sent(content, stamp)
         self.next += 1
         self.in_flight_bytes += stamp.size
 
-    # --- what arrived
+    # --- acknowledgements
 
     def credible(self, ack: Ack) -> bool:
-        """Whether an acknowledgement speaks only of packets that were sent."""
+        """Whether an acknowledgement covers only packets that were sent."""
         return ack.end <= self.next
 
     def acknowledged(self, ack: Ack) -> Acknowledged:
-        """Take in what arrived."""
+        """Process an acknowledgement."""
         arrived = _covered(self._under_way, ack)
         sent = [self._remove(number) for number in arrived]
-        # A packet that was given up may have been overtaken only: its number is that of a content.
+        # A packet that was given up may arrive after all: its number identifies its content.
         contents = [each.content for each in sent if each.content is not None]
         for content in contents + _covered(self._contents, ack):
             self._contents.pop(content, None)
@@ -133,17 +133,17 @@ class Outbox:
     # --- losses
 
     def lose(self, before_s: float) -> None:
-        """Give up packets that were sent earlier, and that later ones overtook."""
+        """Give up packets that were sent before `before_s` and that later ones have overtaken."""
         while (sent_s := self.overtaken_s()) is not None and sent_s <= before_s:
             self._lose(next(iter(self._under_way)))
 
     def overtaken_s(self) -> float | None:
-        """When the oldest packet was sent, if a later one has arrived."""
+        """When the oldest packet was sent, if a later one was acknowledged."""
         number = next(iter(self._under_way), self.next)
         return self._under_way[number].stamp.sent_s if number < self._newest else None
 
     def give_up(self) -> None:
-        """Everything under way is lost; it goes again in the order in which it went first."""
+        """Give up all packets in flight; they are retransmitted in their original order."""
         for number in list(self._under_way):
             self._lose(number)
         self._again = dict.fromkeys(sorted(self._again))
@@ -155,5 +155,5 @@ class Outbox:
 
 
 def _covered(numbers: Iterable[int], ack: Ack) -> list[int]:
-    """Those of rising numbers that have arrived."""
+    """Those of the ascending numbers that an acknowledgement covers."""
     return [n for n in itertools.takewhile(lambda each: each < ack.end, numbers) if ack.covers(n)]

@@ -1,4 +1,4 @@
-"""Packets of the datagram path, and what the receiving end knows of them. Bytes only, no sockets.
+"""Packets of the datagram path, and the receiver's record of their numbers. No sockets.
 
 docs/datagrams.md shows the layout byte by byte.
 """
@@ -10,14 +10,14 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 TOKEN_BYTES = 6
-VERSION = 0x50  # upper half of the first byte; the lower half are the flags below
-DATA, AGAIN, ACK = 1, 2, 4  # it has a number and frames; sent once more; it acknowledges
+VERSION = 0x50  # the upper half of the first byte; the lower half has the flags below
+DATA, AGAIN, ACK = 1, 2, 4  # number and frames; a retransmission; an acknowledgement
 FLAGS = DATA | AGAIN | ACK
 WINDOW = 8192  # numbers between the oldest unsettled packet and the next one
-MAX_MASK = 128  # bytes of bits in an acknowledgement: what the last 1,024 packets became
-MAX_NUMBER = 0xFFFFFFFE  # of a packet: the number behind it is one that can be acknowledged
+MAX_MASK = 128  # bytes of bits in an acknowledgement: the last 1,024 packets
+MAX_NUMBER = 0xFFFFFFFE  # of a packet: an acknowledgement can still name the next number
 ACK_DELAY_S = 0.025
-LATE_PACKETS = 2  # acknowledge at once when so many wait
+LATE_PACKETS = 2  # acknowledge at once when this many packets are unacknowledged
 
 _PREFIX = struct.Struct(">B6s")
 _ACK = struct.Struct(">IHHB")
@@ -30,7 +30,7 @@ LENGTH_BYTES = _SHORT.size
 
 
 class Ack(NamedTuple):
-    """What arrived: everything below `below`, and where bit n of `bits` is set, `start` + n."""
+    """The received numbers: all below `below`, and `start` + n for each set bit n of `bits`."""
 
     below: int
     start: int
@@ -39,31 +39,31 @@ class Ack(NamedTuple):
 
     @property
     def end(self) -> int:
-        """It covers no number from here on."""
+        """The number after the highest one that it covers."""
         return max(self.below, self.start + self.bits.bit_length())
 
     def covers(self, number: int) -> bool:
-        """Whether that packet has arrived."""
+        """Whether it acknowledges that packet."""
         return number < self.below or (
             number >= self.start and bool(self.bits >> (number - self.start) & 1)
         )
 
 
 class Packet(NamedTuple):
-    """One packet, taken apart. Without a number it only acknowledges."""
+    """One parsed packet."""
 
     ack: Ack | None
     number: int | None  # None: it only acknowledges
-    floor: int  # the sender needs no acknowledgement below it
-    content: int  # the number under which these frames were sent first
-    frames: list[bytes]  # what it carries
+    floor: int  # the sender needs no acknowledgement below this number
+    content: int  # the number of the packet that first carried these frames
+    frames: list[bytes]
 
 
 def parse(packet: bytes) -> Packet | None:
-    """Take a packet apart; None if anything in it is not as it has to be."""
+    """Parse a packet; None if it is invalid."""
     try:
         return _parsed(packet)
-    except struct.error:  # it ends too early
+    except struct.error:  # truncated
         return None
 
 
@@ -98,7 +98,7 @@ def _parsed(packet: bytes) -> Packet | None:
 
 
 def split(packet: bytes, at: int) -> list[bytes] | None:
-    """The frames that stand in a packet from a place on; None if they do not end where it ends."""
+    """The frames in a packet from an offset on; None if the last one does not end with it."""
     frames = []
     size = len(packet)
     while at < size:
@@ -113,14 +113,14 @@ def split(packet: bytes, at: int) -> list[bytes] | None:
 
 
 def join(frames: Iterable[bytes]) -> bytes:
-    """Frames as they stand in a packet."""
+    """Encode frames for a packet."""
     return b"".join(part for frame in frames for part in (_SHORT.pack(len(frame)), frame))
 
 
-def data(  # noqa: PLR0913 - a packet has so many parts
+def data(  # noqa: PLR0913 - the fields of the packet
     token: bytes, number: int, *, floor: int, content: int, body: bytes, ack: bytes
 ) -> bytes:
-    """A numbered packet; `body` as `join` makes it, `ack` as `Arrivals.acknowledge` does."""
+    """A numbered packet; `body` from `join`, `ack` from `Arrivals.acknowledge`."""
     flags = VERSION | DATA | (ACK if ack else 0)
     head = _DATA.pack(number, number - floor)
     if content == number:
@@ -129,27 +129,27 @@ def data(  # noqa: PLR0913 - a packet has so many parts
 
 
 def only_ack(token: bytes, ack: bytes) -> bytes:
-    """A packet that acknowledges and needs no acknowledgement itself."""
+    """A packet with an acknowledgement only, which is not acknowledged itself."""
     return _PREFIX.pack(VERSION | ACK, token) + ack
 
 
 class Arrivals:
-    """Which numbers have arrived: whatever comes twice is known, and what came is acknowledged.
+    """The received numbers, to detect duplicates and to acknowledge packets.
 
-    One bit for every number of the window, so a peer cannot make it grow.
+    It keeps one bit for every number of the window, so a peer cannot make it grow.
     """
 
     def __init__(self) -> None:
-        self.due_s: float | None = None  # when an acknowledgement has to leave
-        self.waiting = 0  # packets that are not acknowledged yet
-        self.count = 0  # different packets that arrived
-        self._floor = 0  # the sender needs no acknowledgement below it
-        self._seen = 0  # bit n: floor + n has arrived
-        self._next = 0  # after the highest that arrived
-        self._newest_s = 0.0  # when that arrived
+        self.due_s: float | None = None  # when an acknowledgement must be sent
+        self.waiting = 0  # received packets that are not acknowledged yet
+        self.count = 0  # distinct packets received
+        self._floor = 0  # the sender needs no acknowledgement below this number
+        self._seen = 0  # bit n: floor + n was received
+        self._next = 0  # the number after the highest one received
+        self._newest_s = 0.0  # when the highest one was received
 
     def take(self, packet: Packet, now_s: float) -> bool:
-        """Note a packet; True if it has frames, and they are new."""
+        """Note a packet; returns whether it has frames, and they are new."""
         number = packet.number
         if number is None:
             return False
@@ -157,7 +157,7 @@ class Arrivals:
             self._seen >>= packet.floor - self._floor
             self._floor = packet.floor
         if not self._note(number):
-            self.due_s = now_s  # the acknowledgement was lost
+            self.due_s = now_s  # a copy: our acknowledgement was lost
             return False
         self.count += 1
         self.waiting += 1
@@ -172,7 +172,7 @@ class Arrivals:
         return new and bool(packet.frames)
 
     def _note(self, number: int) -> bool:
-        """Whether a number is in the window, and has not arrived before."""
+        """Note a number; returns whether it is in the window, and was not received before."""
         place = number - self._floor
         if not 0 <= place < WINDOW or self._seen >> place & 1:
             return False
@@ -180,11 +180,11 @@ class Arrivals:
         return True
 
     def acknowledge(self, now_s: float, room: int = MAX_MASK) -> bytes:
-        """All that a peer has to know, for a packet that leaves now; empty if it does not fit.
+        """An acknowledgement for a packet that is sent now; empty if it does not fit.
 
-        `room` is for the bits, in bytes.
+        `room`: the bytes available for the bits.
         """
-        whole = (self._seen + 1 & ~self._seen).bit_length() - 1  # the run of ones at the bottom
+        whole = (self._seen + 1 & ~self._seen).bit_length() - 1  # the number of trailing ones
         rest = self._seen >> whole
         length = (rest.bit_length() + 7) // 8
         skip = 0

@@ -1,4 +1,4 @@
-"""Connections to several addresses of one peer, until one of them is the peer's (RFC 8305)."""
+"""Parallel connections to the addresses of one peer, until one is established (RFC 8305)."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from mocha_link.node.connection import Connection
 from mocha_link.node.kernel import Polled, Poller
 
 STAGGER_S = 0.25
-"""The next address is tried so long after the one before, or when that has failed."""
+"""The next address is tried this long after the previous one, or when that one has failed."""
 
 STRANGER_S = 1.0
-"""One that anyone may have named waits longer, while others may still answer."""
+"""An untrusted address is tried this long after the previous one, which may still answer."""
 
 
 class Attempts:
-    """What waits for a peer of which no connection stands.
+    """The connection attempts to a peer, and the requests that wait for one of them.
 
-    With keys a connection counts when its other end has shown the peer's key: what takes it
-    otherwise holds up nothing but itself.
+    With keys an attempt succeeds only when its other end has proven the peer's key. An impostor
+    therefore does not delay the other attempts.
 
     Args:
-        connect: opens a connection to an address; OSError: it cannot.
-        poller: waits for these connections, too.
-        owner: whose they are, in the poller.
-        trusted: whether an address is not one that anyone may have named.
+        connect: opens a connection to an address; raises OSError.
+        poller: also waits for these connections.
+        owner: reported by the poller for these connections.
+        trusted: whether an address comes from a trusted source.
 
     Attributes:
-        frames: requests to be sent when one stands.
-        failure: why the first address failed; None: none has.
+        frames: requests to send on the first established connection.
+        failure: why the first address failed; None: no address has failed.
     """
 
     def __init__(
@@ -49,15 +49,15 @@ class Attempts:
         self._open: dict[str, Connection] = {}  # by address
         self._tried: set[str] = set()
         self._tried_s = 0.0  # when an address was tried last, steady seconds
-        self._next_s = 0.0  # when the next one is tried if those under way have not failed
-        self._has_more = False  # there is a next one
+        self._next_s = 0.0  # when the next address is tried if no attempt has failed, steady
+        self._has_more = False  # there is a next address
 
     def __iter__(self) -> Iterator[str]:
-        """The addresses of those under way."""
+        """The addresses of the running attempts."""
         return iter(self._open)
 
     def adopt(self, connection: Connection, now_s: float) -> None:
-        """Go on with a connection that does not stand yet, beside others."""
+        """Continue a connection that is not established yet, in parallel with others."""
         self.frames = connection.take_waiting()
         self._tried_s = now_s
         self._open[connection.host] = connection
@@ -66,9 +66,10 @@ class Attempts:
     def advance(
         self, hosts: Sequence[str], ready: Container[Polled], now_s: float
     ) -> Connection | None:
-        """Drive those under way, and try the next address if it is time: one that counts, if any.
+        """Drive the attempts, and start the next one if it is due.
 
-        That is no attempt any more. A single address counts at once.
+        Returns the established connection, which is removed here; None: none is established. The
+        connection to a single address is returned at once.
         """
         for host, connection in list(self._open.items()):
             if connection.is_ready(ready, now_s):
@@ -99,7 +100,7 @@ class Attempts:
             self._next_s = self._tried_s + wait_s
 
     def settle(self) -> list[str]:
-        """Wait for those under way; the addresses of those that have failed, which are closed."""
+        """Close failed attempts and register the others; returns the addresses that failed."""
         failed = [host for host, each in self._open.items() if each.failure]
         for host in failed:
             self.failure = self.failure or self._open[host].failure
@@ -109,11 +110,11 @@ class Attempts:
         return failed
 
     def exhausted(self, hosts: Sequence[str]) -> bool:
-        """Whether every address was tried, and none is under way."""
+        """Whether every address was tried, and no attempt is running."""
         return bool(self._tried) and not self._open and self._tried.issuperset(hosts)
 
     def close(self) -> None:
-        """Close those under way."""
+        """Close the running attempts."""
         for each in self._open.values():
             self._close(each)
         self._open.clear()
@@ -124,7 +125,7 @@ class Attempts:
 
     @property
     def wake_s(self) -> float:
-        """When to call `advance` though nothing has come, in steady seconds; inf: at no time."""
+        """When to call `advance` if nothing is received, in steady seconds; inf: never."""
         if not self._has_more:
             return math.inf
         return self._next_s if self._open else -math.inf

@@ -35,11 +35,11 @@ class EventStream:
         self.dropped = 0
         self._limit = limit
         self._kind = kind
-        self._events: deque[LinkEvent] = deque()  # not taken yet
+        self._events: deque[LinkEvent] = deque()  # not read yet
         self._closed = False  # the node has closed
         self._lock = threading.Lock()
-        self._loop: asyncio.AbstractEventLoop | None = None  # of the task that iterates
-        self._ready = asyncio.Event()  # an event waits, or the end
+        self._loop: asyncio.AbstractEventLoop | None = None  # of the reading task
+        self._ready = asyncio.Event()  # set when an event is queued, or the stream is closed
         parents_only(self)
 
     def __aiter__(self) -> Self:
@@ -81,7 +81,7 @@ class EventStream:
 
     def _wake(self) -> None:
         if self._loop:
-            with contextlib.suppress(RuntimeError):  # its loop is closed: no reader is left
+            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody reads any more
                 self._loop.call_soon_threadsafe(self._ready.set)
 
 
@@ -89,7 +89,7 @@ class Broadcast:
     """The listeners of a node.
 
     Args:
-        log: gets the errors of callbacks, of each the first and then one line in ten seconds.
+        log: receives the errors of callbacks, at most one line per callback in ten seconds.
         clock: steady seconds.
     """
 
@@ -97,10 +97,10 @@ class Broadcast:
         self._log = log
         self._clock = clock
         parents_only(self, "Node")
-        # by subscription; a listener's mistake must not stop the node
+        # By subscription. An error in a listener must not stop the node.
         self._callbacks: dict[object, tuple[Callable[[LinkEvent], None], Guard]] = {}
         self._streams: weakref.WeakSet[EventStream] = weakref.WeakSet()  # while they are in use
-        self._closed = False  # streams have ended
+        self._closed = False  # no more events are delivered
         self._lock = threading.Lock()
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:

@@ -1,7 +1,6 @@
-"""One outgoing connection to a peer, made fresh for a pull and closed after it.
+"""One outgoing connection to a peer, which carries our requests and the peer's replies.
 
-Requests go out on it and replies come in. Drive it: `watch` after every turn, `turn` when
-`is_ready`.
+The caller drives it: `watch` after every turn, `turn` when `is_ready`.
 """
 
 from __future__ import annotations
@@ -23,30 +22,30 @@ from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
 from mocha_link.team import PublicKey, SecretKey
 
-# A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
+# A reply: id, prefix, an LZ4 frame of incompressible data, and a trailer.
 MAX_REPLY_BYTES = wire.MAX_BYTES + 1024 * 1024
 SEND_BEFORE_READY_S = (
-    0.015  # after our handshake, requests leave though the peer's has not come: see `zmtp`
+    0.015  # from connecting until requests are sent without the peer's handshake: see `zmtp`
 )
 
 _READ_BYTES = 64 * 1024
-_TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
-_MAX_REPLY_BYTES = 1024 * 1024  # to heartbeats
+_TURN_BYTES = 4 * 1024 * 1024  # read in a row, so that no peer starves the others
+_MAX_REPLY_BYTES = 1024 * 1024  # queued replies to heartbeats
 
 
 class Connection:
-    """A connection of our own ZMTP: it is set up in half the time that libzmq takes.
+    """A ZMTP connection that is set up in half the time that libzmq needs.
 
     Args:
         host: An address, IPv4 or IPv6.
-        send_before_ready: Requests do not wait for the peer's handshake; with keys they have to.
-        keys: Ours, and the peer's: the connection is encrypted then.
+        send_before_ready: Requests do not wait for the peer's handshake; with keys they must.
+        keys: Our secret key and the peer's public key; None: the connection is not encrypted.
 
     Attributes:
         failure: the text of the error that ended the connection; None: it is usable.
-        send_before_ready: requests do not wait for the peer's handshake; becomes False when a peer
-            did not accept that.
-        left: it was given up for another address.
+        send_before_ready: requests do not wait for the peer's handshake; becomes False when the
+            peer closes the connection because of that.
+        left: it was abandoned in favour of another address.
     """
 
     def __init__(
@@ -63,16 +62,16 @@ class Connection:
         self._keys = keys
         self.host = host
         self._port = port
-        self._unreported = False  # `advance` has read what the next `turn` reports
+        self._unreported = False  # `advance` has received bytes that the next `turn` reports
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
-        self._waiting: list[bytes] = []  # requests until it stands
-        self._watched: socket.socket | None = None  # in the poller
+        self._waiting: list[bytes] = []  # requests that were not sent yet
+        self._watched: socket.socket | None = None  # registered with the poller
         self._connect()
 
     def _connect(self) -> None:
         self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES, mechanism=self._mechanism())
         self._out = SendBuffer([self._protocol.hello])
-        self._connected_s: float | None = None  # when TCP stood, steady clock
+        self._connected_s: float | None = None  # when TCP was established, steady seconds
         self._opened = False  # requests were sent before the peer was ready
         self._socket = closed_in_children(socket.socket(family_of(self.host), socket.SOCK_STREAM))
         self._socket.setblocking(False)
@@ -104,7 +103,7 @@ class Connection:
         poller.register(self._socket.fileno(), flags, owner)
 
     def forget(self, poller: Poller) -> None:
-        """Take it out of the poller."""
+        """Unregister it from the poller."""
         watched, self._watched = self._watched, None
         if watched is not None:
             with contextlib.suppress(KeyError):
@@ -113,7 +112,7 @@ class Connection:
                 watched.close()
 
     def is_ready(self, ready: Container[Polled], now_s: float) -> bool:
-        """Whether there is something to do."""
+        """Whether a turn is due."""
         late = bool(self._waiting) and self._may_request(now_s)
         return late or self.failure is not None or self._socket.fileno() in ready
 
@@ -124,7 +123,7 @@ class Connection:
 
     @property
     def wake_s(self) -> float | None:
-        """When requests leave though the peer's handshake has not come: not together with ours."""
+        """When requests are sent although the peer's handshake is missing; None: they are not."""
         sends_early = (
             self.send_before_ready
             and not self._opened
@@ -137,27 +136,27 @@ class Connection:
 
     @property
     def stands(self) -> bool:
-        """Whether it is the peer's: with keys, its other end has shown the peer's key."""
+        """Whether it is established; with keys, whether the peer has proven its key."""
         return self._protocol.ready if self._keys else self._connected_s is not None
 
     def advance(self, now_s: float) -> None:
-        """Set it up further; the next `turn` reports what has arrived."""
+        """Continue its set-up; the next `turn` reports the bytes that were received."""
         self._unreported |= self.turn(now_s)
 
     def leave(self, why: str) -> None:
-        """It leads nowhere any more, as something else has shown; a fresh one may get through."""
+        """Abandon it: its addresses are out of date, and a new connection may succeed."""
         self.failure = self.failure or why
         self.left = True
 
     def is_from_here(self) -> bool:
-        """Whether this machine still has the address from which it goes out."""
+        """Whether this machine still has the local address of the connection."""
         try:
             return kernel.is_ours(host_of(self._socket.getsockname()))
         except OSError:
             return False
 
     def turn(self, now_s: float) -> bool:
-        """Send and receive as much as possible; whether anything arrived."""
+        """Send and receive as much as possible; returns whether anything was received."""
         arrived, self._unreported = self._unreported, False
         try:
             if self._connected_s is None:
@@ -181,7 +180,7 @@ class Connection:
                 self._out.flush(self._socket)
 
     def take_waiting(self) -> list[bytes]:
-        """The requests that have not been sent, which are not sent on this connection any more."""
+        """Remove and return the requests that were not sent yet."""
         waiting, self._waiting = self._waiting, []
         return waiting
 
@@ -190,19 +189,19 @@ class Connection:
         return self._protocol.replies()
 
     def rtt_s(self) -> float | None:
-        """The round-trip time as the kernel has seen it."""
+        """The round-trip time that the kernel has measured."""
         return kernel.rtt_s(self._socket)
 
     def unanswered(self) -> int:
-        """How often in a row what it sends was sent again, as the kernel has counted."""
+        """The kernel's count of consecutive retransmissions."""
         return kernel.unanswered(self._socket)
 
     def close(self) -> None:
-        """Close when what was sent is out."""
+        """Close after queued bytes have been sent."""
         self._socket.close()
 
     def abort(self) -> None:
-        """Close at once: what was sent and is not out yet shall not come late."""
+        """Close at once and discard unsent bytes, which would reach the peer too late."""
         kernel.reset(self._socket)
         self.close()
 
@@ -213,7 +212,7 @@ class Connection:
         try:
             self._socket.getpeername()
         except OSError:
-            return False  # it is under way
+            return False  # still connecting
         return True
 
     def _may_request(self, now_s: float) -> bool:
@@ -231,12 +230,12 @@ class Connection:
         self._waiting.clear()
 
     def push(self, parts: Sequence[Part]) -> None:
-        """Queue a frame of a sync for the next `flush`; the connection has to stand."""
+        """Queue a frame of a sync for the next `flush`; the connection must be established."""
         self._out.extend(self._protocol.encoded([b"", *parts]))
 
     def flush(self) -> bool:
-        """Send what the kernel takes; whether it takes more."""
-        with contextlib.suppress(OSError):  # the next turn says why
+        """Send as much as the kernel accepts; returns whether nothing is left."""
+        with contextlib.suppress(OSError):  # the next turn reports the error
             self._out.flush(self._socket)
         return not self._out
 
@@ -246,7 +245,7 @@ class Connection:
         return self.failure is None and self._protocol.ready
 
     def loses_much(self) -> bool:
-        """Whether so much of what it sends is lost that it hardly sends."""
+        """Whether losses slow its congestion control down to almost nothing."""
         return kernel.loses_much(self._socket)
 
     def _read(self) -> bool:
@@ -273,9 +272,9 @@ class Connection:
     def _fail(self, error: Exception) -> None:
         handshaking = self._connected_s is not None and not self._protocol.ready
         if handshaking and self._opened and isinstance(error, OSError):
-            # Our requests got there together with the handshake: this time wait for the peer.
+            # The peer closed because it read our requests with the handshake: wait for it now.
             self.send_before_ready = False
-            if self._watched is None:  # in the poller its number must not become another one's
+            if self._watched is None:  # while registered its descriptor must not be reused
                 self._socket.close()
             self._waiting = self._unconfirmed + self._waiting
             self._connect()

@@ -1,4 +1,4 @@
-"""How a connection to a peer is opened."""
+"""Opens connections to peers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ WAIT_FOR_READY_S = 300.0
 
 
 class Connector:
-    """Opens connections to the peers' ports for a robot, and remembers who needs a slow opening."""
+    """Opens connections to the peers' ports, and remembers which peers need a slower handshake."""
 
     def __init__(self, team: Team, me: Robot, keys: LinkKeys) -> None:
         self._team = team
         self._me = me
         self._keys = keys
-        self._wait_until_s: dict[str, float] = {}  # peers whose handshake requests wait for, until
+        self._wait_until_s: dict[str, float] = {}  # by peer: until when requests wait for READY
 
     def connect(self, peer: str, host: str) -> Connection:
         """Open a connection to an address of a peer. Raises OSError."""
@@ -30,6 +30,6 @@ class Connector:
         )
 
     def closed(self, peer: str, connection: Connection, now_s: float) -> None:
-        """A connection is over: the next ones wait for the peer's handshake if this one had to."""
+        """Note a closed connection: if it had to wait for the peer's READY, so do the next ones."""
         if not connection.send_before_ready and now_s >= self._wait_until_s.get(peer, 0.0):
             self._wait_until_s[peer] = now_s + WAIT_FOR_READY_S

@@ -1,4 +1,4 @@
-"""The socket of the datagrams that we send to peers, and of those that they send back."""
+"""The socket for datagrams to peers and for their replies."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from mocha_link.node.link_keys import LinkKeys
 from mocha_link.node.router import BURST
 from mocha_link.team import Robot, Team
 
-MAX_PLACES = 1024  # to which datagrams went; what comes from elsewhere is not received
+MAX_PLACES = 1024  # remembered destinations; datagrams from other addresses are ignored
 
 
 class DatagramSocket:
-    """Sends datagrams to the peers' ports for a robot; none if there can be no such socket."""
+    """Sends datagrams to the peers' ports for a robot; sends none if it cannot be opened."""
 
     def __init__(self, team: Team, me: Robot, poller: Poller, keys: LinkKeys) -> None:
         self._team = team
         self._me = me
         self._poller = poller
         self._keys = keys
-        self._socket: socket.socket | None = None  # None: not open, or it cannot be
+        self._socket: socket.socket | None = None  # None: not opened, or opening failed
         self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
 
     def open(self) -> None:
-        """Open it, if there can be one."""
+        """Open the socket, if possible."""
         try:
             self._socket = kernel.datagram_socket(self._me.listen)
         except OSError as error:
@@ -40,7 +40,7 @@ class DatagramSocket:
             self._poller.register(self._socket.fileno(), zmq.POLLIN)
 
     def close(self) -> None:
-        """Close it."""
+        """Close the socket."""
         if self._socket:
             self._socket.close()
 
@@ -55,11 +55,11 @@ class DatagramSocket:
             place = kernel.destination(self._socket, host, port)
             if place:
                 self._peers_at[host, port] = peer
-                with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
+                with contextlib.suppress(OSError):  # buffer full or no route: datagrams may be lost
                     self._socket.sendto(self._keys.seal(peer, packet), place)
 
     def received(self, ready: Container[Polled]) -> Iterator[tuple[str, str, bytes]]:
-        """What peers have sent back: the peer, its address, and the packet."""
+        """Yield the peers' replies: the peer, its address, and the packet."""
         if self._socket is None or self._socket.fileno() not in ready:
             return
         for packet, source in kernel.received(self._socket, BURST):

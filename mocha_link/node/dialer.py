@@ -1,6 +1,6 @@
-"""The sockets of our pulls: addresses of peers, a connection to each, and outgoing datagrams.
+"""The sockets of our pulls: one outgoing connection to each peer, and outgoing datagrams.
 
-It decides to which address; `connector` and `datagram_socket` do it.
+The dialer chooses the addresses; `connector` and `datagram_socket` open the sockets.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from mocha_link.node.zmtp import Part
 from mocha_link.sync import Standing
 from mocha_link.team import Robot, Team
 
-MOVED_S = 10.0  # a connection is replaced at most so often because its peer seems to be elsewhere
-MAX_COPIES = 3  # of a datagram, while it is not known at which address the peer is
+MOVED_S = 10.0  # at least this long between two replacements because a peer's address changed
+MAX_COPIES = 3  # of a datagram, while the peer's current address is unknown
 
 
 class Dialer:
-    """Owns a connection to each peer that we pull from, and the socket of outgoing datagrams.
+    """Owns a connection to each peer that we pull from, and the socket for outgoing datagrams.
 
-    For one thread. The caller drives the connections that `ready` gives it.
+    For one thread. The caller drives the connections that `ready` yields.
 
     Args:
-        me: whose connections they are.
+        me: the robot that connects.
         keys: of `me` and of protected peers.
-        wake: called from another thread when an address has come or gone.
-        lost: called with a peer and why there is no connection to it.
+        wake: called from another thread when an address was found or lost.
+        lost: called with a peer and the reason why there is no connection to it.
         mdns: finds robots without an address in the team file.
 
     Attributes:
         book: the addresses of the peers.
     """
 
-    def __init__(  # noqa: PLR0913 - what it stands between
+    def __init__(  # noqa: PLR0913 - the team, the poller and the callbacks
         self,
         team: Team,
         me: Robot,
@@ -59,34 +59,34 @@ class Dialer:
         self._datagrams = DatagramSocket(team, me, poller, keys)
         self._lost = lost
         self._wake = wake
-        self._updated = False  # an address may have come or gone
+        self._updated = False  # an address may have been found or lost
         self._connections: dict[str, Connection | Attempts] = {}
-        self._stated: set[str] = set()  # peers dialed at an address of team file, name or mDNS
-        self._reached: dict[str, str] = {}  # by peer: where it was reached in this contact
-        self._moved_s: dict[str, float] = {}  # by peer: when it seemed to be elsewhere, steady
-        self._left_s: dict[str, float] = {}  # by peer: when our address went away, steady
-        # Peers whose connections need a turn without a poller event; all others wait for one.
+        self._stated: set[str] = set()  # peers dialed at an address of team file, DNS or mDNS
+        self._reached: dict[str, str] = {}  # by peer: the address that worked in this contact
+        self._moved_s: dict[str, float] = {}  # by peer: its last address change, steady seconds
+        self._left_s: dict[str, float] = {}  # by peer: when we lost our address, steady seconds
+        # Peers whose connections need a turn without a poller event.
         self._needs_polling: set[str] = set()
 
     def start(self) -> None:
-        """Open the socket for datagrams, if there can be one."""
+        """Open the socket for datagrams, if possible."""
         self._datagrams.open()
 
     def close(self) -> None:
-        """Give up everything that it holds open."""
+        """Close all sockets."""
         for peer in list(self._connections):
             self.hang_up(peer, void=True)
         self._datagrams.close()
 
     def update(self) -> None:
-        """An address may have come or gone; from any thread."""
+        """Note that an address may have been found or lost; from any thread."""
         self._updated = True
         self._wake()
 
     # --- connections
 
     def connect(self, peer: str) -> None:
-        """Replace the connection to a peer by a fresh one; it opens when something is sent."""
+        """Replace the connection to a peer by a new one, which opens with the first request."""
         self.hang_up(peer, void=True)
         self._reached.pop(peer, None)
         self._connections[peer] = self._attempts(peer)
@@ -107,20 +107,20 @@ class Dialer:
             self._watch(peer, connection)
 
     def standing(self, peer: str) -> Standing | None:
-        """How the connection to a peer stands; None: it does not."""
+        """The kernel's measurements of the connection to a peer; None: it accepts no frames."""
         connection = self._connections.get(peer)
         if isinstance(connection, Connection) and connection.takes_frames:
             return Standing(loses_much=connection.loses_much())
         return None
 
     def push(self, peer: str, parts: list[Part]) -> None:
-        """Have a frame of a sync sent with the next `flush`."""
+        """Queue a frame of a sync for the next `flush`."""
         connection = self._connections.get(peer)
         if isinstance(connection, Connection) and connection.takes_frames:
             connection.push(parts)
 
     def flush(self, peer: str) -> bool:
-        """Try to send what waits for the connection to a peer; whether it takes more."""
+        """Send queued bytes to a peer; returns whether none are left."""
         connection = self._connections.get(peer)
         if not isinstance(connection, Connection):
             return True
@@ -129,7 +129,7 @@ class Dialer:
         return takes_more
 
     def hang_up(self, peer: str, *, void: bool) -> None:
-        """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""
+        """Close the connection to a peer after sending queued bytes; at once if it is `void`."""
         connection = self._connections.pop(peer, None)
         self._needs_polling.discard(peer)
         if isinstance(connection, Attempts):
@@ -149,13 +149,13 @@ class Dialer:
     def ready(
         self, ready: Mapping[Polled, Hashable], now_s: float
     ) -> Iterator[tuple[str, Connection]]:
-        """The connections that need a turn; opens those with a known address."""
+        """Yield the connections that need a turn; opens those with a known address."""
         if self._updated:
             self._updated = False
             self._leave_old_addresses(now_s)
         polled = self._needs_polling.union(ready.values())
         for peer in [each for each in self._connections if each in polled]:
-            connection = self._connections.get(peer)  # those before may have closed or replaced it
+            connection = self._connections.get(peer)  # an earlier turn may have replaced it
             if isinstance(connection, Attempts):
                 found = self._open(peer, connection, ready, now_s)
                 if found:
@@ -164,7 +164,7 @@ class Dialer:
                 yield peer, connection
 
     def keep(self, peer: str, connection: Connection) -> None:
-        """Wait for more on a connection after its turn; close it if it has failed."""
+        """Register a connection with the poller after its turn; close it if it has failed."""
         if self._connections.get(peer) is not connection:
             return
         if connection.failure:
@@ -187,7 +187,7 @@ class Dialer:
             self._needs_polling.discard(peer)
 
     def wait_s(self, now_s: float) -> float:
-        """How long nothing is to be done if nothing comes."""
+        """The time until the next turn if no socket becomes ready."""
         waits_s = [math.inf]
         for peer in self._needs_polling:
             connection = self._connections[peer]
@@ -202,7 +202,7 @@ class Dialer:
     def _open(
         self, peer: str, attempts: Attempts, ready: Container[Polled], now_s: float
     ) -> Connection | None:
-        """Open connections to a peer once an address is known; the one that gets what waits."""
+        """Try the known addresses of a peer; returns the connection to use, once there is one."""
         hosts = self.book.hosts(peer)
         found = attempts.advance(hosts, ready, now_s)
         for host in attempts.settle():
@@ -230,9 +230,9 @@ class Dialer:
     # --- peers that move, and our own addresses
 
     def came_from(self, peer: str, host: str) -> None:
-        """A peer came to its port from an address: there it is, perhaps no longer where it was.
+        """Note the source address of a peer, and reconnect if it differs from the one in use.
 
-        A relay on this machine shows nothing of where the peer is.
+        A loopback address is ignored: it belongs to a relay on this machine.
         """
         if is_loopback(host) or not self.book.came_from(peer, host):
             return
@@ -241,20 +241,20 @@ class Dialer:
             self._replace(peer, connection, time.monotonic())
 
     def expire(self, now_s: float) -> None:
-        """Look for connections that lead to where their peer is no longer; call it now and then."""
+        """Replace connections whose peer has another address by now; call it once a second."""
         for peer, connection in list(self._connections.items()):
             if not isinstance(connection, Connection):
                 continue
-            hosts = self.book.hosts(peer)  # and so names are resolved anew while they are used
+            hosts = self.book.hosts(peer)  # also makes names in use resolve again
             if connection.unanswered():
                 self.book.failed(peer)
                 if hosts and hosts[0] != connection.host and self.book.is_stated(peer, hosts[0]):
                     self._replace(peer, connection, now_s)
 
     def own_addresses_changed(self, now_s: float) -> list[str]:
-        """Close the connections that go out from an address that this machine has no longer.
+        """Close the connections from an address that this machine no longer has.
 
-        Returns the peers that had one a moment ago and have none now: the new address may help.
+        Returns the peers that lost their connection this way and are not reconnected yet.
         """
         for peer, connection in self._connections.items():
             if isinstance(connection, Connection) and not connection.is_from_here():
@@ -268,7 +268,7 @@ class Dialer:
         ]
 
     def _leave_old_addresses(self, now_s: float) -> None:
-        """Close connections to addresses for which name or mDNS do not stand any more."""
+        """Close connections to addresses that DNS or mDNS no longer gives for their peer."""
         for peer, connection in list(self._connections.items()):
             if not isinstance(connection, Connection) or peer not in self._stated:
                 continue
@@ -276,7 +276,7 @@ class Dialer:
                 self._replace(peer, connection, now_s)
 
     def _replace(self, peer: str, connection: Connection, now_s: float) -> None:
-        """Try the other addresses of a peer, beside this one if it is not through yet."""
+        """Try the other addresses of a peer, in parallel if this connection is not established."""
         if now_s - self._moved_s.get(peer, -math.inf) < MOVED_S:
             return
         self._moved_s[peer] = now_s
@@ -290,14 +290,14 @@ class Dialer:
     # --- datagrams
 
     def send_datagram(self, peer: str, packet: bytes) -> None:
-        """Send a datagram to a peer's port for us; where it may be, before it was reached."""
+        """Send a datagram to a peer's port for us; before it was reached, to several addresses."""
         reached = self._reached.get(peer)
         hosts = [reached] if reached else self.book.hosts(peer)[:MAX_COPIES]
         hosts = [host for host in hosts if reached or self.book.is_trusted(peer, host)]
         self._datagrams.send(peer, hosts, packet)
 
     def packets(self, ready: Container[Polled]) -> Iterator[tuple[str, bytes]]:
-        """The datagrams that peers have sent in reply to ours, each with its peer."""
+        """Yield the datagrams that peers have sent in reply to ours, each with its peer."""
         for peer, host, packet in self._datagrams.received(ready):
             self._note_reached(peer, host)
             yield peer, packet

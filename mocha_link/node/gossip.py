@@ -1,7 +1,7 @@
 """A whole gossip node without sockets, threads and clocks: events and time in, actions out.
 
-The ZeroMQ shell drives it on a robot; a simulation may drive many of them in one process. Not
-thread-safe: a program that shares one between threads brings a lock.
+`Transport` drives it on a robot; a simulation may drive many of them in one process. It is not
+thread-safe: a program that shares one between threads must use a lock.
 """
 
 from __future__ import annotations
@@ -53,26 +53,26 @@ UNGUARDED = nullcontext()
 
 
 class Gossip:
-    """One robot's node: its database, its pulls and their times, its replies.
+    """One robot's node: its database, its pulls and their timers, its replies.
 
     Args:
-        by_timer: pull from all peers every interval; otherwise while the radio receives them.
-        timeout_s: seconds without a byte after which a pull breaks off.
-        new_id: makes the 6 random bytes that name a request.
-        database: where messages are kept; default: in memory.
-        sign: makes the signature of a message of a topic; None: they are not signed.
-        datagrams: whether there are sockets for them.
-        follow: take in at once what a peer stores between two pulls.
+        by_timer: pull from all peers every interval; otherwise only while the radio receives them.
+        timeout_s: seconds without a byte after which a pull is aborted.
+        new_id: makes the 6 random bytes that identify a request.
+        database: stores the messages; default: in memory.
+        sign: makes the signature of a message of a topic; None: messages are not signed.
+        datagrams: whether the transport has datagram sockets.
+        follow: receive the messages that a peer stores between two pulls at once.
         protected: peers to which the links are encrypted.
         both_ways: peers pull over our connections, and we over theirs.
-        trial: it is tried beside the robot's own node, and does not count as a second robot.
+        trial: it runs beside the robot's own node, and does not count as a duplicate.
 
     Attributes:
         me: this node's robot.
         database: its messages.
     """
 
-    def __init__(  # noqa: PLR0913 - what a node may be given
+    def __init__(  # noqa: PLR0913 - all optional parts
         self,
         team: Team,
         name: str,
@@ -111,7 +111,7 @@ class Gossip:
             self._context, self.me, self._link_table, datagrams=datagrams, both_ways=both_ways
         )
         self._events: list[LinkEvent] = []  # for listeners
-        self._uncounted: list[LinkEvent] = []  # those that the link table has not had
+        self._uncounted: list[LinkEvent] = []  # not passed to the link table yet
         self._sequence = 0  # of the database at the last push to peers
 
     # --- the robot's own messages
@@ -125,7 +125,10 @@ class Gossip:
         at_once: bool = False,
         frame: bytes | None = None,
     ) -> Header:
-        """Take a message of our own, compressed to `frame` perhaps. Raises PayloadError."""
+        """Publish a message of our own; `frame`: its compressed data, if any.
+
+        Raises PayloadError.
+        """
         header, stored = self._publisher.publish(
             topic, data, now.unix_s, at_once=at_once, frame=frame
         )
@@ -150,19 +153,19 @@ class Gossip:
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant, *, both: bool = False) -> bool:
-        """Pull from a peer now; False if a pull is under way. Raises UnknownRobotError.
+        """Pull from a peer now; `both`: request that the peer also pulls. Raises UnknownRobotError.
 
-        Nothing begins either when the contact's budget is used up. `both`: the peer pulls, too.
+        Returns False if a pull is in progress, or the contact's budget is used up.
         """
         link = self._link(peer)
         begun = link.session.sync(now, both=both, renews=self._by_timer)
         self._announce(link, now)
         return begun
 
-    # --- what comes from the sockets
+    # --- input from the sockets
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
-        """Take in what came in on a connection for a peer."""
+        """Process a request on a connection to the port of a peer."""
         link = self._link(peer)
         link.session.request(route, parts, now)
         self._announce(link, now)
@@ -170,7 +173,10 @@ class Gossip:
     def route(
         self, peer: str, standing: Callable[[Route], Standing | None] = lambda _route: Standing()
     ) -> Route | None:
-        """The connection on which the peer pulls, if it does, and if that is still `standing`."""
+        """The connection on which the peer pulls; None: it does not, or the connection is closed.
+
+        `standing`: the kernel's measurements of a connection; None: it is closed.
+        """
         session = self._links.by_peer[peer].session
         route = session.route(standing)
         if session.closed:
@@ -184,12 +190,12 @@ class Gossip:
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Process a datagram at the port of a peer; whether to reply to its source address."""
         link = self._link(peer)
-        is_there = link.session.packet(packet, now)
+        accepted = link.session.packet(packet, now)
         self._announce(link, now)
-        return is_there
+        return accepted
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
-        """Take in what came back on the connection to a peer, or a request of the peer there."""
+        """Process a reply on the connection to a peer, or a request that the peer sent on it."""
         link = self._link(peer)
         link.session.reply(parts, now)
         self._announce(link, now)
@@ -201,25 +207,25 @@ class Gossip:
         self._announce(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
-        """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
+        """Note that the connection to a peer was established, or received bytes."""
         self._link(peer).session.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
-        """Whether the connection to a peer is to be closed or replaced, once the transport does it.
+        """Whether the transport still has to close or replace the connection to a peer.
 
-        Nothing more of it must be handed in: the peer's pull may be another one already.
+        Its input must be dropped: it belongs to an earlier pull.
         """
         actions = self._context.actions
         return any(a.peer == peer and isinstance(a, Connect | Disconnect) for a in actions)
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
-        """The connection to a peer was lost."""
+        """Note that the connection to a peer was lost."""
         link = self._link(peer)
         link.session.lost(reason, now)
         self._announce(link, now)
 
     def refused(self, peer: str, reason: str) -> None:
-        """The port of a peer refused a connection, or received an invalid message on one."""
+        """Note that the port of a peer refused a connection or an invalid message."""
         self._link_table.refuse(peer, reason)
 
     def announce(self, event: LinkEvent) -> None:
@@ -232,8 +238,8 @@ class Gossip:
     def tick(self, now: Instant, guard: AbstractContextManager[object] = UNGUARDED) -> set[str]:
         """Run the timers; call it at `wake_s`, in `due_in_s`, and after input.
 
-        What is done for each peer happens within `guard`. Returns the peers for which `supply` may
-        have a frame.
+        `guard` encloses the work for each peer. Returns the peers for which `supply` may have a
+        frame.
         """
         self._trigger.expire_signals(now.timer_s)
         self._announce_contacts(now)
@@ -260,11 +266,11 @@ class Gossip:
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `tick` at the latest, in steady seconds; None: no hurry."""
+        """When to call `tick` at the latest, in steady seconds; None: no timer runs."""
         return self._links.wake_s
 
     def due_in_s(self, now: Instant) -> float:
-        """In how many seconds `tick` has to store or to begin something; inf: nothing waits."""
+        """The seconds until `tick` has to store a message or begin a pull; inf: nothing is due."""
         return min(self._trigger.due_s - now.timer_s, self._publisher.due_s - now.unix_s)
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
@@ -293,7 +299,7 @@ class Gossip:
         return self._link(peer).peer.holdings.newest
 
     def _count(self, now: Instant) -> None:
-        """Bring the link table up to date."""
+        """Update the link table."""
         for name in self._links.touched:
             peer = self._links.by_peer[name].peer
             if bytes_in := peer.log.take_bytes_in():

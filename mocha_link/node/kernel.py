@@ -1,4 +1,4 @@
-"""What the kernel knows and does of sockets, also of those of libzmq, and waiting for them."""
+"""Socket options, TCP statistics of the kernel, and a poller."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from mocha_link.hosts import ANY, SocketAddress, family_of, socket_address
 
 DATAGRAM_BYTES = 1500
 
-# Of struct tcp_info, linux/tcp.h (since 4.6): packets sent again and round trip, min_rtt in us
-# (2**32 - 1 while there is none), packets with data.
+# Offsets in struct tcp_info, linux/tcp.h (since 4.6): retransmitted packets, min_rtt in us
+# (2**32 - 1: not measured), data packets sent.
 _TOTAL_RETRANS_AT, _MIN_RTT_AT, _DATA_SEGS_OUT_AT = 100, 148, 156
-_LEAST_PACKETS = 50  # a share of losses is taken from at least so many
-# So much of what it sends is lost before a congestion control slows down too much. BBR bears more
-# loss than the datagrams' pacing; CUBIC and Reno take each loss for a full link.
+_LEAST_PACKETS = 50  # the loss ratio needs at least this many packets
+# The loss ratio above which a congestion control becomes too slow. BBR tolerates more loss than the
+# datagrams' pacing; CUBIC and Reno interpret each loss as congestion.
 _HEAVY_LOSS = {b"bbr": 0.15}
 _HEAVY_LOSS_OF_OTHERS = 0.03
 _CONGESTION_CONTROL = b"bbr"
-_BACKLOG = 100  # as libzmq has it
+_BACKLOG = 100  # the default of libzmq
 _NO_RTT_US = 2**32 - 1
-_RETRANSMITS_AT = 2  # u8: how often in a row what it sends was sent again without an answer
+_RETRANSMITS_AT = 2  # u8: consecutive retransmissions without an acknowledgement
 _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT = 10, 0  # linux/in.h
 _IPV6_MTU_DISCOVER = 23  # linux/in6.h
 _IP_FREEBIND = 15  # linux/in.h
@@ -40,7 +40,7 @@ _AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
 def descriptors_lacking(count: int) -> int:
     """How many of `count` further descriptors the process may not open.
 
-    Its soft limit is raised as far as the hard one allows, if need be.
+    Raises its soft limit if necessary, at most to the hard limit.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     open_now = Path("/proc/self/fd")
@@ -55,23 +55,23 @@ def descriptors_lacking(count: int) -> int:
 def reset(connection: socket.socket | None) -> None:
     """Make the kernel discard unsent bytes when the connection is closed."""
     if connection is not None:
-        with contextlib.suppress(OSError):  # closed already
+        with contextlib.suppress(OSError):  # already closed
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
 
 
 def rtt_s(connection: socket.socket | None) -> float | None:
-    """Its round-trip time: the least one of late, which no queue has lengthened."""
+    """The lowest recent round-trip time, which excludes queueing."""
     rtt_us = _tcp_info(connection, "=I", _MIN_RTT_AT)
     return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
 
 
 def unanswered(connection: socket.socket | None) -> int:
-    """How often in a row what it sends was sent again without an acknowledgement."""
+    """The number of consecutive retransmissions without an acknowledgement."""
     return _tcp_info(connection, "=B", _RETRANSMITS_AT) or 0
 
 
 def loses_much(connection: socket.socket | None) -> bool:
-    """Whether so much of what it sends is lost that its congestion control hardly sends."""
+    """Whether losses slow its congestion control down to almost nothing."""
     sent = _tcp_info(connection, "=I", _DATA_SEGS_OUT_AT) or 0
     again = _tcp_info(connection, "=I", _TOTAL_RETRANS_AT) or 0
     if connection is None or sent < _LEAST_PACKETS:
@@ -96,18 +96,18 @@ def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int
 
 
 def bear_losses(connection: socket.socket) -> None:
-    """Use BBR where the kernel has it; the kernel's own choice elsewhere."""
-    with contextlib.suppress(OSError, AttributeError):  # the module is not there; not Linux
+    """Use BBR where the kernel has it, and the kernel's default elsewhere."""
+    with contextlib.suppress(OSError, AttributeError):  # no BBR module, or not Linux
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, _CONGESTION_CONTROL)
 
 
 def let_address_come_later(unbound: socket.socket) -> None:
-    """Let it be bound to an address that the machine does not have yet. OSError: not on Linux."""
-    unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)  # of IPv6 sockets, too
+    """Allow binding to an address that the machine does not have yet. OSError: not on Linux."""
+    unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)  # also applies to IPv6 sockets
 
 
 def _unbound(host: str, kind: socket.SocketKind) -> socket.socket:
-    """A socket for an address of this machine, or for all: IPv4 and IPv6 where both are there."""
+    """A socket for one address of this machine, or for all, IPv4 and IPv6 where available."""
     if host != ANY:
         made = socket.socket(family_of(host), kind)
         if made.family == socket.AF_INET6:
@@ -122,14 +122,14 @@ def _unbound(host: str, kind: socket.SocketKind) -> socket.socket:
 
 
 def _bind(unbound: socket.socket, host: str, port: int) -> None:
-    """Bind it to an address, or to all. Raises OSError."""
+    """Bind a socket to one address, or to all. Raises OSError."""
     if host == ANY:
         host = "::" if unbound.family == socket.AF_INET6 else "0.0.0.0"  # noqa: S104 - all
     unbound.bind(socket_address(host, port))
 
 
 def is_ours(host: str) -> bool:
-    """Whether this machine has an address now."""
+    """Whether this machine currently has an address."""
     try:
         with socket.socket(family_of(host), socket.SOCK_DGRAM) as probe:
             probe.bind(socket_address(host, 0))
@@ -139,10 +139,10 @@ def is_ours(host: str) -> bool:
 
 
 def tune(connection: socket.socket, dead_s: int) -> None:
-    """Send small frames at once, and detect a dead peer within so many seconds."""
+    """Send small frames at once, and detect a dead peer within `dead_s` seconds."""
     closed_in_children(connection).setblocking(False)
     bear_losses(connection)
-    with contextlib.suppress(OSError):  # the connection is closed already
+    with contextlib.suppress(OSError):  # the connection is already closed
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         if sys.platform == "linux":
@@ -153,7 +153,7 @@ def tune(connection: socket.socket, dead_s: int) -> None:
 
 
 def listener(address: str, port: int, *, early: bool = False) -> socket.socket:
-    """Listens on an address, or on all (``*``); `early`: on one that the machine lacks yet, too.
+    """Listen on an address, or on all (``*``); `early`: the machine may not have it yet.
 
     Raises OSError.
     """
@@ -174,21 +174,21 @@ def listener(address: str, port: int, *, early: bool = False) -> socket.socket:
 
 
 def datagram_socket(listen: str, number: int = 0, buffer_bytes: int = 0) -> socket.socket:
-    """A socket for datagrams, at a port of an address (``*``: all) or at any free one.
+    """A socket for datagrams, bound to an address (``*``: all) and a port (0: any free one).
 
-    The address need not be there yet. Datagrams are cut in parts where a link takes less than their
-    size, not thrown away. Raises OSError.
+    The machine may not have the address yet. Datagrams larger than a link's MTU are fragmented, not
+    dropped. Raises OSError.
     """
     datagrams = closed_in_children(_unbound(listen, socket.SOCK_DGRAM))
     try:
         if buffer_bytes:
             datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer_bytes)
-        with contextlib.suppress(OSError):  # not Linux: its own way is as good
+        with contextlib.suppress(OSError):  # not Linux: the default is acceptable
             datagrams.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT)
             if datagrams.family == socket.AF_INET6:
                 datagrams.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _IP_PMTUDISC_DONT)
         if listen != ANY:
-            with contextlib.suppress(OSError):  # not Linux; then the address was there
+            with contextlib.suppress(OSError):  # not Linux: the address must exist
                 let_address_come_later(datagrams)
         _bind(datagrams, listen, number)
         datagrams.setblocking(False)
@@ -201,7 +201,7 @@ def datagram_socket(listen: str, number: int = 0, buffer_bytes: int = 0) -> sock
 
 
 def destination(datagrams: socket.socket, host: str, port: int) -> SocketAddress | None:
-    """What a socket of `datagram_socket` takes for an address; None: it does not reach it."""
+    """An address in the form that a socket of `datagram_socket` accepts; None: not reachable."""
     if datagrams.family == socket.AF_INET:
         return None if ":" in host else (host, port)
     mapped = not datagrams.getsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY)
@@ -209,23 +209,23 @@ def destination(datagrams: socket.socket, host: str, port: int) -> SocketAddress
         return None
     try:
         return socket_address(host, port, mapped=True)
-    except OSError:  # the interface has gone
+    except OSError:  # the interface no longer exists
         return None
 
 
 def received(datagrams: socket.socket, limit: int) -> Iterator[tuple[bytes, SocketAddress]]:
-    """The datagrams that have come, up to so many, and where from."""
+    """Yield at most `limit` received datagrams with their source addresses."""
     for _ in range(limit):
         try:
             packet, source = datagrams.recvfrom(DATAGRAM_BYTES)
         except BlockingIOError:
             return
         except OSError:
-            continue  # an ICMP error of an earlier datagram
+            continue  # an ICMP error for an earlier datagram
         yield packet, source
 
 
-# Waits for many sockets and reports the owners of ready ones: a turn costs only the ready ones.
+# The poller reports the owners of ready sockets, so that a turn costs only the ready ones.
 
 
 Polled = int
@@ -233,19 +233,19 @@ Polled = int
 
 
 class Poller:
-    """Waits for descriptors. One must be taken out before it is closed."""
+    """Waits for descriptors. A descriptor must be unregistered before it is closed."""
 
     def __init__(self) -> None:
         self._selector = closed_in_children(selectors.DefaultSelector())
 
     def fileno(self) -> int:
-        """A descriptor that is readable when something is ready, for the loop of another."""
+        """A descriptor that is readable when something is ready, for another event loop."""
         number = getattr(self._selector, "fileno", None)
         assert number is not None  # noqa: S101 - epoll has one, and so has kqueue
         return int(number())
 
     def register(self, each: Polled, flags: int, owner: Hashable = None) -> None:
-        """Wait for a descriptor that belongs to an owner, from now on for these events."""
+        """Wait for these events of a descriptor from now on, and report them with `owner`."""
         events = selectors.EVENT_READ if flags & zmq.POLLIN else 0
         events |= selectors.EVENT_WRITE if flags & zmq.POLLOUT else 0
         known = self._selector.get_map().get(each)
@@ -258,17 +258,14 @@ class Poller:
             self._selector.modify(each, events, owner)
 
     def unregister(self, each: Polled) -> None:
-        """Wait for a descriptor no longer. KeyError if it is not waited for."""
+        """Stop waiting for a descriptor. Raises KeyError if it is not registered."""
         self._selector.unregister(each)
 
     def poll(self, wait_ms: int | None) -> dict[Polled, Hashable]:
-        """Wait until something is ready, at most so many milliseconds: what is, and whose.
-
-        None waits for ever.
-        """
+        """Wait at most `wait_ms` (None: for ever); returns ready descriptors with their owners."""
         wait_s = None if wait_ms is None else wait_ms / 1000
         return {key.fd: key.data for key, _ in self._selector.select(wait_s)}
 
     def close(self) -> None:
-        """Give up everything."""
+        """Release the selector."""
         self._selector.close()

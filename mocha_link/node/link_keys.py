@@ -1,4 +1,4 @@
-"""What protects the links of a node."""
+"""The keys that protect the links of a node."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from mocha_link.team import PublicKey, Seal, SecretKey
 
 
 class LinkKeys:
-    """The secret key of a node, and the public keys of its peers; links to other peers are open.
+    """The secret key of a node, and the public keys of its peers; links to others are unprotected.
 
     Args:
         secret: of the node; None: no link is protected.
         peers: keys of protected peers.
 
     Raises:
-        SealError: a peer's key makes no shared secret.
+        SealError: a peer's key is invalid.
 
     Attributes:
         peers: keys of protected peers.
@@ -31,20 +31,20 @@ class LinkKeys:
         )
 
     def pair(self, peer: str) -> tuple[SecretKey, PublicKey] | None:
-        """Ours and the peer's; None: the link is open."""
+        """Our secret key and the peer's public key; None: the link is not protected."""
         key = self.peers.get(peer)
         return (self._secret, key) if self._secret and key else None
 
     def protects(self, peer: str) -> bool:
-        """Whether only the peer itself can send what is received from it."""
+        """Whether everything received on the link is proven to be the peer's."""
         return peer in self._seals
 
     def seal(self, peer: str, packet: bytes) -> bytes:
-        """A datagram as it is sent to the peer."""
+        """Seal a datagram to the peer, if the link is protected."""
         seal = self._seals.get(peer)
         return seal.seal(packet) if seal else packet
 
     def open(self, peer: str, packet: bytes) -> bytes | None:
-        """A datagram that the peer sent; None: somebody else did."""
+        """Open a received datagram, if the link is protected; None: the peer did not send it."""
         seal = self._seals.get(peer)
         return seal.open(packet) if seal else packet

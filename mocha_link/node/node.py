@@ -39,9 +39,9 @@ from mocha_link.store import (
 )
 from mocha_link.team import Robot, Team, peer_keys, secret_key
 
-CLOSE_S = 0.95  # of the second, for all parts together
+CLOSE_S = 0.95  # for all parts together; `close` promises one second
 LEAST_CLOSE_S = 0.05
-LARGE_BYTES = 64 * 1024  # takes long to compress
+LARGE_BYTES = 64 * 1024  # compressing such a payload takes long
 
 _Event = TypeVar("_Event", bound=LinkEvent)
 _Given = ParamSpec("_Given")
@@ -80,9 +80,9 @@ class Node(Startable):
         DocumentError: the team file cannot be read, or has problems.
     """
 
-    _closed = True  # until it is constructed: nothing is to be closed
+    _closed = True  # a node whose constructor failed has nothing to close
 
-    def __init__(  # noqa: PLR0913 - what a node may be given
+    def __init__(  # noqa: PLR0913 - all optional parts
         self,
         team: Team | Path | str,
         name: str,
@@ -106,10 +106,10 @@ class Node(Startable):
         self._lock = threading.Lock()
         log = NodeLog(name)
         self._broadcast = Broadcast(log)
-        self._transport: Transport | None = None  # while it is started
-        # Events of the storage before the gossip exists; None: it exists.
+        self._transport: Transport | None = None  # set by `start`
+        # Storage events from before the gossip exists; None: it exists.
         self._early: list[LinkEvent] | None = []
-        self._peer_keys = peer_keys(team, robot) if self._secret else {}  # of protected peers
+        self._peer_keys = peer_keys(team, robot) if self._secret else {}  # by protected peer
         self._storage = (
             Storage(
                 Path(storage), config=TeamConfig.of(team), on_fault=_weakly(self._fault), log=log
@@ -133,7 +133,7 @@ class Node(Startable):
                 self._storage.close()
             raise
         parents_only(self)
-        self._closed = False  # True: for good
+        self._closed = False  # a closed node cannot be started again
         with self._lock:
             early, self._early = self._early, None
             for event in early or ():
@@ -175,7 +175,7 @@ class Node(Startable):
             except BaseException:
                 self.close()
                 raise
-        if self._closed:  # meanwhile, by a listener or another thread, which saw only a part
+        if self._closed:  # a listener or another thread closed it during the start
             self._end()
 
     def close(self) -> None:
@@ -203,7 +203,7 @@ class Node(Startable):
             self._closed = True
             try:
                 if self._radio:
-                    self._radio.close()  # made tasks here, perhaps
+                    self._radio.close()  # its tasks may run on this event loop
             finally:
                 await asyncio.shield(asyncio.to_thread(self._end_node))
 
@@ -232,7 +232,7 @@ class Node(Startable):
         if self._transport:
             self._transport.close()
         if self._storage:
-            with self._lock:  # what waits for its interval is not to be lost
+            with self._lock:  # messages that wait for their interval must not be lost
                 for topic in self.team.topics_of(self.name):
                     self._gossip.flush(topic, self._now())
             self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
@@ -249,7 +249,7 @@ class Node(Startable):
         Args:
             topic: the name of a topic of this robot.
             data: the payload, at most 64 MiB.
-            now: publish at once, whatever `min_interval_s` is.
+            now: publish at once, even if `min_interval_s` has not passed.
 
         Returns:
             The header of the message.
@@ -264,7 +264,7 @@ class Node(Startable):
         known = self.team.topic(self.name, topic)
         data = as_bytes(data, topic)
         large = len(data) >= LARGE_BYTES and not known.aggregate
-        frame = wire.compress(data) if large else None  # meanwhile the node goes on
+        frame = wire.compress(data) if large else None  # without the lock: the node keeps running
         with self._lock:
             header = self._gossip.publish(known, data, self._now(), at_once=now, frame=frame)
         self._wake()
@@ -273,14 +273,14 @@ class Node(Startable):
         return header
 
     async def published(self, topic: str, data: bytes, *, now: bool = False) -> Header:
-        """`publish` for asyncio: the event loop goes on while it compresses and writes to disk.
+        """`publish` for asyncio: compression and disk writes do not block the event loop.
 
-        The message is published also if the waiting task is cancelled.
+        The message is published even if the waiting task is cancelled.
 
         Args:
             topic: the name of a topic of this robot.
             data: the payload, at most 64 MiB.
-            now: publish at once, whatever `min_interval_s` is.
+            now: publish at once, even if `min_interval_s` has not passed.
 
         Returns:
             The header of the message.
@@ -370,8 +370,8 @@ class Node(Startable):
             limit: at most so many messages; None: all.
 
         Returns:
-            Pairs of sequence number and message, in the order of the numbers. Versions that the
-            node no longer keeps are left out. Continue with the number of the last pair.
+            Pairs of sequence number and message, by ascending number. Versions that the node no
+            longer keeps are omitted. Continue with the number of the last pair.
         """
         while True:
             found = self._gossip.database.numbered_since(sequence, limit)
@@ -389,7 +389,7 @@ class Node(Startable):
 
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer, by its name."""
-        ages_s = self._gossip.ages_s(self._now())  # thousands of them: no caller waits for that
+        ages_s = self._gossip.ages_s(self._now())  # may be thousands: computed without the lock
         with self._lock:
             return self._gossip.links(self._now(), ages_s)
 
@@ -447,19 +447,19 @@ class Node(Startable):
     ) -> Coroutine[Any, Any, _Event]:
         """Wait in asyncio for the next event of a kind.
 
-        Events count from this call on, not from the ``await``: so that none is missed, call it
-        before what causes the event, and await the result after that.
+        Events count from this call on, not from the ``await``. To miss none, call it before the
+        action that causes the event, and await the result afterwards.
 
         Args:
             kind: the class of the event, e.g. SyncEnded.
             condition: only events for which it is true; called on the event loop.
-            timeout_s: real seconds from the ``await`` on; default: no limit.
+            timeout_s: real seconds, counted from the ``await``; default: no limit.
 
         Returns:
             A coroutine; its result is the event.
 
         Raises:
-            TimeoutError: no such event in time.
+            TimeoutError: no such event occurred in time.
             NodeClosedError: the node was closed before.
         """
         return self._next(self._broadcast.stream(kind=kind), kind, condition, timeout_s)
@@ -482,13 +482,13 @@ class Node(Startable):
 
         Args:
             peer: the name of a linked robot.
-            both: request that the peer, if it runs a new node, pulls from this node within the
-                interval as well. Without it the peer pulls when its own timer is due, which is rare
+            both: request that the peer also pulls from this node within the interval; the peer must
+                run a new node. Without it the peer pulls when its own timer expires, which is rare
                 while this node pushes everything it stores.
 
         Returns:
-            Whether a pull began; False if a pull from the peer is under way, or the node is not
-            started yet.
+            Whether a pull began; False if a pull from the peer is in progress, or the node has not
+            been started.
 
         Raises:
             UnknownRobotError: the peer is not linked to this robot.
@@ -535,7 +535,7 @@ def _instant(clock: Clock) -> Instant:
 
 
 def _weakly(method: Callable[_Given, None]) -> Callable[_Given, None]:
-    """A method that other threads may hold without keeping its object from being dropped."""
+    """Wrap a method so that other threads may hold it without keeping its object alive."""
     weak = WeakMethod(method)
 
     def call(*args: _Given.args, **more: _Given.kwargs) -> None:

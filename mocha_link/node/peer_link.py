@@ -1,4 +1,4 @@
-"""The link to each peer of a node: its session, and what the node has noted of it."""
+"""The link to each peer of a node: its session, and the node's state for it."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from mocha_link.team import Robot, Trust
 
 @dataclass(slots=True)
 class PeerLink:
-    """What belongs to one peer."""
+    """The session with one peer, and the node's state for it."""
 
     session: Session
-    known_hash: int = 0  # of its team file, if that is another one
-    differs: str | None = None  # what is not exchanged then, for the log
-    pushes: bool = False  # all that it stores comes unasked, as was seen last
+    known_hash: int = 0  # the peer's configuration hash, if its team file differs
+    differs: str | None = None  # the topics that are not exchanged then, for the log
+    pushes: bool = False  # at the last check, it pushed everything that it stores
 
     @property
     def peer(self) -> Peer:
-        """What is remembered of the peer."""
+        """The state of the peer that outlives a pull."""
         return self.session.peer
 
 
 class PeerLinks:
-    """The links of a robot: a turn of the node processes only those with input or a due time.
+    """The links of a robot. A turn of the node processes only links with input or a due timer.
 
-    Messages are verified if the team has keys or demands them.
+    Messages are verified if the team has keys or requires them.
 
     Attributes:
-        by_peer: All of them.
-        touched: Peers of whom something came since `settle`.
+        by_peer: All links.
+        touched: Peers with input since `settle`.
 
     Raises:
-        KeyMismatchError: a key in the team file is none.
+        KeyMismatchError: a key in the team file is invalid.
         KeysUnavailableError: the team has keys, and PyNaCl is missing.
     """
 
@@ -55,8 +55,8 @@ class PeerLinks:
         self.by_peer: dict[str, PeerLink] = {}
         self.touched: set[str] = set()
         self._followed = context.followed  # robots that push to us
-        self._last_followed: set[int] = set()  # of these, at the last check which peers push
-        self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
+        self._last_followed: set[int] = set()  # the same at the last `push_otherwise`
+        self._wakes_s: dict[str, float] = {}  # by peer: when a timer expires, steady seconds
         team = context.team
         verifier = Verifier(team)
         verifies = team.trust is Trust.SIGNED or any(robot.key for robot in team.robots.values())
@@ -76,7 +76,7 @@ class PeerLinks:
         return iter(self.by_peer.values())
 
     def ages_s(self, now_s: float) -> dict[str, dict[str, float]]:
-        """The ages of the newest messages by peer and topic, at that Unix time."""
+        """The ages of the newest messages by peer and topic, at Unix time `now_s`."""
         newest = self._database.newest
         return {
             peer: {
@@ -88,15 +88,15 @@ class PeerLinks:
         }
 
     def stored(self, robot_ids: AbstractSet[int]) -> None:
-        """Messages of robots were stored: mark the peers that want a push of them."""
+        """Mark the peers that want a push of newly stored messages of these robots."""
         self.touched.update(
             p for p, link in self.by_peer.items() if link.session.wants_push(robot_ids)
         )
 
     def push_otherwise(self) -> bool:
-        """Update which peers push; whether one has begun or stopped.
+        """Update which peers push; returns whether one has begun or stopped.
 
-        What comes unasked from a peer depends on the others that we follow, too.
+        What a peer pushes also depends on the other peers that we follow.
         """
         candidates = self.touched if self._followed == self._last_followed else self.by_peer.keys()
         self._last_followed = set(self._followed)
@@ -108,12 +108,12 @@ class PeerLinks:
         return changed
 
     def busy(self, now_s: float) -> list[PeerLink]:
-        """Those on which something came since `settle`, or the time brings something."""
+        """The links with input since `settle`, or with an expired timer."""
         self.touched.update(p for p, wake_s in self._wakes_s.items() if wake_s <= now_s)
         return [link for peer, link in self.by_peer.items() if peer in self.touched]
 
     def settle(self) -> None:
-        """All input is processed: the rest waits for a due time."""
+        """Note that all input is processed; the links now wait for their timers."""
         self._note_wakes()
         self.touched.clear()
 
@@ -127,6 +127,6 @@ class PeerLinks:
 
     @property
     def wake_s(self) -> float | None:
-        """When the time brings something, in steady seconds; None: it does not."""
+        """When the first timer expires, in steady seconds; None: no timer runs."""
         self._note_wakes()
         return min(self._wakes_s.values(), default=None)

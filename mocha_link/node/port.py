@@ -1,4 +1,4 @@
-"""The ports of a node, one for each peer: requests over ZeroMQ, datagrams of the same number."""
+"""A node's port for one peer: requests over ZeroMQ, and datagrams on the same port number."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DATAGRAM_BUFFER_BYTES = 1024 * 1024
 
 
 class Port:
-    """A ROUTER, which serves REQ and DEALER sockets like a REP, and a datagram socket.
+    """A router that serves REQ and DEALER sockets like a REP socket, and a datagram socket.
 
     `datagram_address` is the source address of the peer's datagrams.
 
@@ -37,13 +37,14 @@ class Port:
         ListenError: the robot's `listen` is not an address of this machine.
 
     Args:
-        poller: Waits for its connections, too.
+        poller: Also waits for the connections.
         clients: Shared by the ports of a node.
-        keys: Of `me` and the peer, which alone opens a protected port; None: clients need no key.
+        keys: The keys of `me` and its peers. A protected port accepts only the peer's key; None:
+            clients need no key.
     """
 
-    TOGETHER_BYTES = 16 * 1024  # of frames that leave in one system call
-    DESCRIPTORS = 2  # a listener and datagrams
+    TOGETHER_BYTES = 16 * 1024  # of frames that are sent in one system call
+    DESCRIPTORS = 2  # the listener and the datagram socket
 
     def __init__(
         self,
@@ -65,7 +66,7 @@ class Port:
         self._router = Router(
             _listener(me, peer, number), poller, clients, MAX_REQUEST_BYTES, mechanism
         )
-        self._datagrams: socket.socket | None = None  # None: the port is taken, all goes by ZeroMQ
+        self._datagrams: socket.socket | None = None  # None: the UDP port is in use; ZeroMQ only
         try:
             self._datagrams = kernel.datagram_socket(me.listen, number, _DATAGRAM_BUFFER_BYTES)
         except OSError as error:
@@ -74,29 +75,29 @@ class Port:
             )
 
     def watch(self, poller: Poller) -> None:
-        """Have the poller wait for requests and datagrams."""
+        """Register the listener and the datagram socket with the poller."""
         if self._datagrams:
             poller.register(self._datagrams.fileno(), zmq.POLLIN, self)
         self._router.watch(self)
 
     def expire(self, now_s: float) -> list[str]:
-        """Who was sent away since the last call, and why; call it now and then."""
+        """Close overdue connections; returns the refusals since the last call."""
         return self._router.expire(now_s)
 
     def requests(self, ready: Container[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
-        """Those whose turn it is: on which connection each came, and its body parts.
+        """Yield the requests to serve now, each with its route and its body parts.
 
-        Reply before you fetch the next; see `Router.requests`.
+        The caller replies before it fetches the next one; see `Router.requests`.
         """
         for name, parts in self._router.requests(ready):
-            if b"" in parts[:-1]:  # without an envelope REP sockets ignore it, too
+            if b"" in parts[:-1]:  # REP sockets also ignore a request without an envelope
                 body = parts.index(b"") + 1
                 route = (name, *map(bytes, parts[:body]))
                 yield route, [bytes(each) for each in parts[body:]]
 
     @property
     def wait_ms(self) -> int:
-        """How long nothing is to be done here if nothing comes."""
+        """The time until the next turn if no socket becomes ready."""
         return self._router.wait_ms
 
     def reply(self, route: Route, frame: bytes) -> None:
@@ -104,29 +105,29 @@ class Port:
         self._router.reply(route[0], route[1:], [frame])
 
     def push(self, route: Route, parts: list[Part]) -> None:
-        """Have a frame of a sync sent with the next `flush`."""
+        """Queue a frame of a sync for the next `flush`."""
         self._router.push(route[0], [*route[1:], *parts])
 
     def standing(self, route: Route) -> Standing | None:
-        """How a connection stands; None: it is closed."""
+        """The kernel's measurements of a connection; None: it is closed."""
         return self._router.standing(route[0])
 
     def source(self, route: Route) -> str | None:
-        """The address from which a connection comes; None: it is closed."""
+        """The client's address of a connection; None: the connection is closed."""
         return self._router.source(route[0])
 
     def own_addresses_changed(self) -> None:
-        """Close the connections to addresses that this machine has no longer."""
+        """Close the connections to addresses that this machine no longer has."""
         self._router.own_addresses_changed()
 
     def flush(self, route: Route | None) -> bool:
-        """Try to send what waits for a connection; whether it takes more."""
+        """Send queued bytes of a connection; returns whether none are left."""
         return route is None or self._router.flush(route[0])
 
     def packets(self, limit: int) -> Iterator[tuple[bytes, SocketAddress]]:
-        """The datagrams that the peer has sent, and where from.
+        """Yield the received datagrams with their source addresses.
 
-        Where the link is not protected anyone may have sent them.
+        On a link without keys anyone may have sent them.
         """
         if self._datagrams is None:
             return
@@ -137,24 +138,24 @@ class Port:
 
     @property
     def protected(self) -> bool:
-        """Whether what comes is the peer's for sure."""
+        """Whether keys prove that received datagrams are the peer's."""
         return self._keys.protects(self.peer)
 
     def send_datagram(self, packet: bytes) -> None:
-        """Send a datagram to where the peer's come from."""
+        """Send a datagram to the source address of the peer's datagrams."""
         if self._datagrams and self.datagram_address:
             with contextlib.suppress(OSError):
                 self._datagrams.sendto(self._keys.seal(self.peer, packet), self.datagram_address)
 
     def close(self) -> None:
-        """Close at once; nothing that is queued is sent any more."""
+        """Close at once; queued bytes are dropped."""
         self._router.close()
         if self._datagrams:
             self._datagrams.close()
 
 
 def provide_descriptors(me: Robot, count: int) -> None:
-    """Have so many descriptors for the node of a robot. Raises ListenError if it may not."""
+    """Make sure that the process may open `count` descriptors. Raises ListenError."""
     lacking = kernel.descriptors_lacking(count)
     if lacking:
         raise ListenError(
@@ -165,7 +166,7 @@ def provide_descriptors(me: Robot, count: int) -> None:
 
 
 def _listener(me: Robot, peer: str, number: int) -> socket.socket:
-    """Listens for a peer, if need be at an address that the machine does not have (yet).
+    """Listen for a peer, if necessary on an address that the machine does not have yet.
 
     Raises PortInUseError or ListenError.
     """

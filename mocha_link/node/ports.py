@@ -10,12 +10,12 @@ from mocha_link.node.port import Port, provide_descriptors
 from mocha_link.node.router import IDLE_MS, ClientConnections
 from mocha_link.team import Robot
 
-LINK_DESCRIPTORS = 2  # a connection each way
+LINK_DESCRIPTORS = 2  # one connection in each direction
 OWN_DESCRIPTORS = 16
 
 
 class Ports:
-    """A port for each peer; their clients share one limit. None, unless the node `serves`.
+    """A port for each peer, all with one limit on clients; no ports unless the node `serves`.
 
     Attributes:
         clients: the connections to all ports.
@@ -28,10 +28,10 @@ class Ports:
         self._keys = keys
         self._serves = serves
         self._by_peer: dict[str, Port] = {}
-        self._unfinished: set[str] = set()  # peers at whose port there is more to do
+        self._unfinished: set[str] = set()  # peers whose ports need another turn at once
 
     def provide_descriptors(self) -> None:
-        """Raises ListenError if too few files may be open: no peer that comes could be let in."""
+        """Raises ListenError if the process may not open enough files to accept every peer."""
         each = Port.DESCRIPTORS + LINK_DESCRIPTORS
         provide_descriptors(self._me, OWN_DESCRIPTORS + each * len(self._me.peers))
 
@@ -41,7 +41,7 @@ class Ports:
             self._by_peer[peer] = Port(self._poller, self.clients, self._me, peer, keys=self._keys)
 
     def watch(self) -> None:
-        """Have the poller wait for all."""
+        """Register all ports with the poller."""
         for port in self:
             port.watch(self._poller)
 
@@ -51,27 +51,27 @@ class Ports:
             port.close()
 
     def __iter__(self) -> Iterator[Port]:
-        """All that are open."""
+        """The open ports."""
         return iter(self._by_peer.values())
 
     def __getitem__(self, peer: str) -> Port:
-        """That of a peer."""
+        """The port for a peer."""
         return self._by_peer[peer]
 
     def active(self, ready: Mapping[Polled, Hashable]) -> set[str]:
-        """The peers at whose ports something is ready, or was left undone."""
+        """The peers whose ports have a ready socket or unfinished work."""
         return {each.peer for each in ready.values() if isinstance(each, Port)} | self._unfinished
 
     def of(self, peers: set[str]) -> list[Port]:
-        """The ports of these peers, as far as there are any."""
+        """The open ports for these peers."""
         return [self._by_peer[peer] for peer in peers & self._by_peer.keys()]
 
     def finished(self, waits_ms: Mapping[str, int]) -> int:
-        """How long each peer's port has nothing to do: for how long that is true of all."""
+        """Note the wait of each peer's port after its turn; returns the shortest wait."""
         self._unfinished = {peer for peer, wait_ms in waits_ms.items() if wait_ms < IDLE_MS}
         return min(waits_ms.values(), default=IDLE_MS)
 
     def own_addresses_changed(self) -> None:
-        """Close the connections to addresses that this machine has no longer."""
+        """Close the connections to addresses that this machine no longer has."""
         for port in self:
             port.own_addresses_changed()

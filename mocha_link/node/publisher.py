@@ -1,4 +1,4 @@
-"""The robot's own messages: their stamps, and how often a topic may enter the database."""
+"""The robot's own messages: their stamps, and the minimum interval between them."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from mocha_link.team import Robot, Topic
 Sign = Callable[[Topic, bytes], bytes]
 
 LEAP_MS = 600_000
-MOST_RECOVERED = 16  # messages of a topic that we did not make; more are not from before a restart
-FULL_BYTES = 64 * 1024  # a batch of so much goes at once
+MOST_RECOVERED = 16  # own messages of a topic from before a restart; more are another node's
+FULL_BYTES = 64 * 1024  # a batch of this size is stored at once
 
 
 @dataclass(slots=True)
 class _Draft:
-    """Messages that are not packed yet, and the stamp that they have been promised."""
+    """Messages that are not packed yet, and the stamp that was returned for them."""
 
-    stamp_ms: int  # as promised
+    stamp_ms: int  # as returned to the program
     made_s: float  # Unix time
     parts: list[bytes] = field(default_factory=list)  # data, in order
-    size: int = 0  # bytes of all
-    frame: bytes | None = None  # of the only part
+    size: int = 0  # bytes of all parts
+    frame: bytes | None = None  # the compressed form of a single part
 
     def add(self, data: bytes) -> None:
         self.parts.append(data)
@@ -47,10 +47,10 @@ class _Draft:
 
 
 class Publisher:
-    """Makes records of the robot's own messages and holds those that come too early.
+    """Makes records of the robot's own messages and holds those published too early.
 
     Args:
-        sign: makes the signature of a message of a topic; None: they are not signed.
+        sign: makes the signature of a message of a topic; None: messages are not signed.
     """
 
     def __init__(
@@ -64,11 +64,11 @@ class Publisher:
         self._topics = {topic.name: topic for topic in topics}  # by name
         self._database = database
         self._sign = sign
-        self._last_ms: dict[str, int] = {}  # stamp promised last
-        self._stored_s: dict[str, float] = {}  # Unix time of the last one
-        self._held: dict[str, _Draft] = {}  # by topic, for its interval
-        self._latest: dict[str, tuple[_Draft, Header]] = {}  # the newest made of each topic
-        self._overtaken: Counter[str] = Counter()  # by messages of ours that we did not make
+        self._last_ms: dict[str, int] = {}  # by topic: the last stamp that was returned
+        self._stored_s: dict[str, float] = {}  # by topic: Unix time of the last stored message
+        self._held: dict[str, _Draft] = {}  # by topic, until its interval has passed
+        self._latest: dict[str, tuple[_Draft, Header]] = {}  # by topic: our newest message
+        self._overtaken: Counter[str] = Counter()  # by topic: replacements by unknown own messages
 
     def publish(
         self,
@@ -79,11 +79,11 @@ class Publisher:
         at_once: bool,
         frame: bytes | None = None,
     ) -> tuple[Header, list[Record]]:
-        """The header of a new message, and what was stored now because of it.
+        """Publish a message; returns its header, and the records that were stored.
 
-        A message that comes before the topic's interval since the last stored one is over is held
-        until then; the next one replaces it, or joins it if the topic has `aggregate`. `frame` is
-        what `wire.compress` made of the data, if the caller has called it.
+        A message that is published before the topic's interval has passed is held until then. The
+        next message replaces it, or joins it if the topic has `aggregate`. `frame` is the result of
+        `wire.compress` for the data, if the caller has called it.
 
         Raises:
             PayloadError: larger than any node would accept.
@@ -98,9 +98,9 @@ class Publisher:
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
         latest_ms = wire.latest_ms(now_s)
         if newest is not None and is_void(newest.stamp_ms, latest_ms):
-            newest = None  # our clock was wrong by more than a century: no node takes that message,
+            newest = None  # our clock was wrong by more than a century: nodes refuse that message,
         if last_ms is not None and is_void(last_ms, latest_ms):
-            last_ms = None  # nor any later one
+            last_ms = None  # and every later one
         if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
             stamp_ms = self._stamp_after(topic, newest, now_s, data)
         else:
@@ -123,11 +123,11 @@ class Publisher:
         return self._flush(topic, now_s) if topic.name in self._held else None
 
     def recovered(self, topic: Topic, now_s: float) -> Record | None:
-        """Store our latest message anew if one from before a restart has replaced it.
+        """Store our latest message again if one from before a restart has replaced it.
 
-        A peer hands that back to us; it has the later stamp if our clock is behind what it was. If
-        there is no end of them another node speaks in our name, and ours are not stored anew: that
-        one would do the same.
+        A peer may return such a message to us; its stamp is later if our clock was set back. If
+        this happens too often, another node publishes under our name. Then ours is not stored
+        again, as the other node would do the same.
         """
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
         draft, header = self._latest.get(topic.name, (None, None))
@@ -143,7 +143,7 @@ class Publisher:
         return None if self._is_shared(topic) else self._store(topic, draft, now_s)
 
     def due(self, now_s: float) -> list[Record]:
-        """Store the held messages whose interval is over, and return them."""
+        """Store the held messages whose interval has passed, and return them."""
         names = [name for name in self._held if self._is_due(name, now_s)]
         return [self._flush(self._topics[name], now_s) for name in names]
 
@@ -162,13 +162,13 @@ class Publisher:
     def _store(self, topic: Topic, draft: _Draft, now_s: float) -> Record:
         record = self._record(topic, draft)
         if not self._database.insert(record, now_s):
-            # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
+            # One from before a restart has a later stamp. Peers accept ours only if it is newer.
             newest = self._database.newest(self._robot.robot_id, topic.topic_id) or record
             draft.stamp_ms = self._stamp_after(topic, newest, now_s, record.body)
             self._last_ms[topic.name] = draft.stamp_ms
             record = self._record(topic, draft)
             self._database.insert(record, now_s)
-        draft.frame = None  # it is in the record
+        draft.frame = None  # the record has it
         self._latest[topic.name] = (draft, record.header)
         return record
 
@@ -188,21 +188,21 @@ class Publisher:
     def _is_due(self, name: str, now_s: float) -> bool:
         last = self._stored_s.get(name)
         interval_s = self._topics[name].min_interval_s
-        # A clock that was set back must not hold a message until it comes round again.
+        # A clock that was set back must not hold a message for longer than the interval.
         return last is None or not 0 <= now_s - last < interval_s
 
     def _is_shared(self, topic: Topic) -> bool:
-        """Whether another node, too, sends messages of ours on a topic."""
+        """Whether another node also publishes this robot's topic."""
         return self._overtaken[topic.name] > MOST_RECOVERED
 
     def _stamp_after(
         self, topic: Topic, earlier: Record, now_s: float, data: bytes | memoryview
     ) -> int:
-        """The stamp that follows a message from before a restart.
+        """The stamp after a message from before a restart.
 
-        If the clock is behind it, others may hold still later ones of which we know nothing, each a
-        millisecond after the other, and two messages must not get the same header. So it is some
-        minutes later; how much follows from the data.
+        If the clock is behind that message, peers may hold unknown later ones, a millisecond apart,
+        and two messages must not have the same header. The stamp is therefore some minutes later,
+        by an offset derived from the data.
         """
         if as_ms(now_s) > earlier.stamp_ms or self._is_shared(topic):
             return next_stamp_ms(now_s, earlier.stamp_ms)
@@ -211,7 +211,7 @@ class Publisher:
 
 
 def next_stamp_ms(now_s: float, last_ms: int | None) -> int:
-    """The time that a new message gets: now, but later than the last one and safe for old nodes."""
+    """The stamp of a new message: now, but later than the last one and safe for old nodes."""
     stamp = as_ms(now_s)
     if last_ms is not None:
         stamp = max(stamp, last_ms + 1)

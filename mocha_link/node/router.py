@@ -1,9 +1,9 @@
-"""A ROUTER of our own: the connections to a listening socket, since anyone may connect to it.
+"""The connections to a listening socket: a ROUTER that limits the memory of untrusted clients.
 
-libzmq keeps the parts of a message until its last part has come, however many there are, and takes
-in all that a connection brings meanwhile, with keys, too. Here each connection has one buffer of
-the size of a request, and is not read while it does not take its replies; there are so many
-connections at most, and so much that waits for all of them together.
+libzmq buffers all parts of a message until the last one is received, without a limit on their
+number, and reads on from a client that does not read its replies; keys do not change that. Here
+each connection has one buffer of the size of a request. It is not read while its client does not
+read the replies. The number of connections and their queued bytes are limited.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from mocha_link.node.zmtp import (
 from mocha_link.store import wire
 from mocha_link.sync import Standing
 
-MAX_CONNECTIONS = 32  # of a listener; most beyond that are of links that broke
-MAX_ALL_CONNECTIONS = 256  # of a node: each may hold a request that has come in part
-MAX_WAITING_BYTES = 2 * wire.MAX_BYTES  # replies of a node that its peers have not taken yet
-HANDSHAKE_S = 30.0  # as libzmq has it
-KEY_S = 10.0  # who has shown no key by then is sent away; a slow radio takes seconds
-OWED_BYTES = 256 * 1024  # replies to a connection that wait before its requests do
-BURST = 64  # requests of one connection in a row, so that none starves the others
+MAX_CONNECTIONS = 32  # per listener; more are usually left over from broken links
+MAX_ALL_CONNECTIONS = 256  # per node: each may buffer an incomplete request
+MAX_WAITING_BYTES = 2 * wire.MAX_BYTES  # per node: replies that its peers have not read yet
+HANDSHAKE_S = 30.0  # the default of libzmq
+KEY_S = 10.0  # a client without a valid key is disconnected then; a slow radio needs seconds
+OWED_BYTES = 256 * 1024  # above this many queued bytes of replies a connection is not read
+BURST = 64  # requests served in a row per connection, so that none starves the others
 DEAD_PEER_S = 60
-IDLE_MS = 1000  # a clock may be set; all else that happens wakes the node
+IDLE_MS = 1000  # setting the clock wakes nobody; everything else does
 
 _MAX_ACCEPTED = 8  # in a turn
 _READ_BYTES = 16 * 1024
-_MAX_REQUESTS = 1024  # in one read; our pulls have up to 256 under way
+_MAX_REQUESTS = 1024  # per read; our pulls have at most 256 requests in flight
 
 
 def _host(name: Callable[[], object]) -> str | None:
-    """The address of an end of a connection; None: it is not one of IP, or is closed."""
+    """The address of one end of a connection; None: it is not an IP connection, or is closed."""
     try:
         found = name()
     except OSError:
@@ -59,47 +59,47 @@ def _host(name: Callable[[], object]) -> str | None:
 
 
 class ClientConnection:
-    """A client's connection to a router: its requests, and replies that are not sent yet."""
+    """A client's connection to a router: its requests, and its queued replies."""
 
     def __init__(
         self, connection: socket.socket, name: bytes, now_s: float, session: ZmtpSession
     ) -> None:
-        self.name = name  # begins its routes
+        self.name = name  # the first frame of its routes
         self.connection = connection
         self.number = connection.fileno()
         self.source = _host(connection.getpeername)
-        self.requests: deque[list[Part]] = deque()  # without a reply so far
+        self.requests: deque[list[Part]] = deque()  # not handed out yet
         self.began_s = now_s
-        self.ended = False  # nothing more comes
-        self.moved = 0  # when it last took or brought something, by the count of the node
-        self.moved_s = now_s  # the same in steady seconds, as far as it took something
-        self.watched = 0  # for what the poller waits
+        self.ended = False  # the client has closed, or the link failed
+        self.moved = 0  # the node's counter at its last transfer of bytes, either way
+        self.moved_s = now_s  # steady seconds at that transfer
+        self.watched = 0  # the poller flags that are registered
         self._session = session
-        self._broken = False  # the link failed: the client did not close it
+        self._broken = False  # the link failed; the client did not close the connection
         self._out = SendBuffer([session.hello])
 
     @property
     def ready(self) -> bool:
-        """Whether its handshake is through."""
+        """Whether its handshake is complete."""
         return self._session.ready
 
     @property
     def known(self) -> bool:
-        """Whether it has shown a key that is let in."""
+        """Whether its client has proven an accepted key."""
         return self._session.known
 
     @property
     def waiting_bytes(self) -> int:
-        """What waits for the kernel to take it."""
+        """Queued bytes that the kernel has not accepted yet."""
         return self._out.size
 
     @property
     def holds_bytes(self) -> int:
-        """What is kept for it: what has come of a request, and what it has not taken."""
+        """Its memory: incomplete requests and queued replies."""
         return self.waiting_bytes + self._session.held_bytes
 
     def is_to_here(self) -> bool:
-        """Whether this machine still has the address to which it came."""
+        """Whether this machine still has the local address of the connection."""
         host = _host(self.connection.getsockname)
         return host is None or kernel.is_ours(host)
 
@@ -107,17 +107,17 @@ class ClientConnection:
     def left_early(self) -> bool:
         """Whether the client closed before its greeting was complete.
 
-        A client that closes after it has read our greeting may have sent nothing.
+        A client that reads our greeting and closes may have sent nothing.
         """
         return self.ended and not self._broken and self._session.received < GREETING_BYTES
 
     @property
     def is_late(self) -> bool:
-        """Whether its requests wait because it does not take its replies."""
+        """Whether its requests wait because its client does not read the replies."""
         return self._out.reply_bytes > OWED_BYTES
 
     def read(self) -> bool:
-        """Take in what has come; whether anything has. Raises ZmtpError."""
+        """Read once; returns whether bytes were received. Raises ZmtpError."""
         try:
             data = self.connection.recv(_READ_BYTES)
         except BlockingIOError:
@@ -133,7 +133,7 @@ class ClientConnection:
         return bool(data)
 
     def reply(self, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
-        """Have a reply sent with the next `flush`."""
+        """Queue a reply for the next `flush`."""
         self._out.count_reply(sum(map(len, frames)))
         self.push([*envelope, *frames])
 
@@ -142,13 +142,13 @@ class ClientConnection:
         self._out.extend(self._session.encoded(parts))
 
     def send_last(self, last: bytes) -> None:
-        """Send an error before the connection is closed, if the kernel takes it at once."""
+        """Send an error before the connection is closed, if the kernel accepts it at once."""
         if last and not self._out:
             self._out.extend([last])
             self.flush()
 
     def flush(self) -> bool:
-        """Send as much as the kernel takes; whether it took anything."""
+        """Send as much as the kernel accepts; returns whether it accepted anything."""
         before = self._out.size
         try:
             self._out.flush(self.connection)
@@ -159,12 +159,12 @@ class ClientConnection:
 
 
 def _least_needed(clients: Collection[ClientConnection]) -> ClientConnection:
-    """Which of too many connections to close.
+    """The connection to close when there are too many.
 
-    Those that have shown a key are the last to go. Of the others, half of the places are for
-    handshakes: if more are under way the oldest of these goes, since what a client has sent after
-    its handshake is lost with its connection. Otherwise the one goes for which nothing has moved
-    for the longest time.
+    Connections with a proven key are closed last. If more than half of all connections are still in
+    the handshake, the idlest of these is closed: closing a connection after its handshake loses the
+    requests that its client has sent. Otherwise the connection that has been idle for longest is
+    closed.
     """
     unknown = [each for each in clients if not each.known] or list(clients)
     greeting = [each for each in unknown if not each.ready]
@@ -175,9 +175,9 @@ def _least_needed(clients: Collection[ClientConnection]) -> ClientConnection:
 
 
 class ClientConnections:
-    """The connections to all routers of a node: how many there may be, and what they hold.
+    """The connections to all routers of a node, with limits on their number and memory.
 
-    Those that have shown a key are the last to go.
+    Connections with a proven key are closed last.
 
     Args:
         most_bytes: the limit for all clients together; None: the default.
@@ -189,7 +189,7 @@ class ClientConnections:
         self._moves = itertools.count(1)
 
     def moved(self, client: ClientConnection) -> None:
-        """A client has sent or accepted bytes."""
+        """Note that a client has sent or accepted bytes."""
         client.moved = next(self._moves)
         client.moved_s = time.monotonic()
 
@@ -203,10 +203,9 @@ class ClientConnections:
             self.relieve()
 
     def relieve(self) -> None:
-        """Disconnect clients until both limits hold.
+        """Disconnect clients until both limits are met.
 
-        Above the number of connections the least needed one is closed; above the memory, the
-        largest.
+        With too many connections the least needed one is closed; with too much memory, the largest.
         """
         most = self._most
         while len(self.routers) > MAX_ALL_CONNECTIONS:
@@ -219,20 +218,20 @@ class ClientConnections:
 
 
 class Router:
-    """The connections to a listening socket, which it closes.
+    """Serves the connections to a listening socket, which it owns.
 
-    Call `watch` once, then `requests` when something is ready, and `expire` now and then.
+    Call `watch` once, `requests` when something is ready, and `expire` about once a second.
 
     Args:
-        listener: Where they connect; it does not block.
-        poller: Waits for its connections, too.
+        listener: The non-blocking listening socket.
+        poller: Also waits for the connections.
         clients: Shared by the routers of a node.
-        max_bytes: Of a request, all its parts together.
-        mechanism: of a new connection; None: clients need no key.
-        burst: Requests of one connection in a row.
+        max_bytes: The limit for a request, all its parts together.
+        mechanism: Makes the mechanism of a new connection; None: clients need no key.
+        burst: The number of requests that one connection may have served in a row.
     """
 
-    def __init__(  # noqa: PLR0913 - what it stands between
+    def __init__(  # noqa: PLR0913 - its socket, its limits and its surroundings
         self,
         listener: socket.socket,
         poller: Poller,
@@ -249,11 +248,11 @@ class Router:
         self._mechanism = mechanism or (lambda: Null(b"ROUTER"))
         self._protected = mechanism is not None
         self._burst = burst
-        self._owner: Hashable = self  # in the poller
-        self._inside: dict[bytes, ClientConnection] = {}  # by name
+        self._owner: Hashable = self  # reported by the poller
+        self._inside: dict[bytes, ClientConnection] = {}  # open connections, by name
         self._names = itertools.count(1)
         self._refusals: list[str] = []
-        self._served: ClientConnection | None = None  # flushed when its requests are through
+        self._served: ClientConnection | None = None  # flushed once after its requests
 
     def watch(self, owner: Hashable) -> None:
         """Register with the poller; it reports `owner` for every ready socket."""
@@ -265,10 +264,10 @@ class Router:
         return client.number in ready or bool(client.requests and not client.is_late)
 
     def requests(self, ready: Container[Polled]) -> Iterator[tuple[bytes, list[Part]]]:
-        """Those whose turn it is: on which connection each came, and its parts.
+        """Yield the requests to serve now, each with the name of its connection.
 
-        Reply before you fetch the next. Those of a connection that does not take its replies wait,
-        as with REP, whose turn does not come while its reply does not leave.
+        The caller replies before it fetches the next one. The requests of a client that does not
+        read its replies wait, as with a REP socket.
         """
         if self._listener.fileno() in ready:
             self._accept()
@@ -305,7 +304,7 @@ class Router:
             return "came with a wrong key"
         if isinstance(error, NoEncryptionError):
             return "came without encryption"
-        return "came not as a node of ours does" if self._protected else "sent what is no request"
+        return "violated the protocol" if self._protected else "sent what is no request"
 
     def _accept(self) -> None:
         for _ in range(_MAX_ACCEPTED):
@@ -316,7 +315,7 @@ class Router:
             except OSError:  # the client has closed, or there are no descriptors left
                 if self._inside:
                     self._drop_oldest()
-                else:  # it would be ready all the time
+                else:  # the listener would stay ready: stop polling it until `expire`
                     self._poller.register(self._listener.fileno(), 0)
                 break
             kernel.tune(connection, DEAD_PEER_S)
@@ -372,7 +371,7 @@ class Router:
 
     @property
     def wait_ms(self) -> int:
-        """How long nothing is to be done here if nothing comes."""
+        """The time until the next turn if no socket becomes ready."""
         return 0 if any(self._has_turn(each, ()) for each in self._inside.values()) else IDLE_MS
 
     def expire(self, now_s: float) -> list[str]:
@@ -386,7 +385,7 @@ class Router:
         return refusals
 
     def drop_stopped(self, now_s: float, after_s: float) -> None:
-        """Close connections that have taken nothing for so long of what waits for them."""
+        """Close connections with queued bytes of which none was sent for `after_s`."""
         for client in list(self._inside.values()):
             if client.waiting_bytes and now_s - client.moved_s > after_s:
                 self._drop(client)
@@ -400,28 +399,28 @@ class Router:
                 self._settle(client)
 
     def push(self, name: bytes, parts: Sequence[Part]) -> None:
-        """Have a frame of a sync sent with the next `flush`."""
+        """Queue a frame of a sync for the next `flush`."""
         client = self._inside.get(name)
         if client:
             client.push(parts)
 
     def stands(self, name: bytes) -> bool:
-        """Whether a connection is still there."""
+        """Whether a connection is still open."""
         return name in self._inside
 
     def source(self, name: bytes) -> str | None:
-        """The address from which a connection comes; None: it is closed."""
+        """The client's address of a connection; None: the connection is closed."""
         client = self._inside.get(name)
         return client.source if client else None
 
     def own_addresses_changed(self) -> None:
-        """Close the connections to addresses that this machine has no longer."""
+        """Close the connections to addresses that this machine no longer has."""
         for client in list(self._inside.values()):
             if not client.is_to_here():
                 self._drop(client)
 
     def standing(self, name: bytes) -> Standing | None:
-        """How a connection stands; None: it is closed."""
+        """The kernel's measurements of a connection; None: it is closed."""
         client = self._inside.get(name)
         if client is None:
             return None
@@ -429,14 +428,14 @@ class Router:
         return Standing(kernel.loses_much(connection), kernel.rtt_s(connection))
 
     def flush(self, name: bytes) -> bool:
-        """Try to send what waits for a connection; whether it takes more."""
+        """Send queued bytes of a connection; returns whether none are left."""
         client = self._inside.get(name)
         if client and client.waiting_bytes:
             self._settle(client)
         return client is None or not client.waiting_bytes
 
     def close(self) -> None:
-        """Close at once; nothing that is queued is sent any more."""
+        """Close at once; queued bytes are dropped."""
         for client in list(self._inside.values()):
             self._drop(client)
         self._listener.close()

@@ -1,4 +1,4 @@
-"""What waits for the kernel to send it on one connection."""
+"""The bytes that are queued for one connection."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ _MAX_PIECES = 64  # in a system call
 
 
 class SendBuffer:
-    """Bytes in the order in which they were queued, which leave in as few calls as possible.
+    """Queued bytes in order, sent in as few system calls as possible.
 
     Attributes:
-        size: bytes that wait.
-        reply_bytes: of replies since everything was sent the last time; a peer that makes them
-            grow requests replies and does not read them.
+        size: queued bytes.
+        reply_bytes: bytes of replies that were queued since the buffer was last empty. They grow if
+            a peer sends requests and does not read the replies.
     """
 
     def __init__(self, pieces: Iterable[Part] = ()) -> None:
         self.size = 0
         self.reply_bytes = 0
-        self._pieces: deque[memoryview] = deque()  # none is empty
+        self._pieces: deque[memoryview] = deque()  # not empty
         self.extend(pieces)
 
     def __len__(self) -> int:
@@ -43,16 +43,16 @@ class SendBuffer:
         self.extend([piece])
 
     def count_reply(self, size: int) -> None:
-        """So many of the bytes that are queued now are a reply."""
+        """Count `size` of the queued bytes as a reply."""
         self.reply_bytes += size
 
     def clear(self) -> None:
-        """Nothing of it can be sent any more."""
+        """Drop all queued bytes."""
         self._pieces.clear()
         self.size = self.reply_bytes = 0
 
     def flush(self, connection: socket.socket) -> None:
-        """Send as much as the kernel takes. Raises OSError."""
+        """Send as much as the kernel accepts. Raises OSError."""
         while self._pieces:
             try:
                 sent = connection.sendmsg(itertools.islice(self._pieces, _MAX_PIECES))

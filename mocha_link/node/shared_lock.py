@@ -1,4 +1,4 @@
-"""A lock as the thread that takes it most often uses it."""
+"""A lock for a busy thread that shares it with others."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import threading
 import time
 from types import TracebackType
 
-# A thread that waits for the lock would not get it from one that takes it again at once. To yield
-# costs a turn of the scheduler, which takes milliseconds on a busy machine.
+# A waiting thread does not get the lock from a thread that takes it again at once. Yielding costs
+# a turn of the scheduler, which takes milliseconds on a busy machine.
 YIELD_EVERY_S = 0.005
 
 
 class SharedLock:
-    """Wraps a lock for a busy thread, which gives way to the others now and then."""
+    """Wraps a lock for a busy thread, which yields to the others at intervals."""
 
     def __init__(self, lock: threading.Lock) -> None:
         self._lock = lock
-        self._yielded_s = 0.0  # when another thread could last take it, steady clock
+        self._yielded_s = 0.0  # when another thread could last take it, steady seconds
 
     def __enter__(self) -> None:
         self._lock.acquire()
@@ -30,11 +30,11 @@ class SharedLock:
         self._lock.release()
 
     def yielded(self) -> None:
-        """This thread has waited for something else, so the others had the lock."""
+        """Note that this thread has waited for something else, so that others had the lock."""
         self._yielded_s = time.monotonic()
 
     def give_way(self) -> None:
-        """Let another thread take it, if none could for long."""
+        """Let another thread take the lock, if none could for a while."""
         if time.monotonic() - self._yielded_s > YIELD_EVERY_S:
             time.sleep(0.0)
             self.yielded()

@@ -1,4 +1,4 @@
-"""The shell of a node: one thread, one poller, a port for every peer, TCP and UDP."""
+"""The I/O of a node: one thread and one poller for the TCP and UDP sockets of all peers."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ from mocha_link.sync import (
 )
 from mocha_link.team import PublicKey, SecretKey, Team
 
-TICK_MS = 20  # with a simulated clock, which may run fast
-EXPIRE_S = 1.0  # between checks for clients to disconnect
+TICK_MS = 20  # the longest wait with a simulated clock, which may run fast
+EXPIRE_S = 1.0  # between checks for overdue connections
 CLOSE_S = 0.9
 
 
 class Transport:
     """Moves frames between the sockets and a `Gossip`, which it drives under `lock`.
 
-    `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
-    key in the team file are encrypted. `simulated`: the clock of `now` may run at another rate.
-    Without `serves` it pulls from peers and serves none, next to a running node.
+    `deliver` is called with each event on the transport's thread. With `secret`, links to peers
+    that have a key in the team file are encrypted. `simulated`: the clock of `now` may run at
+    another rate. Without `serves` it pulls from peers but serves none, beside a running node.
 
     Raises:
-        SealError: a peer's key makes no shared secret.
+        SealError: a peer's key is invalid.
     """
 
-    def __init__(  # noqa: PLR0913 - what the shell stands between
+    def __init__(  # noqa: PLR0913 - the node, its clock and its keys
         self,
         gossip: Gossip,
         team: Team,
@@ -67,11 +67,11 @@ class Transport:
         simulated: bool = False,
         serves: bool = True,
     ) -> None:
-        me = gossip.me  # whose node it is
+        me = gossip.me
         link_keys = LinkKeys(secret, keys)
         self._mdns = Mdns.needed(team, me, announces=serves, wake=self._found)
         self._gossip = gossip
-        self._lock = SharedLock(lock)  # of the gossip, which other threads enter as well
+        self._lock = SharedLock(lock)  # protects the gossip, which other threads also call
         self._now = now
         self._deliver = deliver
         self._simulated = simulated  # the clock may run fast
@@ -88,14 +88,17 @@ class Transport:
             mdns=self._mdns,
         )
         self._waker = Waker()
-        self._expired_s = 0.0  # when clients were last looked through, steady clock
-        # Input from one peer must not end the work for the others.
+        self._expired_s = 0.0  # when connections were last checked, steady clock
+        # Bad input from one peer must not stop the node for the others.
         self._guard = Guard(f"{me.name}: an error in the node", log=NodeLog(me.name))
         self._stopping = False  # set by `close`
         self._thread = threading.Thread(target=self._run, name=f"mocha-link {me.name}", daemon=True)
 
     def start(self) -> None:
-        """Bind the ports and begin. Raises PortInUseError or ListenError, and is closed then."""
+        """Bind the ports and start the thread.
+
+        Raises PortInUseError or ListenError, and closes everything in that case.
+        """
         try:
             self._ports.provide_descriptors()
             self._ports.open()
@@ -116,7 +119,7 @@ class Transport:
         self._waker.wake()
 
     def _found(self) -> None:
-        """MDNS has found an address, or lost one; from its thread."""
+        """Called on the mDNS thread: an address was found or lost."""
         self._dialer.update()
 
     def is_current_thread(self) -> bool:
@@ -147,7 +150,7 @@ class Transport:
                 wait_ms, errors = TICK_MS, self._guard.errors
                 with self._guard:
                     wait_ms = self._turn(ready)
-                if self._guard.errors > errors:  # it may come again at once, for ever
+                if self._guard.errors > errors:  # the error may recur at once: do not spin
                     wait_ms = max(wait_ms, TICK_MS)
         finally:
             self._close_all()
@@ -182,7 +185,7 @@ class Transport:
         return min(self._ports.finished(waits_ms), self._wait_ms())
 
     def _wait_ms(self) -> int:
-        """How long nothing is to be done if nothing comes."""
+        """The time until the next turn if no socket becomes ready."""
         now = self._now()
         with self._lock:
             wake_s, due_in_s = self._gossip.wake_s, self._gossip.due_in_s(now)
@@ -220,7 +223,7 @@ class Transport:
                 self._dialer.came_from(peer, host)
 
     def _leave_old_addresses(self) -> None:
-        """This machine has other addresses than before."""
+        """Close connections that use an address which this machine has lost."""
         now = self._now()
         for peer in self._dialer.own_addresses_changed(now.steady_s):
             with self._lock:
@@ -237,7 +240,7 @@ class Transport:
                     self._gossip.refused(port.peer, why)
 
     def _supply(self, port: Port) -> int:
-        """Send frames of a sync while the connection takes them; when to go on, in ms."""
+        """Send frames of a sync while the connection accepts them; the wait for the next, in ms."""
 
         def standing(route: Route) -> Standing | None:
             return self._dialer.standing(port.peer) if route == DIALLED else port.standing(route)
@@ -263,7 +266,7 @@ class Transport:
         return self._dialer.flush(port.peer) if route == DIALLED else port.flush(route)
 
     def _next_frames(self, port: Port) -> list[tuple[Route, list[Frame]] | None]:
-        """As many as go out together, since each packet wakes the peer; None behind the last."""
+        """Frames to send in one system call, since each packet wakes the peer; None ends them."""
         frames: list[tuple[Route, list[Frame]] | None] = []
         size = 0
         with self._lock:
@@ -278,7 +281,7 @@ class Transport:
     def _attend(self, connection: Connection, peer: str, now: Instant) -> None:
         arrived = connection.turn(now.steady_s)
         rtt_s = connection.rtt_s() if arrived else None
-        with self._lock:  # another thread may have begun a new pull, now or between two replies
+        with self._lock:  # another thread may have begun a new pull, even between two replies
             if arrived and not self._gossip.leaves(peer):
                 self._gossip.progress(peer, now, rtt_s)
         for parts in connection.replies():
@@ -289,7 +292,7 @@ class Transport:
         with self._lock:
             if connection.failure and not self._gossip.leaves(peer):
                 self._gossip.lost(peer, connection.failure, now)
-                if connection.left:  # the contact goes on
+                if connection.left:  # the contact continues on a new connection
                     self._gossip.sync(peer, now)
         self._act()
         self._dialer.keep(peer, connection)

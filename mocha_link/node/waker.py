@@ -12,7 +12,7 @@ from mocha_link.node.kernel import Polled, Poller
 
 
 class Waker:
-    """A socket pair: what is written at one end ends the wait at the other."""
+    """A socket pair: a byte written to one end wakes the poller that waits for the other."""
 
     def __init__(self) -> None:
         self._in, self._out = socket.socketpair()
@@ -20,16 +20,16 @@ class Waker:
         self._out.setblocking(False)
 
     def watch(self, poller: Poller) -> None:
-        """Have the poller wait for it."""
+        """Register it with the poller."""
         poller.register(self._out.fileno(), zmq.POLLIN)
 
     def wake(self) -> None:
-        """End the wait; from any thread."""
-        with contextlib.suppress(OSError):  # full: it is about to wake anyway; closed: too late
+        """Wake the poller; from any thread."""
+        with contextlib.suppress(OSError):  # full: it wakes anyway; closed: too late
             self._in.send(b"\0")
 
     def clear(self, ready: Container[Polled]) -> None:
-        """Take back what has ended the wait."""
+        """Read the bytes that have woken the poller."""
         if self._out.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._out.recv(4096)

@@ -1,13 +1,13 @@
 """Either end of a ZeroMQ connection (ZMTP 3.1), without sockets.
 
-libzmq waits for the peer before it sends each part of its handshake: the first reply costs
-four round trips, which eat a short contact. The protocol does not require that. Our ends send their
-whole handshake at once; so the first reply costs three, or two when requests follow without
-waiting for the other side's READY. A libzmq that reads them together with the handshake closes
-the connection; so they have to come a moment later (see `connection`).
+libzmq waits for the peer before it sends each part of its handshake. The first reply then takes
+four round trips, a large share of a short contact. The protocol does not require that. Our ends
+send their whole handshake at once: the first reply takes three round trips, or two if the requests
+do not wait for the peer's READY. A libzmq that reads requests together with the handshake closes
+the connection, so requests are sent a moment after the handshake (see `connection`).
 
-libzmq also keeps the parts of a message until the last one has come, however many there are: its
-limit is one of parts. A session of ours takes messages up to a size, all parts together.
+libzmq limits the size of each part, not the number of parts that it buffers. A session here limits
+the size of a message, all its parts together.
 
 The mechanism is `Null`, or one of `curve`, which encrypts.
 
@@ -28,12 +28,12 @@ GREETING_BYTES = 64
 MORE, _LONG, COMMAND = 1, 2, 4
 READY, ERROR = b"\x05READY", b"\x05ERROR"
 _PING, _SUBSCRIBE, _CANCEL = b"\x04PING", b"\x09SUBSCRIBE", b"\x06CANCEL"
-MAX_HANDSHAKE_BYTES = 8192  # of a command in it
+MAX_HANDSHAKE_BYTES = 8192  # of each command
 _SHORT = 256
 MAX_PARTS = 128
-OWN_BYTES = 16_384  # bodies from this size on get a buffer of their own
-_SHARE = 16  # when this part of them has arrived: memory follows that, not what is announced
-_MAX_WAITING = 16_384  # replies that the program has not fetched: far more than are ever under way
+OWN_BYTES = 16_384  # larger bodies get a buffer of their own
+_SHARE = 16  # after 1/16 of them is received: a peer cannot reserve memory by announcing a size
+_MAX_WAITING = 16_384  # replies that were not fetched: far more than are ever in flight
 
 
 def _property(name: bytes, value: bytes) -> bytes:
@@ -57,10 +57,10 @@ def _greeting(mechanism: bytes, *, as_server: bool) -> bytes:
 
 
 class ZmtpError(MochaLinkError):
-    """What came is not the other end of a ZeroMQ connection that we can use.
+    """The peer violated the ZeroMQ protocol, or uses an incompatible version of it.
 
     Attributes:
-        reply: What the other end is to get before it is closed.
+        reply: The ERROR to send to the peer before the connection is closed; empty: none.
     """
 
     def __init__(self, message: str, *, reply: bytes = b"") -> None:
@@ -69,24 +69,24 @@ class ZmtpError(MochaLinkError):
 
 
 class NoEncryptionError(ZmtpError):
-    """The other end does not encrypt, and has to."""
+    """The peer does not encrypt, but must."""
 
 
 class WrongKeyError(ZmtpError):
-    """The other end has another key than the one that is let in here."""
+    """The peer's key is not the accepted one."""
 
 
 Part = bytes | memoryview
 
 
 class Mechanism(Protocol):
-    """How the two ends of a connection begin, and what they do to the parts of messages.
+    """A ZMTP security mechanism: the handshake of a connection, and the encoding of its parts.
 
     Attributes:
-        name: In the greeting.
-        as_server: Likewise: the end whose key the other one knows.
-        overhead: So many bytes longer is a part on the wire.
-        known: The other end has shown a key that is let in here.
+        name: The name in the greeting.
+        as_server: The flag in the greeting: this end's key is known to the other end.
+        overhead: The bytes that it adds to a part on the wire.
+        known: The peer has proven an accepted key.
     """
 
     name: ClassVar[bytes]
@@ -95,10 +95,10 @@ class Mechanism(Protocol):
     known: bool
 
     def opening(self) -> bytes | None:
-        """The command that follows the greeting unasked, if there is one."""
+        """The command to send right after the greeting; None: the other end begins."""
 
     def handshake(self, command: bytes) -> tuple[bytes | None, bool]:
-        """Process a command of the handshake; returns the reply, and whether it was the last.
+        """Process a command of the handshake; returns the reply, and whether it is complete.
 
         Raises ZmtpError.
         """
@@ -111,10 +111,10 @@ class Mechanism(Protocol):
 
 
 class Null:
-    """No key, no encryption.
+    """The mechanism without keys and encryption.
 
     Args:
-        kind: Of the socket.
+        kind: The socket type.
     """
 
     name: ClassVar[bytes] = b"NULL"
@@ -126,20 +126,20 @@ class Null:
         self._kind = kind
 
     def opening(self) -> bytes:
-        """Nothing of the other end is needed for it."""
+        """The READY, which does not depend on the peer."""
         return READY + metadata(self._kind)
 
     def handshake(self, command: bytes) -> tuple[bytes | None, bool]:
-        """Whether the other end is ready, too. Raises ZmtpError."""
+        """No reply, and whether the command is the peer's READY. Raises ZmtpError."""
         if command.startswith(ERROR):
             raise ZmtpError("the peer refused us")
         return None, command.startswith(READY)
 
     def seal(self, flags: int, body: Part) -> None:
-        """As it is."""
+        """None: parts are sent unchanged."""
 
     def open(self, body: Part) -> None:
-        """As it came."""
+        """None: parts are received unchanged."""
 
 
 def encoded(parts: Sequence[Part], mechanism: Mechanism | None = None) -> list[Part]:
@@ -159,7 +159,7 @@ def encoded(parts: Sequence[Part], mechanism: Mechanism | None = None) -> list[P
 
 
 class _Large:
-    """A body under way, in a buffer of its own."""
+    """A partly received body in a buffer of its own."""
 
     def __init__(self, flags: int, length: int, begin: memoryview) -> None:
         self.flags = flags
@@ -168,41 +168,41 @@ class _Large:
         self._view[: self._have] = begin
 
     def room(self) -> memoryview:
-        """What is free of the buffer."""
+        """The rest of the buffer."""
         return self._view[self._have :]
 
     def add(self, count: int) -> bool:
-        """So many bytes are in `room`; whether that is all."""
+        """Note that `count` bytes were received into `room`; returns whether it is complete."""
         self._have += count
         return self._have == len(self._view)
 
     @property
     def size(self) -> int:
-        """Of all of it, in bytes."""
+        """The size of the whole body in bytes."""
         return len(self._view)
 
     @property
     def body(self) -> memoryview:
-        """All of it."""
+        """The whole body."""
         return self._view.toreadonly()
 
 
 class ZmtpSession:
     """Turns requests into bytes and bytes into messages; one per connection.
 
-    `hello` is to be sent first, without waiting for anything. Requests may follow when the other
-    side is `ready`. Parts of messages are bytes; large ones are read-only views of all of a buffer
-    that no other session has.
+    The caller sends `hello` first, without waiting. Requests may follow when the peer is `ready`.
+    Parts of messages are bytes; a large part is a read-only view of its own buffer.
 
     Args:
-        max_bytes: of a message, all its parts together; its last part may exceed it by as much.
-        max_waiting: messages at once; beyond that the other side is not what it should be.
-        mechanism: of the connection; as it is used up with it, no other one may have it.
+        max_bytes: the limit for a message, all its parts together; the last part may exceed it by
+            the same amount.
+        max_waiting: the limit for messages that were not fetched.
+        mechanism: of this connection only, as it holds its keys and counters.
 
     Attributes:
-        ready: Whether the handshake is through.
-        hello: What is to be sent first.
-        received: Bytes that have come.
+        ready: The handshake is complete.
+        hello: The greeting, with the first command if the mechanism has one.
+        received: Bytes received so far.
     """
 
     def __init__(
@@ -217,24 +217,24 @@ class ZmtpSession:
         self._max_bytes = max_bytes
         self._max_waiting = max_waiting
         self._buffer = bytearray()  # bytes not parsed yet
-        self._greeted = False  # the peer's greeting came
-        self._parts: list[Part] = []  # of the message under way
-        self._parts_bytes = 0  # of all of them
-        self._messages: deque[list[Part]] = deque()  # complete, not taken yet
-        self._large: _Large | None = None  # a part too large to copy
+        self._greeted = False  # the peer's greeting is complete
+        self._parts: list[Part] = []  # of the incomplete message
+        self._parts_bytes = 0  # their total size
+        self._messages: deque[list[Part]] = deque()  # complete, not fetched yet
+        self._large: _Large | None = None  # an incomplete part that is too large to copy
         command = self._mechanism.opening()
         self.hello = _greeting(self._mechanism.name, as_server=self._mechanism.as_server)
         self.hello += b"" if command is None else _frame(COMMAND, command)
 
     @property
     def held_bytes(self) -> int:
-        """What of a message has come, and the room for the rest of a large part of it."""
+        """The memory of the incomplete message, with the whole buffer of a large part."""
         large = self._large.size if self._large else 0
         return len(self._buffer) + self._parts_bytes + large
 
     @property
     def known(self) -> bool:
-        """Whether the other end has shown a key that is let in here."""
+        """Whether the peer has proven an accepted key."""
         return self._mechanism.known
 
     @property
@@ -243,17 +243,17 @@ class ZmtpSession:
         return self._greeted
 
     def encoded(self, parts: Sequence[Part]) -> list[Part]:
-        """The bytes of a message, to be sent in this order; see `encoded`."""
+        """The bytes of a message, in the order to send; see the function `encoded`."""
         return encoded(parts, self._mechanism)
 
     def request(self, body: bytes) -> bytes:
-        """The bytes of a request with one body part, behind the empty one that REP expects."""
+        """The bytes of a request with one body part, after the empty part that REP expects."""
         return b"".join(self.encoded([b"", body]))
 
     def receive(self, data: bytes) -> bytes:
-        """Take in bytes; returns the bytes to send back (replies to heartbeats).
+        """Process received bytes; returns the bytes to send back (replies to heartbeats).
 
-        Raises ZmtpError; the connection is of no use then.
+        Raises ZmtpError, after which the connection is unusable.
         """
         reply = bytearray()
         view = memoryview(data)
@@ -298,25 +298,25 @@ class ZmtpSession:
 
     def _most(self) -> int:
         if not self.ready and self._mechanism.overhead:
-            return MAX_HANDSHAKE_BYTES  # no key was shown for more
+            return MAX_HANDSHAKE_BYTES  # more only after the peer has proven its key
         return self._max_bytes + self._mechanism.overhead
 
     def room(self) -> memoryview | None:
-        """Where the next bytes of a large body belong; None if none is under way.
+        """The buffer for the next bytes of a large body; None: no large body is incomplete.
 
-        The caller receives into it and reports the number with `filled`, which saves a copy.
+        The caller receives into it and reports the number of bytes with `filled`: one copy less.
         """
         return self._large.room() if self._large else None
 
     def filled(self, count: int) -> bytes:
-        """Take in what was received in `room`; as `receive`."""
+        """Process `count` bytes that were received into `room`; otherwise like `receive`."""
         reply = bytearray()
         self.received += count
         self._filled(count, reply)
         return bytes(reply)
 
     def replies(self) -> Iterator[list[Part]]:
-        """The replies since the last call: the body parts of each (a good one has one)."""
+        """The replies since the last call: the body parts of each (a valid reply has one)."""
         for parts in self.messages():
             yield parts[1:] if parts[0] == b"" else parts
 
@@ -326,7 +326,7 @@ class ZmtpSession:
         return messages
 
     def _greet(self) -> int:
-        """Check as much of the other side's greeting as is there; its length when it is whole."""
+        """Check the received part of the peer's greeting; returns its length once complete."""
         head = bytes(self._buffer[:10])
         if head[:1] != b"\xff"[: len(head)] or (len(head) == 10 and not head[9] & 1):
             raise ZmtpError("what answers there does not speak ZeroMQ")
@@ -357,7 +357,7 @@ class ZmtpSession:
     def _take(self, flags: int, body: Part, reply: bytearray) -> None:
         if not self.ready:
             if not flags & COMMAND:
-                raise ZmtpError("a message before the handshake is through")
+                raise ZmtpError("a message before the end of the handshake")
             command, self.ready = self._mechanism.handshake(bytes(body))
             reply += b"" if command is None else _frame(COMMAND, command)
             return
@@ -381,7 +381,7 @@ class ZmtpSession:
             pong = b"\x04PONG" + command[7:23]
             sealed = self._mechanism.seal(COMMAND, pong)
             return _frame(COMMAND, pong) if sealed is None else _frame(0, bytes(sealed))
-        if command.startswith(_SUBSCRIBE):  # as a message, which it is before ZMTP 3.1
+        if command.startswith(_SUBSCRIBE):  # handed out as a message, its form before ZMTP 3.1
             self._deliver([b"\1" + command[len(_SUBSCRIBE) :]])
         elif command.startswith(_CANCEL):
             self._deliver([b"\0" + command[len(_CANCEL) :]])

@@ -1,10 +1,10 @@
-"""The protocols between two nodes, pure: the original one, and the sync of our nodes.
+"""The protocols between two nodes, without I/O: the original one, and the sync of new nodes.
 
-A node has a `Session` for each peer. Its `Puller` makes one `Pull` after another: by `SyncReceiver`
-from a node of ours, by `ClientSession` from an original one. Its `Server` has a `ServedPull` for
-each pull of the peer, with `SyncSender`, or a `ServerSession` for an original node. `Peer` is what
-outlives a pull. The bytes are in frames.py and sync_messages.py, the states of either side in
-pull_states.py and send_states.py.
+A node has a `Session` for each peer. Its `Puller` makes one `Pull` after another, with a
+`SyncReceiver` for a new node or a `ClientSession` for an original one. Its `Server` makes a
+`ServedPull` with a `SyncSender` for each pull of a new node, and uses a `ServerSession` for an
+original one. `Peer` has the state that outlives a pull. The encodings are in frames.py and
+sync_messages.py, the states of both sides in pull_states.py and send_states.py.
 """
 
 from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, read_chunks

@@ -1,18 +1,18 @@
-"""Address tokens: who shows one in an OPEN has received our packets at its address."""
+"""Address tokens: a peer that returns one in an OPEN has received our packets at its address."""
 
 from __future__ import annotations
 
 import secrets
 from collections import deque
 
-_VALID = 3  # tokens of ours that are good at the same time
+_VALID = 3  # the newest tokens that we issued are valid
 
 
 class AddressTokens:
     """The tokens that we issued to one peer, and the one that it issued to us.
 
     Attributes:
-        received: the newest of the peer, for our next OPEN; 0: it has issued none yet.
+        received: the newest token from the peer, for our next OPEN; 0: none received yet.
     """
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class AddressTokens:
         self._issued: deque[int] = deque(maxlen=_VALID)  # to the peer, the newest last
 
     def receive(self, address_token: int) -> None:
-        """The peer issued us a token; 0: none, so the one before stays good."""
+        """Note the token that the peer has issued to us; 0: keep the previous one."""
         self.received = address_token or self.received
 
     @property
@@ -31,7 +31,7 @@ class AddressTokens:
         return self._issued[-1]
 
     def renew(self) -> None:
-        """Issue a new token next time, so that a replayed opening is valid for a while only."""
+        """Issue a new token next time, so that replayed openings become invalid."""
         self._issued.append(secrets.randbits(64) or 1)
 
     def verify(self, address_token: int) -> bool:

@@ -11,9 +11,9 @@ class TopicAgreement:
     """The topics that we and one peer exchange, by configuration hashes and TOPICS.
 
     Attributes:
-        config_mismatch: the peer assigns ids differently, by its latest configuration hash.
-        definitions: what ids mean to the peer, by topic key, as it has sent for `known_hash`.
-        known_hash: the configuration hash of those; 0: it has sent none.
+        config_mismatch: the peer's latest configuration hash differs from ours.
+        definitions: the peer's definitions of ids from its last TOPICS, by topic key.
+        known_hash: the configuration hash of that TOPICS; 0: none was received.
     """
 
     def __init__(self, node: NodeContext) -> None:
@@ -24,11 +24,11 @@ class TopicAgreement:
         self._agreed: frozenset[int] | None = None  # topic keys that are exchanged; None: all
 
     def receive_topics(self, config_hash: int, definitions: Mapping[int, int]) -> None:
-        """The peer sent what ids mean to it."""
+        """Note the definitions of ids that the peer has sent."""
         self.known_hash, self.definitions = config_hash, definitions
 
     def compare(self, config_hash: int) -> bool:
-        """Compare the peer's configuration hash with ours; whether it is clear what to exchange."""
+        """Compare the peer's configuration hash with ours; returns whether its topics are known."""
         self.config_mismatch = config_hash != self._node.config_hash
         if not self.config_mismatch:
             self._agreed = None
@@ -41,9 +41,9 @@ class TopicAgreement:
         return True
 
     def expect_match(self) -> None:
-        """The peer refuses the sync: it may run another node now, so nothing counts as known."""
+        """Assume no mismatch: the peer refuses the sync, so it may run another node now."""
         self.config_mismatch = False
 
     def exchanges(self, topic_key: int) -> bool:
-        """Whether the messages of a topic are exchanged: it is the same to both nodes."""
+        """Whether the messages of a topic are exchanged: both nodes define it alike."""
         return self._agreed is None or topic_key in self._agreed

@@ -1,4 +1,4 @@
-"""Which frames of chunks of a round have come to the pulling side, and whether all have."""
+"""The pulling side's record of the received frames of a round."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ _MAX_AHEAD = 65_536
 
 
 class Arrivals:
-    """The frames of one round, which come in any order, and the DONE that says how many there are.
+    """The received frames of one round, in any order, and the DONE with their number.
 
     Attributes:
-        round: its number.
+        round: the number of the round.
     """
 
     def __init__(self, round_: int) -> None:
         self.round = round_
-        self._next = 0  # all frames below this number have come, and `_ahead`
-        self._ahead: set[int] = set()  # numbers that came ahead of it
-        self._damaged = 0  # frames
+        self._next = 0  # all frames below this number were received, and those in `_ahead`
+        self._ahead: set[int] = set()  # received numbers above `_next`
+        self._damaged = 0  # frames received damaged
         self._done: Done | None = None
 
     def count(self, number: int) -> bool:
-        """A frame has come; whether it is the first time. Raises SyncFrameError."""
+        """Note a received frame; returns whether it is no duplicate. Raises SyncFrameError."""
         if number < self._next or number in self._ahead:
             return False
         if number == self._next:
@@ -38,16 +38,16 @@ class Arrivals:
         return True
 
     def count_damaged(self) -> None:
-        """A frame has come that cannot be read."""
+        """Count a damaged frame."""
         self._damaged += 1
 
     def end(self, done: Done) -> None:
-        """The peer has sent all."""
+        """Note the peer's DONE."""
         self._done = done
 
     @property
     def done(self) -> Done | None:
-        """The peer's DONE, once all its frames have come."""
+        """The peer's DONE, once all frames of the round were received."""
         done = self._done
         arrived = self._next + len(self._ahead) + self._damaged
         return done if done and arrived >= done.frames else None

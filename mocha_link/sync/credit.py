@@ -1,7 +1,7 @@
-"""Credit: how much the peer may send ahead on the connection of a pull.
+"""Credit: the bytes that the peer may send ahead on the connection of a pull.
 
 A connection buffers megabytes on a slow link, and urgent messages cannot overtake that buffer.
-So the pulling node grants credit: enough to keep the link busy, no more.
+The pulling node therefore grants just enough credit to keep the link busy.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
 
 MIN_WINDOW = 32 * 1024
 FIRST_WINDOW = 64 * 1024
-KNOWN_WINDOW = 512 * 1024  # the most at first: the link may be a worse one than last time
+KNOWN_WINDOW = 512 * 1024  # the initial limit: the link may be slower than last time
 MAX_WINDOW = 32 * 1024 * 1024
 MIN_CHUNK, MAX_CHUNK = 2816, 1024 * 1024  # at least: two segments of TCP
-SHARED_CHUNK = 60 * 1024  # at most over a connection of the peer, which takes requests
-_QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
-_GROWTH = 1.5  # so much more than the rate so far, as it may rise
-_CHUNKS = 32  # in a window: what a cut leaves of one is lost
+SHARED_CHUNK = 60 * 1024  # at most over a connection of the peer, which limits requests
+_QUEUE_S = 0.15  # data that may be buffered beyond a round trip
+_GROWTH = 1.5  # margin on the measured rate, so that it can rise
+_CHUNKS = 32  # frames per window: an incomplete frame is lost when the link breaks
 _GRANTS = 4  # per window
-_MEMORY_S = 0.5  # a rate counts over the last one to two of these: bytes come in bursts
+_MEMORY_S = 0.5  # the rate is averaged over one to two of these: bytes arrive in bursts
 
 
 class _Mark(NamedTuple):
-    """How much had been received at a time."""
+    """The bytes received by a time."""
 
     at_s: float
     received: int
@@ -35,8 +35,8 @@ class Credit:
     """The pulling node's account of one connection.
 
     Args:
-        rate_bytes_s, rtt_s: what the last contact showed, if there was one.
-        max_chunk: the largest frame that the connection takes.
+        rate_bytes_s, rtt_s: measured in the last contact; None: not known.
+        max_chunk: the largest frame that the connection accepts.
     """
 
     def __init__(
@@ -45,25 +45,25 @@ class Credit:
         self.received = 0  # bytes so far
         self._max_chunk = max_chunk
         self._rtt_s = rtt_s
-        self._window = FIRST_WINDOW  # bytes that may be under way
-        self._allowed = FIRST_WINDOW  # of all bytes ever, as granted last
+        self._window = FIRST_WINDOW  # bytes that may be in flight
+        self._allowed = FIRST_WINDOW  # total bytes granted so far
         if rate_bytes_s and rtt_s:
             self._adapt(rate_bytes_s)
             self._window = min(self._window, KNOWN_WINDOW)
             self._allowed = self._window
-        self._marks: tuple[_Mark, _Mark] | None = None  # the rate counts from the first one
+        self._marks: tuple[_Mark, _Mark] | None = None  # the rate is measured from the first one
         self._granted_at = 0  # `received` at the last grant
 
     @property
     def grant(self) -> bytes:
-        """What the peer may send, as it stands on the wire."""
+        """The encoded grant for the peer."""
         chunk = min(max(self._window // _CHUNKS, MIN_CHUNK), self._max_chunk)
         return GRANT.pack(self._allowed, chunk)
 
     def take(self, size: int, now_s: float, rtt_s: float | None) -> bool:
-        """Account for received bytes; whether to send the new grant."""
+        """Count received bytes; returns whether to send a new grant."""
         self.received += size
-        if rtt_s:  # the least one: what queues add to it must not lengthen them
+        if rtt_s:  # the lowest: queueing delay must not enlarge the window
             self._rtt_s = min(rtt_s, self._rtt_s or rtt_s)
         here = _Mark(now_s, self.received)
         earlier, later = self._marks = self._marks or (here, here)

@@ -1,4 +1,4 @@
-"""The datagram flows that serve one peer: one at a time, each with the state of the one before."""
+"""The datagram flows to one peer: one at a time, each with the estimates of the previous one."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from mocha_link.datagram import Flow
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NEAR_S
 
-FLIGHT_BYTES = 14 * 1024  # ten packets: what TCP sends before it has an acknowledgement
-WINDOW_BYTES = 256 * 1024  # that datagrams carry where the link is known; TCP carries the rest
-MAX_UNACKNOWLEDGED = 3  # after so many flows in a row without an acknowledgement
-DEAF_S = 10.0  # datagrams open nothing for so long; connections do
+FLIGHT_BYTES = 14 * 1024  # ten packets: the initial window of TCP
+WINDOW_BYTES = 256 * 1024  # carried by datagrams if the link's rate is known; TCP carries the rest
+MAX_UNACKNOWLEDGED = 3  # consecutive flows without an acknowledgement, after which
+DEAF_S = 10.0  # datagrams cannot open a sync for this long; connections can
 
 
 class Flows:
@@ -21,24 +21,25 @@ class Flows:
 
     Attributes:
         current: the flow, if there is one.
-        loses_much: the peer's connection does, by the kernel, so that datagrams serve better.
+        loses_much: by the kernel's statistics, losses slow the peer's connection down so much that
+            datagrams are faster.
     """
 
     def __init__(self, peer: Peer) -> None:
         self.current: Flow | None = None
         self.loses_much = False
         self._peer = peer
-        self._unacknowledged = 0  # flows in a row of which the peer has acknowledged nothing
-        self._deaf_until_s = 0.0  # datagrams open nothing before that steady time
+        self._unacknowledged = 0  # consecutive flows without an acknowledgement
+        self._deaf_until_s = 0.0  # datagrams cannot open a sync before, steady seconds
         self._rate_bytes_s: float | None = None  # of the last flow, for the next
         self._rtt_s: float | None = None  # likewise
 
     def connection_measured(self, *, loses_much: bool) -> None:
-        """Take in how the peer's connection does, by the kernel."""
+        """Note the kernel's statistics of the peer's connection."""
         self.loses_much = loses_much
 
     def make(self, token: bytes, next_frame: Callable[[int], bytes | None]) -> Flow:
-        """A flow for the frames of a sync; it is not the current one before `begin`."""
+        """Make a flow for the frames of a sync; `begin` makes it the current one."""
         return Flow(
             token,
             next_frame,
@@ -49,11 +50,11 @@ class Flows:
         )
 
     def window_used(self, *, admitted: bool, sent: int) -> bool:
-        """Whether a connection that stands carries on.
+        """Whether an open connection is to send the rest.
 
-        A first window leaves by datagrams where the peer is `admitted`, as they reach it at once,
-        or what the link takes is known: TCP would begin with a tenth of that. Not to a near peer,
-        to which TCP is as fast. Before it is known both carry one flight (`sent`: bytes so far).
+        Datagrams send a first window if the peer is `admitted`, as they reach it at once, or if the
+        rate of the link is known: TCP would begin with a tenth of it. They do not to a near peer,
+        where TCP is as fast. Until the rate is known both send one flight (`sent`: bytes so far).
         """
         flow = self.current
         if flow is None or (flow.rtt_s is not None and flow.rtt_s < NEAR_S):
@@ -64,19 +65,19 @@ class Flows:
         return not known or flow.bytes_out >= WINDOW_BYTES
 
     def begin(self, flow: Flow, now: Instant) -> None:
-        """Put it in the place of the current one."""
+        """Replace the current flow."""
         self.close()
         self.current = flow
         if self._unacknowledged >= MAX_UNACKNOWLEDGED:
-            # An attacker may be opening in the name of the peer, which drowns in what we send it.
+            # An attacker may be spoofing the peer's address to flood the peer with our packets.
             self._deaf_until_s = now.steady_s + DEAF_S
 
     def is_deaf(self, now: Instant) -> bool:
-        """Whether datagrams open nothing at the moment."""
+        """Whether datagrams cannot open a sync at the moment."""
         return now.steady_s < self._deaf_until_s
 
     def close(self) -> None:
-        """End the current one, and keep what it showed of the way to the peer."""
+        """End the current flow, and keep its estimates of the link."""
         flow, self.current = self.current, None
         if flow:
             self._unacknowledged = self._unacknowledged + 1 if flow.rtt_s is None else 0

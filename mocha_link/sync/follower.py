@@ -1,4 +1,4 @@
-"""A peer that follows: which of the messages that we store it gets at once."""
+"""A peer that follows us: which new messages are pushed to it, and which are announced."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from mocha_link.store import Record
 from mocha_link.sync.frames import record_id
 from mocha_link.sync.peer import Peer
 
-PUSH_BYTES = 65_536  # a larger message waits for the next pull, which may take its time
+PUSH_BYTES = 65_536  # larger messages are announced only: they need the flow control of a pull
 
 
 class Follower:
     """Sorts new messages into those that are pushed to the peer and those that are announced.
 
-    Pushed are small messages of the robots in `Peer.pushed`, best effort. Others are announced,
-    unless the peer follows their publisher; its next pull brings them.
+    Small messages of the robots in `Peer.pushed` are pushed, best effort. Others are announced,
+    unless the peer follows their publisher, and are sent in its next pull.
     """
 
     def __init__(self, peer: Peer) -> None:
         self._pushed = peer.pushed
         self._holdings = peer.holdings
-        self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
+        self._followed: frozenset[int] = frozenset()  # robots that push their messages to the peer
 
     def follow(self, robot_ids: Iterable[int]) -> None:
-        """The peer follows us, and gets the messages of these robots from themselves."""
+        """Note that the peer follows us; `robot_ids`: the other robots that push to it."""
         self._followed = frozenset(robot_ids)
 
     def wants(self, robot_ids: AbstractSet[int]) -> bool:

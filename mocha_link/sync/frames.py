@@ -2,9 +2,9 @@
 
 There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW, NEWS,
 TOPICS) may take several frames, in any order. A *chunks* frame carries whole messages of robots,
-and pieces of them. A checksum covers everything but data in chunks, which bring their own.
+and pieces of them. A checksum covers everything but the data in chunks, which have their own.
 
-A message of a robot is known by its id: robot u8, topic u8, stamp u48 (Unix ms), as one number.
+The id of a robot's message is robot u8, topic u8, stamp u48 (Unix ms), as one number.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from mocha_link.sync.protocol import ID_BYTES, Frame
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS, TOPICS = range(1, 12)  # kinds
 ROUNDS = 8  # OPENs of one pull
 MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
-MIN_PART_BYTES = 200  # of a message, but for the last part
-MAX_CHUNKS = 1_024  # of each sort in one frame: while it is taken in, nothing else is done
-LARGE_BYTES = 32_768  # data from this size on are parts of their own, where frames have parts
-MAX_LARGE = 48  # of them in one frame
+MIN_PART_BYTES = 200  # of a sync message, except the last part
+MAX_CHUNKS = 1_024  # of each sort in one frame, whose processing blocks the node
+LARGE_BYTES = 32_768  # larger data are parts of their own, where frames have parts
+MAX_LARGE = 48  # such parts in one frame
 
 _MESSAGE = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
 CHUNKS_HEAD = struct.Struct(">BIBIHH")  # kind, checksum, round, number, whole messages, pieces
-COVERED = 5  # the checksum is over what follows it
+COVERED = 5  # offset of the bytes that the checksum covers
 WHOLE = struct.Struct(">QI")  # message id, size
 PIECE = struct.Struct(">QIII")  # message id, size of the whole, offset, size of the piece
 MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _MESSAGE.size, CHUNKS_HEAD.size
 
 
 def is_reply(parts: Sequence[Frame]) -> bool:
-    """Whether what came over a connection replies to a pull: it has no code behind its id."""
+    """Whether a frame on a connection replies to a pull: no request code follows its id."""
     return bool(parts) and len(parts[0]) > ID_BYTES and 0 < parts[0][ID_BYTES] <= TOPICS
 
 
 class SyncFrameError(MochaLinkError):
-    """Bytes that are no frame of the sync."""
+    """Received bytes are not a valid frame of the sync."""
 
 
 def message_id_of(robot_id: int, topic_id: int, stamp_ms: int) -> int:
@@ -62,14 +62,14 @@ def record_id(record: Record) -> int:
 
 
 def is_body(message_id: int, total: int) -> bool:
-    """Whether a message of that message id and size is possible."""
+    """Whether a message with that id and size is possible."""
     return 0 < total <= MAX_BODY_BYTES and message_id & STAMP_MASK < STAMPS_MS
 
 
 class SyncMessage(NamedTuple):
     """A complete message of the sync; mocha_link/sync/sync_messages.py reads its content.
 
-    A pull may have several rounds; a message of an earlier one is void.
+    A pull may have several rounds; a message of an earlier round is ignored.
     """
 
     kind: int
@@ -92,9 +92,9 @@ def message_frames(kind: int, round_: int, content: bytes, room: int) -> list[by
 
 
 class MessageAssembler:
-    """Puts messages together from their frames.
+    """Reassembles sync messages from their frames.
 
-    Each comes out once; SKIP and NEWS are frames by themselves.
+    Each message is returned once. SKIP and NEWS fit in one frame and may be repeated.
 
     Args:
         kinds: the kinds of messages that this side receives.
@@ -102,10 +102,10 @@ class MessageAssembler:
 
     def __init__(self, *kinds: int) -> None:
         self._kinds = kinds
-        self._open: dict[int, tuple[int, Fragment | None]] = {}  # by kind: round, what is there
+        self._open: dict[int, tuple[int, Fragment | None]] = {}  # by kind: round, parts; None: done
 
     def take(self, frame: Frame) -> SyncMessage | None:
-        """Take in a frame; the message if this completes it. Raises SyncFrameError."""
+        """Process a frame; returns the message if this completes it. Raises SyncFrameError."""
         if len(frame) < MESSAGE_HEADER_BYTES:
             raise SyncFrameError(f"a frame of {len(frame)} bytes")
         kind, checksum, round_, offset, total = _MESSAGE.unpack_from(frame)
@@ -142,7 +142,7 @@ def chunks_parts(
 ) -> list[Frame]:
     """A frame of chunks: its round and number, packed WHOLEs and PIECEs, and their data.
 
-    `prefix` goes before it. Large data are parts of their own, so that they are not copied.
+    `prefix` precedes it. Large data are parts of their own, so that they are not copied.
     """
     head = struct.pack(">BIHH", *place, len(wholes), len(pieces))
     covered = b"".join((head, *wholes, *pieces))
@@ -174,9 +174,9 @@ class Chunks(NamedTuple):
 
 
 def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
-    """Read a frame of chunks that may be in several parts. Raises SyncFrameError.
+    """Parse a frame of chunks, which may have several parts. Raises SyncFrameError.
 
-    Data are copied only where they go on from one part to the next.
+    Data are copied only if they span two parts.
     """
     if len(frame) < CHUNKS_BYTES:
         raise SyncFrameError(f"a frame of {len(frame)} bytes")

@@ -1,6 +1,6 @@
 """The holdings that the pulling node reports in a sync, in the shortest form.
 
-What it had of the peer up to some number and has stored since, the ids of everything, or digests.
+The forms are: a sequence of the peer's database with the ids stored since, all ids, or digests.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from mocha_link.sync.sync_messages import (
     Since,
 )
 
-MAX_LISTED = 512  # message ids in an OPEN; beyond that digests are shorter
-SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
-SHARED_BYTES = 16_384  # a larger message is to come from one peer at a time
+MAX_LISTED = 512  # message ids in an OPEN; for more, digests are shorter
+SPARE_BYTES = 32_768  # may be sent twice to avoid another round trip
+SHARED_BYTES = 16_384  # larger messages are received from one peer at a time
 
 
 class Holdings:
@@ -41,9 +41,9 @@ class Holdings:
         self._reassembly = peer.node.reassembly
 
     def knowledge(self, now: Instant) -> Since | Have | Digest:
-        """What the peer need not send, if it remembers what it offered; otherwise see `all`."""
+        """The holdings as changes since the last pull, if possible; otherwise as in `all`."""
         owed = self._share(now)
-        self.announced_sequence = self._database.sequence  # first: others store meanwhile
+        self.announced_sequence = self._database.sequence  # first: other threads store meanwhile
         known = self._database.knowledge(self._peer.name)
         if known is None or owed:
             return self.all()
@@ -56,7 +56,10 @@ class Holdings:
         return Since(known.epoch, known.sequence, [*message_ids, *self.left])
 
     def _share(self, now: Instant) -> bool:
-        """Ask for what no other peer brings; whether the peer takes any of that for ours."""
+        """Divide the missing messages among the peers.
+
+        Returns whether the peer must send a message that earlier OPENs reported to it as present.
+        """
         name, offers, reassembly = self._peer.name, self._peer.offers, self._reassembly
         for message_id in offers.announced | offers.left:
             if self.wants(message_id, now.unix_s):
@@ -68,7 +71,7 @@ class Holdings:
         return owed
 
     def all(self) -> Have | Digest:
-        """What the peer need not send, whatever it remembers."""
+        """The complete holdings."""
         self.announced_sequence = self._database.sequence
         kept = self._database.kept()
         if len(kept) <= MAX_LISTED:
@@ -78,8 +81,8 @@ class Holdings:
     def unannounced_since(self, given: Container[int]) -> int:
         """The sequence after which the database has messages that were not reported to the peer.
 
-        `given` are the ids of the messages that it gave us itself. Without this a message that we
-        wrote during a pull would come back, once the peer had it from another node.
+        `given`: ids of the messages that the peer has sent. Without this a message that we stored
+        during a pull would be sent back to us once the peer has it from another node.
         """
         for number, record in self._database.numbered_since(self.announced_sequence):
             if record_id(record) not in given:
@@ -87,7 +90,7 @@ class Holdings:
         return self._database.sequence
 
     def leaves(self, message_id: int, total: int, now: Instant) -> bool:
-        """Whether a part of a message that the peer sends is to be left to another one."""
+        """Whether to leave a message, of which the peer sends a part, to another peer."""
         peer = self._peer
         takes = total <= SHARED_BYTES or peer.offers.left_full
         if takes or self._reassembly.comes_from(message_id, peer.name, now.steady_s):
@@ -97,7 +100,7 @@ class Holdings:
         return True
 
     def differing_groups(self, robot_id: int, digests: tuple[int, ...]) -> HeldGroups:
-        """What there is of the groups of a robot's topics of which the peer has other digests."""
+        """Our messages in those groups of a robot's topics whose digests differ."""
         groups = 0
         message_ids = []
         for group, ours in enumerate(self._database.group_digests(robot_id)):
@@ -109,7 +112,7 @@ class Holdings:
         return HeldGroups(robot_id, groups, message_ids)
 
     def requests(self, now_s: float) -> list[FragmentRequest]:
-        """What is missing of the messages that have come in part; lets go those not wanted now."""
+        """The missing ranges of partly received messages; drops those that are no longer wanted."""
         requests: list[FragmentRequest] = []
         for message_id, fragment in self._reassembly.of(self._peer.name):
             if not self.wants(message_id, now_s):

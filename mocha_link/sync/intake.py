@@ -1,4 +1,4 @@
-"""The messages that one pull brings in, whole or in pieces: checked, put together, stored."""
+"""Checks, reassembles and stores the messages that one pull receives."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from mocha_link.sync.peer import Peer, check_type
 from mocha_link.sync.protocol import Frame
 
 MAX_GIVEN = 65_536
-_SKIP_BYTES = 4_096  # a SKIP pays off for at least so much that we have already
+_SKIP_BYTES = 4_096  # a SKIP is sent only if it saves more than this
 _MAX_BEGUN = 1_024
 _MAX_FAILED = 1_024
-_MAX_REFUSALS = 100  # that are reported of one frame
+_MAX_REFUSALS = 100  # reported per frame
 
 
 class Intake:
-    """Stores the messages of one pull; refuses what is damaged or impossible.
+    """Stores the messages of one pull; refuses damaged and impossible ones.
 
     Args:
-        holdings: what we hold.
-        remembered: messages that the peer gave us; later ones are reported to it in the next pull
-            like ours.
+        holdings: the messages that we hold.
+        remembered: the number of received message ids that are remembered. Later messages are
+            reported to the peer in the next pull like our own.
 
     Attributes:
-        messages: that were stored.
-        given: ids of messages that the peer gave us before the pull ended.
-        flawed: the round lacks something that may be requested again.
-        hopeless: something will not come whole in this pull.
+        messages: the number of stored messages.
+        given: ids of messages that the peer sent before the pull ended.
+        flawed: the round lacks messages that may be requested again.
+        hopeless: some message cannot be received intact in this pull.
     """
 
     def __init__(self, peer: Peer, holdings: Holdings, *, remembered: int = MAX_GIVEN) -> None:
@@ -53,43 +53,43 @@ class Intake:
         self._reassembly = peer.node.reassembly
         self._topics = peer.node.team.topics_by_key
         self._remembered = remembered
-        self._now = Instant(0.0, 0.0)  # of the frame at hand
+        self._now = Instant(0.0, 0.0)  # when the current frame was received
         self._refusals_end = 0  # no refusals beyond this number are recorded
-        self._begun: set[int] = set()  # messages of which a part came in this pull
-        self._skipped: set[int] = set()  # requested not to be sent on in this round
-        self._skips: list[int] = []  # of these, the ones that are not requested yet
-        self._failed: set[int] = set()  # messages that came damaged
+        self._begun: set[int] = set()  # partly received in this pull
+        self._skipped: set[int] = set()  # skipped in this round
+        self._skips: list[int] = []  # skipped, with a SKIP still to send
+        self._failed: set[int] = set()  # messages received damaged
 
     # --- the course of the pull
 
     def begin_frame(self, now: Instant) -> None:
-        """A frame has come."""
+        """Begin the processing of a frame."""
         self._now = now
         self._refusals_end = len(self._peer.log.refusals) + _MAX_REFUSALS
 
     def begin_round(self) -> None:
-        """A round begins."""
+        """Begin a round."""
         self.flawed = False
         self._skipped.clear()
 
     def end(self) -> None:
-        """The pull has ended: what comes from now on is pushed, and is not noted as given."""
+        """End the pull: later messages are pushed, and are not added to `given`."""
         self._remembered = 0
 
     def refuse_frame(self, error: SyncFrameError) -> None:
-        """The frame cannot be read; what it held may be requested again."""
+        """Refuse a damaged frame, whose messages may be requested again."""
         self._refuse(str(error))
         self.flawed = True
 
     def missing(self, left: AbstractSet[int]) -> list[int]:
-        """What has begun and not come whole, and what no other peer sends of what was `left`."""
+        """Partly received messages, and those of `left` that no other peer is sending."""
         elsewhere = self._reassembly.elsewhere(self._peer.name, self._now.steady_s)
         return [*filter(self._is_new, self._begun), *(left - elsewhere)]
 
     # --- messages
 
     def take(self, chunks: Chunks) -> None:
-        """Take in a frame of chunks. Raises SyncFrameError."""
+        """Process a frame of chunks. Raises SyncFrameError."""
         for message_id, body in chunks.wholes:
             keeps = len(body) >= LARGE_BYTES and is_alone(body)
             self._take_message(message_id, body if keeps else bytes(body))
@@ -97,12 +97,12 @@ class Intake:
             self._take_piece(*piece)
 
     def take_skips(self) -> list[int]:
-        """The messages whose rest need not be sent, since the last call."""
+        """The messages to skip since the last call: their rest need not be sent."""
         skips, self._skips = self._skips, []
         return skips
 
     def wanted(self, message_ids: Collection[int]) -> list[int]:
-        """Those of the announced messages that are possible and would be new."""
+        """The announced messages that are possible and new."""
         return [
             each for each in message_ids if not self._is_impossible(each) and self._is_new(each)
         ]
@@ -110,7 +110,7 @@ class Intake:
     def _take_piece(self, message_id: int, total: int, offset: int, data: memoryview) -> None:
         if self._is_impossible(message_id):
             return
-        # Another peer has brought it, or a newer one, or is at it.
+        # Another peer has sent it or a newer one, or is sending it now.
         if not self._is_new(message_id) or self._holdings.leaves(message_id, total, self._now):
             self._begun.discard(message_id)
             more = total - offset - len(data) > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
@@ -136,9 +136,9 @@ class Intake:
             trailer = wire.check(body, (robot.robot_id, topic.topic_id), stamp_ms)
             if trailer is None:
                 check_type(body, topic)
-        except PayloadError as error:  # damaged on its way, perhaps
+        except PayloadError as error:  # may have been damaged in transit
             self._refuse(f"message {message_id:016x}: {error}")
-            if not self._reassembly.fail(message_id):  # of this peer alone
+            if not self._reassembly.fail(message_id):  # all its parts are this peer's
                 self.hopeless |= message_id in self._failed or len(self._failed) >= _MAX_FAILED
                 self._failed.add(message_id)
             self.flawed = True
@@ -151,7 +151,7 @@ class Intake:
                 self.given.add(message_id)
             try:
                 self.messages += peer.store(known, record, trailer)
-            except PayloadError as error:  # intact, so it will not be another one next time
+            except PayloadError as error:  # intact: a repetition would be refused as well
                 self._refuse(f"message {message_id:016x}: {error}")
                 self._reassembly.fail(message_id, but=peer.name)
                 return
@@ -172,7 +172,7 @@ class Intake:
         return True
 
     def still_new(self, message_ids: Iterable[int]) -> Iterator[int]:
-        """Those that have not come, from this peer or another one."""
+        """Those that were not received, from this peer or another one."""
         return filter(self._is_new, message_ids)
 
     def _is_new(self, message_id: int) -> bool:

@@ -1,4 +1,4 @@
-"""The sync messages of the serving side that wait for a frame, which may be of any size."""
+"""The queue of the serving side's sync messages, which it fragments into frames of any size."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from mocha_link.sync.frames import MESSAGE_HEADER_BYTES, message_frame
 
 
 class MessageOutbox:
-    """Sync messages in the order in which they go out, in parts as frames have room."""
+    """Queued sync messages, sent in order and in parts that fit the frames."""
 
     def __init__(self) -> None:
         self._messages: list[tuple[int, bytes]] = []  # kind, content
-        self._offset = 0  # of the first message, where the next part begins
+        self._offset = 0  # of the next part in the first message
 
     def __bool__(self) -> bool:
         return bool(self._messages)
@@ -20,12 +20,12 @@ class MessageOutbox:
         self._messages.append((kind, content))
 
     def clear(self) -> None:
-        """Let go of all: another round begins."""
+        """Drop all messages: another round begins."""
         self._messages.clear()
         self._offset = 0
 
     def fits(self, room: int) -> bool:
-        """Whether the next message is there, and takes no more than so many bytes."""
+        """Whether a message is queued, and the whole of it fits in `room` bytes."""
         return bool(self) and MESSAGE_HEADER_BYTES + len(self._messages[0][1]) <= room
 
     def next_frame(self, round_: int, room: int) -> tuple[int, bytes]:

@@ -1,4 +1,4 @@
-"""What a peer offers and we have not taken from it: announced, or left to another peer."""
+"""The messages that a peer offers and we lack: announced, or left to another peer."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Offers:
     """The ids of messages that one peer has and that we still lack.
 
     Attributes:
-        announced: that the peer announced since our last OPEN to it.
-        left: that another peer is to send instead, until they arrive.
+        announced: ids that the peer has announced since our last OPEN to it.
+        left: ids that another peer is to send instead, until they are received.
     """
 
     def __init__(self) -> None:
@@ -22,22 +22,22 @@ class Offers:
         self.left: set[int] = set()
 
     def announce(self, message_ids: Sequence[int]) -> None:
-        """The peer announced messages that we lack."""
+        """Note that the peer announced messages that we lack."""
         self.announced.update(message_ids[: _MAX_ANNOUNCED - len(self.announced)])
 
     def requested(self) -> None:
-        """An OPEN to the peer covers what it announced."""
+        """Clear the announced ids: an OPEN to the peer covers them."""
         self.announced.clear()
 
     @property
     def left_full(self) -> bool:
-        """Whether no more can be left to another peer."""
+        """Whether no more messages can be left to another peer."""
         return len(self.left) >= _MAX_LEFT
 
     def leave(self, message_ids: Iterable[int]) -> None:
-        """Messages are left to another peer."""
+        """Leave messages to another peer."""
         self.left.update(message_ids)
 
     def still_left(self, message_ids: AbstractSet[int]) -> None:
-        """A pull has ended: of what was left to another peer these have not arrived."""
+        """Replace the ids left to another peer after a pull by those not received yet."""
         self.left = set(message_ids)

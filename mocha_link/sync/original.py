@@ -36,16 +36,16 @@ from mocha_link.sync.protocol import (
 from mocha_link.sync.request_window import RequestWindow
 
 MAX_HEADERS = 65_536
-FORGET_S = 60.0  # after so long a silence nothing of a client can be on its way either
-# An original client abandons a reply that takes more than 6 s, and all that are queued behind
-# it in the list. Smaller ones take so long on no link that is worth the name.
+FORGET_S = 60.0  # after this silence of a client none of its requests can be in flight
+# An original client abandons a reply that takes more than 6 s, and all replies queued after it.
+# Smaller replies take that long on no usable link.
 LATE_BYTES = 32 * 1024
 
 
 class ClientSession:
     """Pulls from one peer, once: GHEAD, a window of GDATA, DENDT.
 
-    Every message is stored as it arrives, so a session that breaks off leaves whole messages.
+    Every message is stored when it is received, so an aborted session leaves whole messages.
 
     Args:
         budget: bytes of replies after which the client requests no more; 0: no limit.
@@ -53,12 +53,12 @@ class ClientSession:
     Attributes:
         over: the pull is complete or has failed.
         failure: why the pull failed, for the operator; None: it did not.
-        messages: that were stored.
-        bytes_in: of replies.
-        cut_short: not all came, as the budget was used up.
+        messages: the number of stored messages.
+        bytes_in: bytes of all replies.
+        cut_short: some messages were not requested, as the budget was used up.
         rtt_s: round trip of DENDT; None until its reply.
-        reached: the connection stands, or a reply was received.
-        alive_s: steady seconds when the last bytes were received.
+        reached: the connection was established, or a reply was received.
+        alive_s: when the last bytes were received, steady seconds.
     """
 
     def __init__(self, peer: Peer, budget: int = 0) -> None:
@@ -74,8 +74,8 @@ class ClientSession:
         self._database = peer.node.database
         self._budget = budget
         self._pending: dict[bytes, tuple[bytes, Header | None, float]] = {}  # code, header, when
-        self._wanted: deque[Header] = deque()  # headers still to request
-        self._window = RequestWindow()  # how many may be under way
+        self._wanted: deque[Header] = deque()  # messages still to request
+        self._window = RequestWindow()  # limits the requests in flight
 
     def start(self, now: Instant) -> bytes:
         """The first request: for the list of headers."""
@@ -92,7 +92,7 @@ class ClientSession:
         pending = self._pending.pop(bytes(frame[:ID_BYTES]), None)
         if pending is None or self.over:
             self._peer.log.refuse("a reply to nothing that was asked")
-            if not self.over:  # the connection is ours alone, so the peer is no node
+            if not self.over:  # only we use the connection, so the peer is no node
                 self.break_off("the peer answered what was not asked")
             return []
         code, header, sent_s = pending
@@ -114,12 +114,12 @@ class ClientSession:
         return [] if self.over else self._next_requests(now)
 
     def progress(self, now: Instant) -> None:
-        """The connection stands, or bytes have arrived, though no whole reply yet."""
+        """Note that the connection was established, or part of a reply was received."""
         self.reached = True
         self.alive_s = now.steady_s
 
     def why_silent(self) -> str:
-        """The reason of a time-out without a byte."""
+        """The reason for a time-out without a byte."""
         timeout_s = self._peer.node.timeout_s
         if not self.reached:
             return f"no connection within {timeout_s:g} s"
@@ -127,7 +127,7 @@ class ClientSession:
         return f"no byte for {timeout_s:g} s, waiting for the reply to {codes}"
 
     def break_off(self, failure: str | None = None) -> None:
-        """The connection was lost or abandoned for the given reason: adapt the next pull."""
+        """Abort for the given reason, and note a message that was cut, for the next pull."""
         self.over = True
         self.failure = failure
         self._wanted.clear()
@@ -135,7 +135,7 @@ class ClientSession:
         cut = next((header for _, header, _ in self._pending.values() if header), None)
         if (
             cut and self.alive_s > self._window.fetched_s
-        ):  # a part of it was here when the link broke
+        ):  # a part of it had been received when the link broke
             self._peer.path.message_cut(cut.key)
 
     @property
@@ -174,14 +174,14 @@ class ClientSession:
                 log.refuse(f"header {header}: {why}")
             else:
                 found.append((path.cuts(header.key), header))
-        # What a contact was too short for comes last: it must not starve the others again.
+        # Messages that a contact was too short for are requested last, to not starve the others.
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
 
     def _store(self, header: Header, body: Frame, now: Instant) -> None:
         known = self._peer.node.team.topics_by_key.get(header.key)
         if body == SERRM or known is None:
-            return  # replaced at the peer meanwhile; the next list has the newer one
+            return  # the peer has replaced it; its next list has the newer one
         robot, topic = known
         try:
             trailer = wire.check(body, (header.robot_id, header.topic_id))
@@ -194,7 +194,7 @@ class ClientSession:
             self._peer.log.refuse(f"message {header} of {robot.name}: {error}")
 
     def _widen(self) -> None:
-        """Adapt the window to what the link carries and to how large the messages are."""
+        """Adapt the window to the rate of the link and to the size of the messages."""
         path = self._peer.path
         self._window.adapt(self.bandwidth_bytes_s or path.rate_bytes_s, path.rtt_s)
         if self._budget:
@@ -208,7 +208,7 @@ class ClientSession:
         requests = []
         while self._wanted and len(self._pending) < self._window.size:
             header = self._wanted.popleft()
-            if self._database.wants(header, now.unix_s):  # another peer may have brought it
+            if self._database.wants(header, now.unix_s):  # another peer may have sent it meanwhile
                 requests.append(self._request(now, GDATA, header))
         return requests if self._pending else [self._request(now, DENDT)]
 
@@ -222,35 +222,35 @@ def _check_time(header: Header, stamp_ms: int, now_s: float) -> None:
 
 @dataclass(slots=True)
 class _Served:
-    """What the peer has pulled since its GHEAD."""
+    """A pull of the peer since its GHEAD."""
 
-    since_s: float  # of its GHEAD, steady clock
-    messages: int = 0  # given out
-    bytes: int = 0  # of replies
+    since_s: float  # the time of its GHEAD, steady seconds
+    messages: int = 0  # sent
+    bytes: int = 0  # of all replies
     given_up: bool = False  # it was reported as timed out
 
 
 class ServerSession:
     """Serves one peer that pulls like original nodes, and reports the start and end of its pulls.
 
-    Topics whose messages the peer did not stay for come last in the lists, and starve nothing else.
+    Topics whose large messages the peer has abandoned are listed last, so that they starve nothing.
     """
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
         self._database = peer.node.database
         self._pull: _Served | None = None  # None: none since the last DENDT
-        self._received_s = 0.0  # steady clock
-        # What was offered stays available, though newer messages replace it, until well after the
-        # peer has requested another list.
+        self._received_s = 0.0  # when the last request was received, steady seconds
+        # Offered messages stay available although newer ones replace them, until some time after
+        # the peer has requested another list.
         self._offered: Mapping[bytes, Kept] = {}
-        self._offered_before: Mapping[bytes, Kept] = {}  # by the list before this
-        self._listed_s = 0.0  # when the last list left
-        self._late: set[bytes] = set()  # topics that come last: first bytes of their headers
-        self._under_way = b""  # topic of the large reply that may not have arrived
+        self._offered_before: Mapping[bytes, Kept] = {}  # in the previous list
+        self._listed_s = 0.0  # when the last list was sent, steady seconds
+        self._late: set[bytes] = set()  # topics to list last: first bytes of their headers
+        self._under_way = b""  # topic of a large reply that may not have been received
 
     def handle(self, parts: Sequence[bytes], now: Instant) -> bytes:
-        """The reply to the body parts of a request (a good one has one part)."""
+        """The reply to the body parts of a request (a valid request has one part)."""
         self._received_s = now.steady_s
         frame = parts[0] if parts else b""
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
@@ -274,23 +274,23 @@ class ServerSession:
         return b"".join((request_id, body))
 
     def tick(self, now: Instant) -> None:
-        """What the peer's silence ends."""
+        """Run the timers: time out a silent peer."""
         silence_s = now.steady_s - self._received_s
         if silence_s <= PATIENCE_S:
             return
-        if silence_s > FORGET_S and self._offered:  # an absent peer must not hold the memory
+        if silence_s > FORGET_S and self._offered:  # free the memory for an absent peer
             self._offered = self._offered_before = {}
         self._give_up(now, f"the peer asked nothing for {PATIENCE_S:g} s")
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `tick` at the latest, in steady seconds; None: the time brings nothing."""
+        """When to call `tick` at the latest, in steady seconds; None: no timer runs."""
         if self._pull and not self._pull.given_up:
             return self._received_s + PATIENCE_S
         return self._received_s + FORGET_S if self._offered else None
 
     def _note_arrival(self, code: bytes) -> None:
-        """Another request: the large reply under way has arrived, or was abandoned."""
+        """Note from the next request whether the last large reply was received or abandoned."""
         topic, self._under_way = self._under_way, b""
         if topic and code == GHEAD:
             self._late.add(topic)
@@ -309,7 +309,7 @@ class ServerSession:
             )
 
     def _give_up(self, now: Instant, reason: str) -> None:
-        """Count the pull as broken off; on a slow link its DENDT may still come."""
+        """Report the pull as timed out; on a slow link its DENDT may still be received."""
         if self._pull and not self._pull.given_up:
             self._pull.given_up = True
             self._peer.log.timed_out(Direction.OUT, reason, now)

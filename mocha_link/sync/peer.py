@@ -1,4 +1,4 @@
-"""One peer of a node: what its syncs share and remember while both nodes run."""
+"""The state of one peer that its syncs share while both nodes run."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ from mocha_link.sync.pull_connection import PullConnection
 from mocha_link.team import Robot, Topic
 
 Verify = Callable[[Header, Frame, Trailer | None], None]
-"""Raises PayloadError for a message that a peer may not hand us."""
+"""Raises PayloadError for a message that a peer may not send us."""
 
 
 class Peer:
-    """The state of a peer that outlives a pull: one part for each thing that is remembered.
+    """The state of a peer that outlives a pull, in one part for each purpose.
 
     Args:
-        verify: refuses messages that the peer may not hand us; None: it may hand us any.
-        budget_bytes: that may come in during a contact; 0: no limit.
+        verify: refuses messages that the peer may not send us; None: it may send any.
+        budget_bytes: may be received during a contact; 0: no limit.
 
     Attributes:
         name: the peer's robot.
         node: our node's context.
         original: it is known to run the original node: nothing newer is tried.
-        datagrams: there is a socket for them.
-        pushed: ids of the robots whose new messages reach the peer no other way than by us.
-        log: events, refusals and bytes, for the node to take out.
+        datagrams: the node has a datagram socket.
+        pushed: ids of the robots whose new messages only we can push to the peer.
+        log: events, refusals and bytes, for the node to fetch.
         process: its process, by its boot id.
         agreement: the topics that are exchanged.
         tokens: the address tokens of both sides.
-        path: what pulls have shown of the way to it.
-        budget: bytes that pulls may still bring in.
-        connection: over which we pull.
-        holdings: what it holds.
-        offers: what it offers and we lack.
+        path: measurements of the path to it.
+        budget: bytes that pulls may still receive.
+        connection: the connection over which we pull.
+        holdings: the messages that it holds.
+        offers: the messages that it offers and we lack.
     """
 
-    def __init__(  # noqa: PLR0913 - all that makes peers differ, once
+    def __init__(  # noqa: PLR0913 - all properties in which peers differ
         self,
         name: str,
         node: NodeContext,
@@ -74,15 +74,15 @@ class Peer:
         self._verify = verify
 
     def opened(self, boot_id: int) -> None:
-        """The peer has opened a sync; a new process of it has forgotten what it held."""
+        """Note an opening of the peer; a new process of it may hold nothing."""
         if self.process.opened(boot_id):
             self.holdings.forget()
 
     def store(self, known: tuple[Robot, Topic], record: Record, trailer: Trailer | None) -> bool:
-        """Store an intact message that the peer handed us; whether it was new.
+        """Store an intact message from the peer; returns whether it was new.
 
         Raises:
-            PayloadError: it is of another type than ours, or the peer may not hand it on.
+            PayloadError: its type differs from ours, or the peer may not send it.
         """
         check_type(record.body, known[1])
         if self._verify:
@@ -94,7 +94,7 @@ class Peer:
 
 
 def check_type(body: Frame, topic: Topic) -> None:
-    """Raise PayloadError unless a sound body is of the type of the topic in our team file."""
+    """Raise PayloadError unless an intact body has the type of the topic in our team file."""
     if body[0] != topic.dtype:
         raise PayloadError(
             f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "

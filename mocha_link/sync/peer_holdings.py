@@ -7,19 +7,19 @@ from collections.abc import Iterable, Mapping
 from mocha_link.store import WRAP_MS, Record, is_void, wire
 from mocha_link.sync.agreement import TopicAgreement
 
-BEGUN_BYTES = 64 * 1024 * 1024  # of messages that are kept though newer ones have replaced them
+BEGUN_BYTES = 64 * 1024 * 1024  # of partly sent messages, kept although newer ones replace them
 
 
 class PeerHoldings:
-    """What one peer holds, and what it was given a part of.
+    """The messages that one peer holds, and those that were partly sent to it.
 
-    Nothing of it is needed for messages to arrive: it spares sending what the peer has, and lets a
-    message that was begun be finished though a newer one has replaced it.
+    This is an optimisation. It avoids sending messages that the peer has, and allows a partly sent
+    message to be completed although a newer one has replaced it.
 
     Args:
-        histories: versions that are kept, by topic key.
+        histories: the number of versions that are kept, by topic key.
         agreement: the topics that are exchanged.
-        begun_bytes: of messages that are kept to be finished.
+        begun_bytes: the limit for partly sent messages that are kept.
     """
 
     def __init__(
@@ -33,17 +33,17 @@ class PeerHoldings:
         self._agreement = agreement
         self._most_begun_bytes = begun_bytes
         self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
-        self._begun: dict[int, Record] = {}  # given in part, by message id
+        self._begun: dict[int, Record] = {}  # partly sent, by message id
         self._begun_bytes = 0  # of their bodies
 
-    # --- what it holds
+    # --- messages that it holds
 
     def forget(self) -> None:
-        """Clear what the peer holds: it reports all of it next, or its process is a new one."""
+        """Clear the record: the peer reports all its messages next, or its process is new."""
         self._held.clear()
 
     def add(self, *message_ids: int) -> None:
-        """The peer holds these messages."""
+        """Note that the peer holds these messages."""
         listed: dict[int, set[int]] = {}
         for message_id in message_ids:
             listed.setdefault(message_id >> 48, set()).add(message_id & wire.STAMP_MASK)
@@ -58,7 +58,7 @@ class PeerHoldings:
 
     @property
     def newest(self) -> dict[int, int]:
-        """What it is known to hold: by topic key, the newest stamp in milliseconds."""
+        """The newest messages that it is known to hold: stamps in milliseconds by topic key."""
         return {key: stamps[0] for key, stamps in self._held.items()}
 
     def lacks(self, record: Record, message_id: int) -> bool:
@@ -71,16 +71,16 @@ class PeerHoldings:
             return True
         if stamp_ms in held:
             return False
-        if is_void(held[0], wire.latest_ms(record.received_s)):  # both clocks were wrong then
+        if is_void(held[0], wire.latest_ms(record.received_s)):  # its clock and ours were wrong
             return True
-        if record.extrapolated:  # others may have extrapolated another one
+        if record.extrapolated:  # other nodes may have extrapolated another stamp
             return all((other - stamp_ms) % WRAP_MS for other in held)
         return held[-1] < stamp_ms or len(held) < self._histories.get(key, 1)
 
-    # --- what it was given a part of
+    # --- partly sent messages
 
     def begin(self, message_id: int, record: Record) -> None:
-        """A part of a message has been given out."""
+        """Note that a part of a message is sent."""
         if message_id in self._begun:
             return
         self._begun[message_id] = record
@@ -89,11 +89,11 @@ class PeerHoldings:
             self._end(next(iter(self._begun)))
 
     def begun(self, message_id: int) -> Record | None:
-        """A message of which a part was given out earlier."""
+        """A partly sent message; None: no part was sent, or it is no longer kept."""
         return self._begun.get(message_id)
 
     def end_begun(self, kept: Iterable[int] = ()) -> None:
-        """Let go what was begun, but for those."""
+        """Release partly sent messages, except those in `kept`."""
         for message_id in set(self._begun).difference(kept):
             self._end(message_id)
 

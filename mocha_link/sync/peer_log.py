@@ -1,4 +1,4 @@
-"""What the syncs with a peer report: events for listeners, refusals for the operator, bytes."""
+"""The reports of the syncs with a peer: events for listeners, refusals for the operator, bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mocha_link.team import Robot, Topic
 
 
 class PeerLog:
-    """The reports of the syncs with one peer, until the node takes them out.
+    """The reports of the syncs with one peer, until the node fetches them.
 
     Attributes:
         events: for listeners, in order.
@@ -27,10 +27,10 @@ class PeerLog:
         self.events: list[LinkEvent] = []
         self.refusals: list[str] = []
         self._name = name  # of the peer
-        self._bytes_in = 0  # received since they were taken last
+        self._bytes_in = 0  # received since the last `take_bytes_in`
 
     def started(self, direction: Direction, now: Instant) -> None:
-        """A sync begins."""
+        """Report that a sync begins."""
         self.events.append(SyncStarted(self._name, now.unix_s, direction))
 
     def ended(  # noqa: PLR0913 - the fields of the event
@@ -43,18 +43,18 @@ class PeerLog:
         size: int,
         complete: bool = True,
     ) -> None:
-        """A sync that began at that steady time has come to its end with so many bytes."""
+        """Report that a sync has ended; `began_s`: when it began, steady seconds."""
         taken_s = now.steady_s - began_s
         self.events.append(
             SyncEnded(self._name, now.unix_s, direction, messages, size, taken_s, complete)
         )
 
     def timed_out(self, direction: Direction, reason: str, now: Instant) -> None:
-        """A sync has broken off, or was turned away."""
+        """Report that a sync was aborted or rejected."""
         self.events.append(SyncTimedOut(self._name, now.unix_s, direction, reason))
 
     def stored(self, known: tuple[Robot, Topic], record: Record) -> None:
-        """A message of the peer was new, and was stored."""
+        """Report that a new message of the peer was stored."""
         robot, topic = known
         at_s, size = record.received_s, len(record.body)
         self.events.append(
@@ -62,11 +62,11 @@ class PeerLog:
         )
 
     def refuse(self, reason: str) -> None:
-        """Something that the peer sent was refused."""
+        """Report that input from the peer was refused."""
         self.refusals.append(reason)
 
     def received(self, size: int) -> None:
-        """So many bytes were received from the peer."""
+        """Count bytes received from the peer."""
         self._bytes_in += size
 
     def take_events(self) -> list[LinkEvent]:

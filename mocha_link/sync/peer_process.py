@@ -1,4 +1,4 @@
-"""The process that runs as a peer's robot, by its boot id: restarted, or running twice."""
+"""Detects by boot ids that a peer's process was restarted, or runs twice."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ from collections import deque
 
 from mocha_link.sync.protocol import TRIAL_BOOT_ID
 
-_BOOT_IDS = 8  # that are remembered: a process that was replaced does not come back
-_ALONE = 16  # openings of one process in a row: no second one runs any more
+_BOOT_IDS = 8  # remembered: a boot id that appears again belongs to a second process
+_ALONE = 16  # after this many consecutive openings of one process no second one runs
 
 
 class PeerProcess:
-    """What the boot ids of a peer's syncs show of its process.
+    """The process of a peer, by the boot ids in its syncs.
 
     Attributes:
-        duplicate: two processes run as the peer's robot: a boot id has come back.
-        duplicated: the peer has met two processes that run as our robot.
+        duplicate: two processes run as the peer's robot: an earlier boot id has appeared again.
+        duplicated: the peer has detected two processes that run as our robot.
     """
 
     def __init__(self) -> None:
         self.duplicate = False
         self.duplicated = False
-        self._restarted = False  # since the node asked last
-        self._boot_id: int | None = None  # of the present process; None: it has not opened yet
+        self._restarted = False  # since the last `take_restarted`
+        self._boot_id: int | None = None  # of the current process; None: it has not opened yet
         self._past_boot_ids: deque[int] = deque(maxlen=_BOOT_IDS)
-        self._in_a_row = 0  # openings of the present process
+        self._in_a_row = 0  # consecutive openings of the current process
 
     def opened(self, boot_id: int) -> bool:
-        """The peer has opened a sync; whether its process is another one than before."""
+        """Note the boot id of an opening; returns whether the process differs from the last one."""
         if boot_id == self._boot_id:
             self._in_a_row += 1
             self.duplicate = self.duplicate and self._in_a_row < _ALONE
@@ -42,10 +42,10 @@ class PeerProcess:
         return True
 
     def report_duplicated(self, *, duplicated: bool) -> None:
-        """The peer reports in a HELLO whether it has met two processes of our robot."""
+        """Note from a HELLO whether the peer has detected two processes of our robot."""
         self.duplicated = duplicated
 
     def take_restarted(self) -> bool:
-        """Whether the peer's process is a new one since the last call."""
+        """Whether the peer's process was replaced since the last call."""
         restarted, self._restarted = self._restarted, False
         return restarted

@@ -1,4 +1,4 @@
-"""What every part of a sync shares: the node's context, requests, and actions at its sockets.
+"""Shared by all parts of a sync: the node's context, request codes, and actions for its sockets.
 
 A request is ID (6 bytes, any) + CODE (5 letters) + argument; the reply repeats the ID.
 """
@@ -16,38 +16,38 @@ from mocha_link.team import Team
 ID_BYTES = 6
 CODE_BYTES = 5
 GHEAD, GDATA, DENDT = b"GHEAD", b"GDATA", b"DENDT"  # the list of headers, a message, the end
-# Between new nodes: open a sync, a later frame of it, more credit. Original nodes refuse them.
+# Between new nodes: open a sync, a later frame of it, more credit. Original nodes refuse these.
 SYNC1, SYNCF, SYNCC = b"SYNC1", b"SYNCF", b"SYNCC"
 SERRM, ACK = b"SERRM", b"Ack"
 
-# An original client is idle again 12.4 s after its last request without a reply. Until then it may
-# request for what was offered to it, and it would store an error reply as if it were a message.
+# An original client gives up 12.4 s after a request without a reply. Until then it may request
+# messages that were offered to it, and it would store an error reply as a message.
 PATIENCE_S = 13.0
-FOLLOW_S = 60.0  # a peer that sends nothing for longer no longer follows
-NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
-TRIAL_BOOT_ID = 0  # of a trial beside the node of a robot, which is no second robot
-LINGER_S = 2.0  # so long the end of a sync is repeated on request
+FOLLOW_S = 60.0  # a peer that sends nothing for longer is no longer followed
+NEAR_S = 0.02  # with a shorter round trip TCP is as fast as datagrams from the start
+TRIAL_BOOT_ID = 0  # of a trial beside the robot's own node, which is no duplicate
+LINGER_S = 2.0  # how long the end of a sync is repeated on request
 
 Frame = bytes | memoryview
 Route = tuple[bytes, ...]
 """The frames before a request that identify its connection."""
 
 DIALLED: Route = ()
-"""The connection that we opened ourselves, when the peer pulls over it."""
+"""The connection that we opened ourselves, as the peer's route for pulls from us."""
 
 
 def is_request(frame: Frame) -> bool:
-    """Whether a frame is a request of a sync: what comes over a connection may also be a reply."""
+    """Whether a frame is a request of a sync; frames on a connection may also be replies."""
     return frame[ID_BYTES : ID_BYTES + CODE_BYTES] in (SYNC1, SYNCF, SYNCC)
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a connection that stands does, by the kernel (TCP_INFO).
+    """The kernel's measurements of an open connection (TCP_INFO).
 
     Attributes:
-        loses_much: so much is lost on it that TCP hardly sends.
-        rtt_s: its round trip; None: not measured.
+        loses_much: losses slow TCP down to almost nothing.
+        rtt_s: its round-trip time; None: not measured.
     """
 
     loses_much: bool = False
@@ -55,7 +55,7 @@ class Standing:
 
 
 def random_boot_id() -> int:
-    """A number of this process that no other has, and that is not `TRIAL_BOOT_ID`."""
+    """A random number for this process, different from `TRIAL_BOOT_ID`."""
     return int.from_bytes(os.urandom(8), "big") or 1
 
 
@@ -66,7 +66,7 @@ def random_id() -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Connect:
-    """Open a fresh connection to a peer, for one pull."""
+    """Open a new connection to a peer."""
 
     peer: str
 
@@ -81,9 +81,9 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Disconnect:
-    """Close the connection to a peer: when what was sent on it is out, or at once if it is `void`.
+    """Close the connection to a peer after sending queued bytes; at once if it is `void`.
 
-    What the kernel repeated of a pull that broke off would get there in the midst of the next one.
+    Retransmissions of an aborted pull would otherwise reach the peer during the next one.
     """
 
     peer: str
@@ -109,7 +109,7 @@ class SendDatagram:
 
 @dataclass(frozen=True, slots=True)
 class ReplyDatagram:
-    """Send a datagram to where the peer's datagrams come from."""
+    """Send a datagram to the source address of the peer's datagrams."""
 
     peer: str
     packet: bytes
@@ -120,21 +120,21 @@ Action = Connect | Send | Disconnect | Reply | SendDatagram | ReplyDatagram
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeContext:
-    """What the syncs of a node have in common, whatever peer they are with.
+    """The context that the syncs of a node with all its peers share.
 
     Attributes:
         name: the node's robot.
-        team: whose robots and topics are accepted.
-        database: where messages go, and what there is to give.
-        reassembly: where parts of messages wait for the rest; one for all peers.
-        new_id: makes the 6 random bytes that name a request.
-        boot_id: a random u64 of our process. Peers forget what they know of us when it changes.
-            `TRIAL_BOOT_ID`: a trial beside the robot's node, which is no second robot.
-        config_hash: what ids mean to us, as one number (`config_hash_of`).
-        definitions: the same by topic key (`definitions_of`).
-        timeout_s: seconds without a byte after which a pull breaks off.
-        follow: take in at once what a peer stores between two pulls.
-        followed: ids of the robots that push to us what they store.
+        team: its robots and topics are accepted.
+        database: the node's messages.
+        reassembly: incomplete messages of all peers.
+        new_id: makes the 6 random bytes that identify a request.
+        boot_id: a random u64 of our process. Peers discard their record of our holdings when it
+            changes. `TRIAL_BOOT_ID`: a trial beside the robot's own node, which is no duplicate.
+        config_hash: the hash of our definitions of all ids (`config_hash_of`).
+        definitions: the hash of each definition, by topic key (`definitions_of`).
+        timeout_s: seconds without a byte after which a pull is aborted.
+        follow: receive the messages that a peer stores between two pulls at once.
+        followed: ids of the robots that push their new messages to us.
         actions: for the transport to execute at the sockets, in order.
     """
 

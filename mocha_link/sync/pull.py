@@ -1,9 +1,8 @@
-"""One pull from one peer, whatever node it runs and whatever path is open. No sockets here.
+"""One pull from one peer, by either protocol and over either path. No sockets here.
 
-On a new connection it sends three requests at once: SYNC1 (a new node goes on from there), GHEAD
-with the same id right behind it (an original node, which refuses SYNC1, goes on from there), and
-the same opening in a datagram, which arrives before any connection stands. On a connection that the
-previous pull has left open it sends SYNC1 alone.
+On a new connection it sends three requests at once: SYNC1 for a new node, GHEAD with the same id
+for an original node, which refuses SYNC1, and the opening of SYNC1 in a datagram, which arrives
+before a connection is established. On the previous pull's connection it sends SYNC1 alone.
 """
 
 from __future__ import annotations
@@ -31,25 +30,25 @@ from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
 
-IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
-UNANSWERED_S = 1.0  # without an answer, a connection of the peer is tried
-STANDS_S = 3.0  # an open connection without a byte for longer counts as lost
+IDLE = 2  # times the time-out: how long datagrams without content keep a pull alive
+UNANSWERED_S = 1.0  # after this time without an answer a connection of the peer is tried
+STANDS_S = 3.0  # a reused connection without a byte for longer counts as lost
 
 
 class Pull:
-    """Brings over everything that is new at a peer; make one per pull.
+    """Receives the new messages of a peer; make one per pull.
 
     Args:
-        standing: the connection of the pull before stands, and the peer is a new node.
-        budget: bytes that may come in; 0: no limit.
+        standing: it reuses the connection of the previous pull, and the peer is a new node.
+        budget: bytes that may be received; 0: no limit.
 
     Attributes:
-        id: names it in every frame of a sync; empty if only the original protocol is tried.
-        state: what it waits for; see `STATES`.
-        path: what the exchange goes over; None until it is known.
+        id: identifies it in every frame of a sync; empty if only the original protocol is tried.
+        state: its state; see `STATES`.
+        path: the path of the messages; None until it is known.
         began_s: when it began, steady seconds.
         alive_s: when the last bytes were received, steady seconds.
-        datagrams: those of the pull, if it sends any.
+        datagrams: the datagrams of the pull.
     """
 
     def __init__(self, peer: Peer, *, standing: bool = False, budget: int = 0) -> None:
@@ -64,14 +63,14 @@ class Pull:
         self._session = ClientSession(peer, budget)
         self._receiver = SyncReceiver(peer, room=MESSAGE_ROOM, budget=budget)
         may = peer.datagrams and not peer.original and not standing
-        self._casts = may and peer.path.may_use_datagrams()  # begins by datagrams as well
+        self._casts = may and peer.path.may_use_datagrams()  # also begins by datagrams
         chunk = MAX_CHUNK if peer.connection.is_ours else SHARED_CHUNK
         self._credit = Credit(peer.path.rate_bytes_s, peer.path.rtt_s, chunk)
         self._hushed = False  # a later pull has begun on the same connection
         self.began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
     def start(self, now: Instant, *, again: bool = False) -> None:
-        """Begin on a fresh connection or the one that stands; `again`: without a start event."""
+        """Begin on a new or reused connection; `again`: without a start event."""
         self.began_s = self.alive_s = now.steady_s
         if not again:
             self._peer.log.started(Direction.IN, now)
@@ -91,16 +90,16 @@ class Pull:
             self.transmit(now)
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> None:
-        """Take in the body parts of a reply on the connection.
+        """Process the body parts of a reply on the connection.
 
-        A good one has one part; only frames of a sync may have more.
+        A valid reply has one part; only frames of a sync may have more.
         """
         frame: Frame = parts[0] if parts else b""
         if self.path == "original":
             self._reply_of_original(parts, now)
         elif frame[:ID_BYTES] != self.id:
             self._peer.log.refuse("a reply to nothing that was asked")
-            self.fail("the peer answered what was not asked", now)  # the connection is ours alone
+            self.fail("the peer answered what was not asked", now)  # only we use the connection
         elif frame[ID_BYTES:] == SERRM and len(parts) == 1:
             self._reply_of_refusal(now)
         elif self.state is PullState.REFUSED:
@@ -123,16 +122,16 @@ class Pull:
                 self._peer.connection.send(self.id + SYNCC + self._credit.grant)
 
     def hush(self) -> None:
-        """Say nothing more on the connection: the next pull has begun there, and the peer knows."""
+        """Send nothing more on the connection: the next pull has begun on it."""
         self._hushed = True
 
     def packet(self, packet: bytes, now: Instant) -> None:
-        """Take in a datagram of the peer."""
+        """Process a datagram of the peer."""
         flow = self.flow
         if flow is None:
             return
         for frame in flow.receive(packet, now.steady_s):
-            self.path = self.path or "udp"  # moved to the connection it stays there
+            self.path = self.path or "udp"  # once on the connection, it stays there
             self.datagrams.reply(len(frame), self._take(frame, now))
         if flow.alive_s == now.steady_s:
             self.progress(now)
@@ -141,14 +140,14 @@ class Pull:
         self.transmit(now)
 
     def progress(self, now: Instant) -> None:
-        """The connection stands, or bytes have arrived, though no whole reply yet."""
+        """Note that the connection was established, or part of a reply was received."""
         self.alive_s = now.steady_s
         self._happens(PullEvent.BYTES)
         if self.path in ("original", None):
             self._session.progress(now)
 
     def measured(self, rtt_s: float) -> None:
-        """The round trip of the connection; None: not measured yet."""
+        """Note the round trip of the connection."""
         if self.path == "udp":
             return
         self._peer.path.measured(rtt_s)
@@ -156,7 +155,7 @@ class Pull:
             self.datagrams.put_off(self.began_s + PATIENCE_S)
 
     def tick(self, now: Instant) -> None:
-        """What the time alone brings: datagrams that are due, and the end of patience."""
+        """Run the timers: datagrams that are due, and time-outs."""
         timeout_s = self._peer.node.timeout_s
         received_s = max(self._last_s, self.began_s)
         if self.over:
@@ -178,7 +177,7 @@ class Pull:
         self.datagrams.transmit(now)
 
     def fail(self, reason: str, now: Instant) -> None:
-        """Break off for a reason that is known outside, e.g. a closed connection."""
+        """Abort for a given reason, e.g. a closed connection."""
         if not self.over:
             self.abandon()
             self._peer.log.timed_out(Direction.IN, reason, now)
@@ -191,13 +190,13 @@ class Pull:
             self._session.break_off()
 
     def disconnected(self, reason: str, now: Instant) -> None:
-        """The connection broke; that does not matter while datagrams get through."""
+        """Note that the connection was lost; the pull continues while datagrams are received."""
         if self.path != "udp" and not (self.path is None and self.datagrams.answered):
             self.fail(reason, now)
 
     @property
     def flow(self) -> Flow | None:
-        """The flow of its datagrams, once one leaves."""
+        """The flow of its datagrams, once one is sent."""
         return self.datagrams.flow
 
     def _happens(self, event: PullEvent) -> None:
@@ -205,27 +204,27 @@ class Pull:
 
     @property
     def over(self) -> bool:
-        """Whether it has ended or broken off; if it `follows` what is stored later comes in."""
+        """Whether it has ended or was aborted; if it `follows`, pushed messages are received."""
         return self.state in OVER
 
     @property
     def broken(self) -> bool:
-        """Whether it has broken off."""
+        """Whether it was aborted."""
         return self.state is PullState.BROKEN
 
     @property
     def standing(self) -> bool:
-        """Whether it relies on a connection of which is not known yet whether it still stands."""
+        """Whether it waits for the first byte on a reused connection, which may be lost."""
         return self.state is PullState.STANDING
 
     @property
     def follows(self) -> bool:
-        """Whether it is over, and what the peer stores later comes in all the same."""
+        """Whether it has ended, and messages that the peer pushes are received."""
         return self.state is PullState.FOLLOWING
 
     @property
     def pull_needed(self) -> bool:
-        """Whether the peer has stored since what only the next pull brings."""
+        """Whether the peer has stored messages since that it does not push."""
         return self._receiver.pull_needed
 
     @property
@@ -234,22 +233,22 @@ class Pull:
         return not self.over or self.follows
 
     def is_in_vain(self, now: Instant) -> bool:
-        """Whether the connection that stood has brought nothing for too long: try a fresh one."""
+        """Whether a reused connection has received nothing for too long: try a new one."""
         return self.standing and now.steady_s > self._vain_s
 
     def is_unanswered(self, now: Instant) -> bool:
-        """Whether nothing of the peer has come although it had time to answer."""
+        """Whether nothing was received from the peer in the time for an answer."""
         silent = self.path is None and not self.datagrams.answered
         return silent and now.steady_s - self.began_s > UNANSWERED_S + 2 * (self.rtt_s or 0.0)
 
     @property
     def _vain_s(self) -> float:
-        """When it is."""
+        """When `is_in_vain` becomes true."""
         return self.began_s + STANDS_S + 2 * (self._peer.path.rtt_s or 0.0)
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `tick` at the latest; None: the time brings nothing."""
+        """When to call `tick` at the latest; None: no timer runs."""
         datagrams_s = self.datagrams.wake_s
         times = [] if datagrams_s is None else [datagrams_s]
         if not self.over:
@@ -263,14 +262,14 @@ class Pull:
 
     @property
     def carrier(self) -> Path | None:
-        """What has carried most of the bytes."""
+        """The path of most of the bytes."""
         if self.path in ("original", None):
             return self.path
         return "udp" if 2 * self.datagrams.bytes_in > self._receiver.bytes else "zmq"
 
     @property
     def rtt_s(self) -> float | None:
-        """The round trip on the way to the peer."""
+        """The round trip to the peer."""
         return self._session.rtt_s or self._peer.path.rtt_s
 
     @property
@@ -281,7 +280,7 @@ class Pull:
 
     @property
     def _bandwidth_bytes_s(self) -> float | None:
-        """Bytes per second while messages came in; None without any message."""
+        """Bytes per second while messages were received; None without any message."""
         if self.path in ("original", None):
             return self._session.bandwidth_bytes_s
         taken_s = self._last_s - self._first_s
@@ -289,18 +288,18 @@ class Pull:
 
     @property
     def _relies_on_datagrams(self) -> bool:
-        """Whether the connection has not yet shown what kind of node the peer runs."""
+        """Whether nothing but datagrams was received so far."""
         waits = self.state in (PullState.OPENING, PullState.SYNCING)
         return self.flow is not None and self.path in (None, "udp") and waits
 
     def _reply_of_refusal(self, now: Instant) -> None:
         if self.path is not None:
             self.fail("the peer does not know of the sync any more", now)
-        elif self._peer.agreement.config_mismatch:  # a node of ours, last time: no other one now
+        elif self._peer.agreement.config_mismatch:  # it ran a new node last time: try once more
             self._peer.agreement.expect_match()
             self.fail(f"{self._peer.name} had another team file; asking once more", now)
         else:
-            self._happens(PullEvent.REFUSAL)  # an original node; its reply to GHEAD comes next
+            self._happens(PullEvent.REFUSAL)  # an original node; its reply to GHEAD follows
             self.datagrams.drop()
             self.progress(now)
 
@@ -351,9 +350,9 @@ class Pull:
             self._peer.connection.send(self.id + SYNCF + frame)
 
     def _learn(self) -> None:
-        """A pull without a byte does not count against datagrams.
+        """Note the rate, and whether datagrams delivered messages.
 
-        The contact may have been too short.
+        A pull without a byte does not count against datagrams: the contact may have been too short.
         """
         if self.path == "zmq":
             self._peer.path.moved(self._bandwidth_bytes_s)

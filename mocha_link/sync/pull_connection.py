@@ -10,7 +10,7 @@ class PullConnection:
 
     Attributes:
         route: the peer's connection over which we pull; `DIALLED`: the one that we opened.
-        stands: the one that we opened stands, as far as is known.
+        stands: the one that we opened is established, as far as is known.
         shared: the peer pulls over the one that we opened.
     """
 
@@ -31,35 +31,35 @@ class PullConnection:
         self.route = route
 
     def dial(self) -> None:
-        """Have a fresh connection opened in place of any that there was."""
+        """Request a new connection in place of the current one."""
         self.stands = self.shared = False
         self._node.actions.append(Connect(self._peer))
 
     def disconnect(self, *, void: bool) -> None:
-        """Have the connection that we opened closed, unless the peer pulls over it."""
+        """Request that the connection that we opened is closed, unless the peer pulls over it."""
         if self.is_ours and not self.shared:
             self.stands = False
             self._node.actions.append(Disconnect(self._peer, void))
 
     def send(self, frame: bytes) -> None:
-        """Have a request sent."""
+        """Send a request over the connection."""
         if self.is_ours:
             self._node.actions.append(Send(self._peer, frame))
         else:
             self._node.actions.append(Reply(self._peer, self.route, frame))
 
     def opened(self) -> None:
-        """The connection that we opened stands, or bytes arrive on it."""
+        """Note that the connection that we opened is established."""
         self.stands = True
 
     def lost(self, route: Route) -> None:
-        """A connection was lost."""
+        """Note that a connection was lost."""
         self.stands = self.stands and route != DIALLED
 
     def share(self, route: Route | None) -> None:
-        """The peer pulls over a connection, or over none."""
+        """Note the connection over which the peer pulls; None: it pulls over none."""
         self.shared = route == DIALLED
 
     def unshare(self) -> None:
-        """The peer does not pull over the connection that we opened."""
+        """Note that the peer does not pull over the connection that we opened."""
         self.shared = False

@@ -1,4 +1,4 @@
-"""The states of a pull, and what leads from one to the next: one table, which the docs print."""
+"""The states of a pull and its transitions: one table, which the docs print."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from typing import Final
 
 
 class PullState(enum.Enum):
-    """What a pull waits for; the value says it for the docs."""
+    """The state of a pull; the value describes it in the docs."""
 
-    OPENING = "nothing of the peer has come: it may be an original node or one of ours"
-    STANDING = "the same over a connection that stood: it may be gone"
-    REFUSED = "the peer refuses the sync, as original nodes do; its list comes next"
-    ORIGINAL = "messages come in the protocol of original nodes"
-    SYNCING = "frames of the sync come"
-    FOLLOWING = "all has come; the peer pushes what it stores"
-    ENDED = "nothing more is expected"
-    BROKEN = "it broke off: the next pull resumes it"
+    OPENING = "no reply received: the peer may run an original or a new node"
+    STANDING = "no reply received on the previous pull's connection, which may be lost"
+    REFUSED = "the peer refused the sync, as original nodes do; its header list follows"
+    ORIGINAL = "messages are received by the protocol of original nodes"
+    SYNCING = "frames of the sync are received"
+    FOLLOWING = "the pull has ended; the peer pushes or announces new messages"
+    ENDED = "the pull has ended; nothing more is expected"
+    BROKEN = "the pull was aborted; the next pull resumes it"
 
 
 class PullEvent(enum.Enum):
-    """What may happen to a pull; the value says it for the docs."""
+    """An event of a pull; the value describes it in the docs."""
 
-    BYTES = "bytes arrive on the connection"
-    FRAME = "a frame of the sync arrives"
-    REFUSAL = "SERRM arrives"
-    LIST = "a reply to GHEAD arrives"
-    FOLLOW = "all has come and we follow"
-    END = "the peer has nothing more for this pull"
-    FAILURE = "silence, a lost connection, another version"
+    BYTES = "bytes are received on the connection"
+    FRAME = "a frame of the sync is received"
+    REFUSAL = "SERRM is received"
+    LIST = "a reply to GHEAD is received"
+    FOLLOW = "everything is received, and the node follows the peer"
+    END = "everything for this pull is received, and the node does not follow the peer"
+    FAILURE = "time-out, lost connection, or other version of the sync"
 
 
 _S, _E = PullState, PullEvent
@@ -49,10 +49,10 @@ STATES: Final[dict[tuple[PullState, PullEvent], PullState]] = {
     (_S.SYNCING, _E.FAILURE): _S.BROKEN,
     (_S.FOLLOWING, _E.FAILURE): _S.BROKEN,
 }
-"""What is not in here changes nothing."""
+"""Any other event leaves the state unchanged."""
 
 OVER: Final = frozenset({_S.FOLLOWING, _S.ENDED, _S.BROKEN})
-"""States of a pull that has ended or broken off."""
+"""States of a pull that has ended or was aborted."""
 
 
 def next_state(state: PullState, event: PullEvent) -> PullState:

@@ -20,19 +20,19 @@ from mocha_link.sync.protocol import (
 )
 from mocha_link.sync.pull import Pull
 
-STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new contact
+STALLED_S = 1.0  # a new contact ends a pull without a byte for this long
 
 
 class Puller:
     """Pulls from one peer on request, and stores the messages that it pushes.
 
-    After a complete pull the node *follows* the peer: the peer pushes what it stores on the same
-    connection. The next pull goes on over a connection that stands, whichever node opened it; of
-    two that stand the robot whose name sorts last leaves its own.
+    After a complete pull the node *follows* the peer: the peer pushes new messages on the same
+    connection. The next pull reuses an open connection, whichever node opened it. If both nodes
+    have opened one, the robot whose name sorts last closes its own.
 
     Attributes:
-        pull: the one under way, if any.
-        followed: the one that is over, and on which the peer pushes.
+        pull: the running pull, if any.
+        followed: the pull that has ended, on whose connection the peer pushes.
         followed_sent: ids of the robots that we followed at the last FOLLOW to the peer.
     """
 
@@ -41,15 +41,15 @@ class Puller:
         self.followed: Pull | None = None
         self.followed_sent: frozenset[int] = frozenset()
         self.peer = peer
-        self._link_table = link_table  # learns what a pull has measured
+        self._link_table = link_table  # receives the measurements of pulls
         self._lingering: tuple[Flow, float] | None = None  # repeats END until that steady time
         self._connection = peer.connection
-        self._crossed = False  # the pull under way went over to a connection of the peer
+        self._crossed = False  # the running pull has moved to a connection of the peer
 
     def sync(self, now: Instant, over: Route | None = None) -> bool:
-        """Begin a pull; False if one is under way, or the contact's budget is used up.
+        """Begin a pull; False if one is in progress, or the contact's budget is used up.
 
-        `over`: a connection of the peer that stands, and over which the peer pulls from us.
+        `over`: an open connection of the peer, over which the peer pulls from us.
         """
         if self.pull or self.peer.budget.is_spent:
             return False
@@ -66,7 +66,7 @@ class Puller:
         return True
 
     def expects(self, route: Route, parts: Sequence[Frame]) -> bool:
-        """Whether what came over a connection of the peer belongs to a pull of ours."""
+        """Whether input on a connection of the peer belongs to a pull of ours."""
         if route != self._connection.route or not parts:
             return False
         ids = [pull.id for pull in (self.pull, self.followed) if pull]
@@ -83,7 +83,7 @@ class Puller:
         """Process a reply on the connection."""
         pull, followed = self.pull, self.followed
         if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
-            pull = followed  # pushed before the peer received the present pull
+            pull = followed  # pushed before the peer received the request of the current pull
         if pull:
             self._received(sum(map(len, parts)))
             pull.reply(parts, now)
@@ -102,7 +102,7 @@ class Puller:
             self._transmit(flow, now)
 
     def progress(self, now: Instant, rtt_s: float | None) -> None:
-        """The connection stands, or bytes arrive on it; its round trip, if known."""
+        """Note that the connection was established or received bytes; its round trip, if known."""
         self._connection.opened()
         if self.pull and self._connection.is_ours:
             self.pull.progress(now)
@@ -110,7 +110,7 @@ class Puller:
                 self.pull.measured(rtt_s)
 
     def lost(self, reason: str, now: Instant, route: Route = DIALLED) -> None:
-        """A connection was lost."""
+        """Note that a connection was lost."""
         pull = self.pull
         self._connection.lost(route)
         if route != self._connection.route:
@@ -125,7 +125,7 @@ class Puller:
             self.unfollow()
 
     def on_contact(self, now: Instant) -> None:
-        """A contact begins: do not wait for the timers of a pull that stalls."""
+        """Note that a contact begins: do not wait for the timers of a stalled pull."""
         pull = self.pull
         if pull is None or now.steady_s - pull.alive_s <= STALLED_S:
             return
@@ -133,17 +133,17 @@ class Puller:
             pull.flow.on_contact(now.steady_s)
             pull.transmit(now)
         else:
-            # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
+            # Its connection waits in TCP's back-off; a new one is established at once.
             pull.fail("stalled, and a new contact began", now)
             self._finish(pull, now)
 
     def tick(self, now: Instant, over: Route | None = None, received_s: float = 0.0) -> None:
-        """Run the timers; `over`: as for `sync`, on which something came last at `received_s`."""
+        """Run the timers; `over`: as for `sync`, with its last input at `received_s`."""
         pull, followed = self.pull, self.followed
         if pull and pull.is_in_vain(now):
             self._begin_afresh(pull, now)
         elif pull and over and self._may_cross(pull, now, received_s):
-            self._crossed = True  # we may not reach it, but it reaches us
+            self._crossed = True  # we may be unable to connect to the peer, but it reaches us
             self._begin_afresh(pull, now, over)
         elif pull:
             pull.tick(now)
@@ -165,7 +165,7 @@ class Puller:
         return not self._crossed and received_s >= pull.began_s and pull.is_unanswered(now)
 
     def unfollow(self) -> None:
-        """Take in nothing more of what the peer pushes, if it does."""
+        """Stop following the peer."""
         followed = self.followed
         self._follow(None)
         if followed and not self.pull:
@@ -173,7 +173,7 @@ class Puller:
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `tick` at the latest, in steady seconds; None: the time brings nothing."""
+        """When to call `tick` at the latest, in steady seconds; None: no timer runs."""
         times = [pull.wake_s for pull in (self.pull, self.followed) if pull]
         if self.followed:
             times.append(self.followed.alive_s + FOLLOW_S)
@@ -192,8 +192,8 @@ class Puller:
         if standing and same and self.followed:
             self.followed.hush()
         else:
-            # What is pushed would not get here now, but the pull brings it: the peer counts as
-            # followed until that fails, or all others would be pulled from each time.
+            # Pushes are not received now, but the pull fetches those messages. The peer counts as
+            # followed until the pull fails; otherwise the node would pull from all other peers.
             self.followed = None
         if not standing:
             self._connection.dial()
@@ -213,12 +213,12 @@ class Puller:
         self.peer.log.received(size)
 
     def _finish(self, pull: Pull, now: Instant) -> None:
-        """Let go of the pull under way if it is over."""
+        """Release the running pull if it is over."""
         if not pull.over or pull is not self.pull:
             return
         self._link_table.measure(
             self.peer.name,
-            rtt_s=None if pull.broken else pull.rtt_s,  # as it was remembered, perhaps
+            rtt_s=None if pull.broken else pull.rtt_s,  # may be that of an earlier pull
             bandwidth_bytes_s=pull.throughput_bytes_s,
             path=pull.carrier,
         )

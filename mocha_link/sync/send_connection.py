@@ -8,13 +8,13 @@ from mocha_link.sync.protocol import Route
 
 
 class SendConnection:
-    """Where frames of a pull go by TCP, and how much.
+    """The TCP route of a pull, and its credit.
 
     Attributes:
         route: the peer's connection; None: it has none.
-        since_s: when the pull came to it from another way, steady clock; 0: it began there.
-        sent: bytes on it.
-        chunk: the largest frame that the peer wants there.
+        since_s: when the pull moved to it, steady seconds; 0: it began there.
+        sent: bytes sent on it.
+        chunk: the largest frame that the peer accepts on it.
     """
 
     def __init__(self) -> None:
@@ -22,22 +22,22 @@ class SendConnection:
         self.since_s = 0.0
         self.sent = 0
         self.chunk = MIN_CHUNK
-        self._allowed = 0  # bytes that the peer has granted
+        self._allowed = 0  # total bytes that the peer has granted
 
     def begin(self, route: Route) -> None:
-        """The pull begins on a connection."""
+        """Begin the pull on a connection."""
         self.route = route
 
     def move(self, route: Route, now: Instant) -> None:
-        """What is sent from now on goes over a connection on which nothing was sent."""
+        """Move the pull to another connection, on which nothing was sent yet."""
         self.route, self.sent, self.since_s = route, 0, now.steady_s
 
     def lose(self) -> None:
-        """The connection is closed."""
+        """Note that the connection was closed."""
         self.route = None
 
     def grant(self, raw: bytes) -> None:
-        """Take in what may be sent."""
+        """Process a grant of the peer."""
         if len(raw) == GRANT.size:
             allowed, chunk = GRANT.unpack(raw)
             self._allowed = max(self._allowed, allowed)
@@ -49,5 +49,5 @@ class SendConnection:
         return self._allowed - self.sent
 
     def spend(self, size: int) -> None:
-        """So many bytes were sent."""
+        """Count sent bytes."""
         self.sent += size

@@ -1,4 +1,4 @@
-"""What a pull is to be given, the most urgent first, and how it fills frames. No sockets here."""
+"""The queue of messages for a pull, most urgent first, and their packing into frames."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import FragmentRequest
 
-_MIN_PIECE = 64  # a smaller one is not worth its head
-# What would take less than this share of a frame is left for the next one rather than cut in two.
+_MIN_PIECE = 64  # a smaller piece is not worth its head
+# A message that takes less than 1/4 of a frame is left for the next one rather than split.
 _SMALL_SHARE = 4
-_ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
-_BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
-MAX_GIVEN = 65_536  # message ids that are remembered; later ones may be sent twice
-_FEW = 8  # new ones are put in their place one by one
-_BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
+_ROOMY = 16_384  # a larger frame need not be full: nothing is split once half of it is used
+_BRIEF, _MUCH = 4_096, 16_384  # the small message that is sent before a large rest
+MAX_GIVEN = 65_536  # remembered message ids; later messages may be sent twice
+_FEW = 8  # up to this many new messages are inserted one by one
+_BEGUN, _FIRST = 1 << 64, 1 << 65  # flags in a rank
 
 
 class SendQueue:
-    """Messages in the order: priority, then what was begun, then the newest.
+    """Messages by priority, then partly sent ones, then by age, newest first.
 
-    Where much was begun one small message goes before it, so that a contact too short for the rest
-    still brings something.
+    Before a large rest of a partly sent message it sends one small message, so that a contact that
+    is too short for the rest still delivers something.
 
     Args:
-        remembered: ids of messages that were given out; later ones may be sent twice.
+        remembered: the number of sent message ids that are remembered; later messages may be sent
+            twice.
 
     Attributes:
-        messages: that were given out to the end.
-        frames: that were filled since it was cleared.
+        messages: messages that were completely sent.
+        frames: frames that were filled since `clear`.
     """
 
     def __init__(self, peer: Peer, *, remembered: int = MAX_GIVEN) -> None:
@@ -44,17 +45,16 @@ class SendQueue:
         self._remembered = remembered
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
-        # By topic key: the ranks under which messages came in, some of which may be replaced by
-        # now.
+        # By topic key: ranks of the added messages, some of which may have been replaced.
         self._added: dict[int, list[int]] = {}
-        self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
-        self._given: set[int] = set()  # message ids
+        self._missing: dict[int, list[Range]] = {}  # of partly sent messages, by message id
+        self._given: set[int] = set()  # ids of sent messages
 
     def __len__(self) -> int:
         return len(self._ranks)
 
     def clear(self) -> None:
-        """Begin a round, of which nothing was given."""
+        """Clear the queue for a new round."""
         self.frames = 0
         self._ranks.clear()
         self._records.clear()
@@ -63,7 +63,7 @@ class SendQueue:
         self._given.clear()
 
     def resume(self, requests: Iterable[FragmentRequest]) -> None:
-        """Go on with messages of which the peer has a part."""
+        """Continue messages of which the peer has a part."""
         begun = []
         for message_id, total, missing in requests:
             record = self._holdings.begun(message_id) or self._database.get(header_of(message_id))
@@ -76,7 +76,7 @@ class SendQueue:
         self._holdings.end_begun(begun)
 
     def skip(self, message_id: int) -> None:
-        """The peer has got a message from another node, or a newer one."""
+        """Drop a message that the peer has received from another node, or no longer needs."""
         self._holdings.add(message_id)
         if self._missing.pop(message_id, None):
             rank = next(
@@ -86,10 +86,10 @@ class SendQueue:
             del self._records[rank]
 
     def add(self, records: Iterable[Record]) -> None:
-        """Add those of some messages that the peer may lack.
+        """Add those of the messages that the peer may lack.
 
-        Of their topics what was replaced meanwhile and not begun goes, so that the queue holds no
-        more than the database, however slow the link.
+        Queued messages of the same topics are dropped if newer ones have replaced them and they are
+        not partly sent. The queue thus holds no more than the database, even on a slow link.
         """
         lacks = self._holdings.lacks
         new: list[int] = []
@@ -117,7 +117,7 @@ class SendQueue:
                 insort(self._ranks, rank)
 
     def put_one_first(self) -> None:
-        """Before much that was begun the smallest new message that is as urgent, if it is small."""
+        """Move a small message of the same priority before a large rest of a partly sent one."""
         top = max((rank for rank in self._ranks if rank & _BEGUN), default=None)
         if top is None:
             return
@@ -132,9 +132,9 @@ class SendQueue:
     def fill(
         self, room: int, round_: int, prefix: bytes, *, may_be_replaced: bool
     ) -> list[Frame] | None:
-        """A frame of chunks with as much as fits, in parts; None if nothing does.
+        """A frame of chunks with as much as fits, in parts; None if nothing fits.
 
-        `may_be_replaced`: something was stored since the queue was filled.
+        `may_be_replaced`: the database has changed since the queue was filled.
         """
         room -= sync.CHUNKS_BYTES
         most = room
@@ -182,7 +182,7 @@ class SendQueue:
         pieces: list[bytes],
         data: list[Frame],
     ) -> int:
-        """Take a piece of the first message in the queue; the room that it uses."""
+        """Cut a piece from the first message in the queue; returns the room that it uses."""
         total = len(record.body)
         missing = self._missing.get(message_id)
         if missing is None:
@@ -204,7 +204,7 @@ class SendQueue:
         return sync.PIECE.size + size
 
     def _drop_replaced(self, key: int) -> None:
-        """Let go what the database does not keep any more of a topic."""
+        """Drop messages of a topic that the database no longer keeps."""
         here = [rank for rank in self._added[key] if rank in self._records]
         kept = [rank for rank in here if self._database.get(self._records[rank].header) is not None]
         for rank in set(here).difference(kept):
@@ -221,7 +221,7 @@ class SendQueue:
 
 
 def _rank(message_id: int, priority: int, *, begun: bool) -> int:
-    """Sorts by urgency; holds the message id."""
+    """A number that sorts by urgency and contains the message id."""
     return (priority << 2 | begun) << 64 | (message_id & wire.STAMP_MASK) << 16 | message_id >> 48
 
 

@@ -1,4 +1,4 @@
-"""One round of a served pull: what the peer is to be given after its OPEN."""
+"""One round of a served pull: selects the messages to send after an OPEN of the peer."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from mocha_link.sync.protocol import Frame
 from mocha_link.sync.send_queue import SendQueue
 from mocha_link.sync.sync_messages import Digest, Done, Have, HeldGroups, Open, Since
 
-SLICE = 2_000  # messages that are put in their order at once: some milliseconds
+SLICE = 2_000  # messages that are sorted at once: some milliseconds
 
 GroupDigests = list[tuple[int, tuple[int, ...]]]
 """Robot ids, and the digests of the groups of their topics."""
 
 
 class SendRound:
-    """The messages that the peer lacks, by what it has listed, and those that are stored later.
+    """The messages that the peer lacks by its OPEN, and those that are stored later.
 
     Attributes:
-        number: of the round; -1: the peer has not opened.
+        number: the number of the round; -1: the peer has not opened.
     """
 
     def __init__(self, peer: Peer, queue: SendQueue, number: int = -1) -> None:
@@ -30,17 +30,18 @@ class SendRound:
         self._peer = peer
         self._database = peer.node.database
         self._queue = queue
-        self._backlog: list[Record] = []  # that goes into it later, the most urgent last
-        self._compared: frozenset[int] = frozenset()  # robots whose groups were requested
-        self._opened_at = 0  # sequence of the database then
-        self._sequence: int | None = None  # what is stored later is new; None: nothing is known
+        self._backlog: list[Record] = []  # still to be queued, the most urgent last
+        self._compared: frozenset[int] = frozenset()  # robots whose groups are being compared
+        self._opened_at = 0  # sequence of the database at the OPEN
+        self._sequence: int | None = None  # messages stored after it are new; None: no valid OPEN
 
     def open(self, opening: Open) -> GroupDigests | None:
-        """Find what the peer lacks; None: the list refers to what we do not know.
+        """Queue the messages that the peer lacks.
 
-        Returns the digests that it has to compare before the rest is known.
+        Returns the digests that the peer must compare before the rest is known; None: the OPEN
+        refers to an unknown database or sequence.
         """
-        sequence = self._database.sequence  # before the database is read
+        sequence = self._database.sequence  # first: other threads store meanwhile
         groups: GroupDigests = []
         new: Iterable[Record] = ()
         holdings = self._peer.holdings
@@ -65,11 +66,11 @@ class SendRound:
         return groups
 
     def answer(self, held: Sequence[HeldGroups]) -> None:
-        """The peer lists what it holds of the groups that differ."""
+        """Process the peer's list of its messages in the groups that differ."""
         if not self._compared:
             return
         self._peer.holdings.add(*(message_id for each in held for message_id in each.message_ids))
-        differing = dict.fromkeys(self._compared, 0)  # groups, a bit each; none is read twice
+        differing = dict.fromkeys(self._compared, 0)  # groups, a bit each, so none is read twice
         for robot_id, groups, _ in held:
             if robot_id in differing:
                 differing[robot_id] |= groups
@@ -85,9 +86,9 @@ class SendRound:
             self._queue.put_one_first()
 
     def refill(self, follower: Follower | None) -> list[int]:
-        """Put what was stored since in its order, and the next of much.
+        """Queue newly stored messages, and the next part of the backlog.
 
-        A peer that follows gets only some of what was stored; the ids of others to announce.
+        To a peer that follows only some messages are pushed; returns the ids to announce.
         """
         announced: list[int] = []
         sequence = self._database.sequence
@@ -99,12 +100,12 @@ class SendRound:
             self._sequence = sequence
         if self._backlog:
             self._feed()
-        while self._backlog and not self._queue:  # the peer had all of those
+        while self._backlog and not self._queue:  # the peer holds all of the last part
             self._feed()
         return announced
 
     def fill(self, room: int, prefix: bytes) -> list[Frame] | None:
-        """The next frame of chunks, in parts; None: nothing waits, or nothing fits."""
+        """The next frame of chunks, in parts; None: nothing is queued, or nothing fits."""
         if not self._queue:
             return None
         stored_since = self._sequence != self._opened_at
@@ -112,7 +113,7 @@ class SendRound:
 
     @property
     def awaits_answer(self) -> bool:
-        """Whether nothing is left to send before the peer has compared the digests."""
+        """Whether nothing can be sent until the peer has compared the digests."""
         return not self._queue and bool(self._compared)
 
     def end(self) -> Done:
@@ -121,7 +122,7 @@ class SendRound:
         return Done(self._database.epoch, self._sequence or 0, self._queue.frames, cut_short)
 
     def _compare(self, digests: dict[int, int]) -> tuple[list[Record], GroupDigests]:
-        """What the peer certainly lacks, and the group digests of what differs otherwise."""
+        """The messages that the peer certainly lacks, and the group digests of differing robots."""
         ours = self._database.digests()
         absent = ours.keys() - digests.keys()
         differing = [each for each in ours.keys() & digests.keys() if ours[each] != digests[each]]
@@ -131,9 +132,9 @@ class SendRound:
         return new, [(each, self._database.group_digests(each)) for each in sorted(differing)]
 
     def _enqueue(self, records: Iterable[Record]) -> None:
-        """Give out messages: the most urgent of many now, the others while frames leave.
+        """Queue messages: of many the most urgent now, the others while frames are sent.
 
-        All at once would hold up the node.
+        Sorting all at once would block the node.
         """
         self._backlog += records
         if len(self._backlog) > SLICE:

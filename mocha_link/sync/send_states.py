@@ -1,4 +1,4 @@
-"""The states of a pull as its serving side sees it: one table, which the docs print."""
+"""The states of a pull on its serving side: one table, which the docs print."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from typing import Final
 
 
 class SendState(enum.Enum):
-    """What a served pull waits for; the value says it for the docs."""
+    """The state of a served pull; the value describes it in the docs."""
 
-    OPENING = "the peer has not opened"
-    REJECTED = "OPEN is of another version: HELLO says so, and nothing else goes out"
-    WAITING = "HELLO asks for another OPEN: the list or the configuration is not known"
-    SENDING = "messages go out"
-    DONE = "all went out, DONE last: the peer says how it goes on"
-    CUT_SHORT = "the same, but the budget was too small for all"
-    FOLLOWED = "the pull has ended; what is stored goes out at once"
-    OVER = "nothing more goes out"
+    OPENING = "no OPEN received"
+    REJECTED = "OPEN has another version: HELLO reports it, and nothing else is sent"
+    WAITING = "HELLO requested another OPEN: the list or the configuration is unknown"
+    SENDING = "messages are sent"
+    DONE = "all messages and DONE are sent: the peer replies with FOLLOW, END or OPEN"
+    CUT_SHORT = "the budget is used up, and DONE is sent: the peer replies likewise"
+    FOLLOWED = "the pull has ended; newly stored messages are pushed or announced"
+    OVER = "nothing more is sent"
 
 
 class SendEvent(enum.Enum):
-    """What may happen to a served pull; the value says it for the docs."""
+    """An event of a served pull; the value describes it in the docs."""
 
-    UNREADABLE = "OPEN of another version arrives"
-    UNKNOWN = "OPEN arrives, and what it refers to is not known"
-    OPEN = "OPEN arrives"
+    UNREADABLE = "OPEN of another version is received"
+    UNKNOWN = "OPEN is received and refers to an unknown list or configuration"
+    OPEN = "OPEN is received"
     ALL_SENT = "no message is left to send"
-    BUDGET_SPENT = "no more fits in the budget"
-    FOLLOW = "FOLLOW arrives"
-    END = "END, silence, a new pull of the peer"
+    BUDGET_SPENT = "no message fits in the rest of the budget"
+    FOLLOW = "FOLLOW is received"
+    END = "END is received, the peer is silent, or it begins a new pull"
 
 
 _S, _E = SendState, SendEvent
@@ -66,13 +66,13 @@ STATES: Final[dict[tuple[SendState, SendEvent], SendState]] = {
     (_S.FOLLOWED, _E.UNREADABLE): _S.REJECTED,
     (_S.FOLLOWED, _E.END): _S.OVER,
 }
-"""What is not in here changes nothing."""
+"""Any other event leaves the state unchanged."""
 
 ENDED: Final = frozenset({_S.FOLLOWED, _S.OVER})
 """States of a pull that has ended."""
 
 GIVEN_OUT: Final = frozenset({_S.DONE, _S.CUT_SHORT}) | ENDED
-"""States in which all that the pull is given has gone out."""
+"""States in which all messages for the pull have been sent."""
 
 
 def next_state(state: SendState, event: SendEvent) -> SendState:

@@ -1,4 +1,4 @@
-"""One pull of a peer as the serving side sees it, and on which way its frames go: TCP or UDP."""
+"""The serving side of one pull of a peer, and the choice of the path for its frames."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, PATIENCE_S, Frame, Rout
 from mocha_link.sync.send_connection import SendConnection
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
-LATE_ACK_S = 0.1  # so long an acknowledgement may be late
+LATE_ACK_S = 0.1  # the margin for a late acknowledgement
 
 
 class ServedPull:
-    """Carries the frames of one pull to the peer: over its connection, by datagrams, or both.
+    """Sends the frames of one pull to the peer: over its connection, by datagrams, or both.
 
-    The connection carries bulk. Datagrams carry a first window, all where there is no connection,
-    and all where the connection loses much. Every choice between the two is made here.
+    The connection carries bulk data. Datagrams carry a first window, and everything if there is no
+    connection or the connection loses much. This class makes every choice between the two.
 
     Args:
         flows: the datagram flows to the peer; the current one is of the newest pull.
 
     Attributes:
-        id: what its frames begin with on a connection, the id of the request.
-        began_s: when it began, steady clock.
-        received_s: when the newest frame of the peer came, steady clock.
-        sender: what goes out.
-        connection: the peer's, if it has one.
-        by_datagram: frames come, and go, by datagrams.
+        id: the id of the request, with which its frames on a connection begin.
+        began_s: when it began, steady seconds.
+        received_s: when the peer's last frame was received, steady seconds.
+        sender: makes the frames.
+        connection: the peer's connection, if there is one.
+        by_datagram: frames are sent by datagrams.
     """
 
     def __init__(self, peer: Peer, request_id: bytes, began_s: float, flows: Flows) -> None:
@@ -40,24 +40,24 @@ class ServedPull:
         self.connection = SendConnection()
         self.by_datagram = False
         self._flows = flows
-        self._all_cast = False  # everything that was given out went by datagrams
-        self._reclaimed = False  # what datagrams may have lost goes over the connection
-        self._again: deque[bytes] = deque()  # those frames
+        self._all_cast = False  # all frames so far were sent by datagrams
+        self._reclaimed = False  # unacknowledged datagrams are sent again over the connection
+        self._again: deque[bytes] = deque()  # their frames
 
-    # --- what the peer does
+    # --- input from the peer
 
     def received(self, now: Instant) -> None:
-        """Something of the pull came in."""
+        """Note that input for the pull was received."""
         self.received_s = now.steady_s
 
     def begin_by_datagrams(self) -> None:
-        """It was opened by datagrams, and goes on by them."""
+        """Note that the peer opened it by datagrams, which it continues to use."""
         self.by_datagram = self._all_cast = True
 
     def connection_stands(self, found: Standing | None) -> bool:
-        """Take in how the connection does; False: it is closed, and the peer followed only there.
+        """Note the state of the connection; False: it is closed, and the peer followed only on it.
 
-        A pull that is under way may go on by datagrams, or over another connection.
+        A running pull may continue by datagrams, or over another connection.
         """
         if found is None:
             self.connection.lose()
@@ -66,7 +66,7 @@ class ServedPull:
             self.use_datagrams()
         return True
 
-    # --- what goes out
+    # --- output
 
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for the connection, in parts, if the peer has credit left for one."""
@@ -87,21 +87,21 @@ class ServedPull:
         return connection.route, parts
 
     def next_for_datagram(self, room: int) -> bytes | None:
-        """The next frame for a datagram of that many bytes; None: nothing now, or not this way."""
+        """The next frame of at most `room` bytes for a datagram; None: no frame now, or by TCP."""
         return self.sender.next(room) if self.by_datagram and self.sender.fits(room) else None
 
-    # --- which way
+    # --- the path
 
     @property
     def _flow(self) -> Flow | None:
-        """The flow of this pull; the current one may still be that of the pull before."""
+        """The flow of this pull; the current flow may still be the previous pull's."""
         flow = self._flows.current
         return flow if flow and flow.token == self.id else None
 
     def _datagrams_carry(self) -> bool:
-        """Whether they carry what there is: a first window, and more where TCP loses much.
+        """Whether datagrams carry the next frames: a first window, and more if TCP loses much.
 
-        A peer that follows gets what is new over its connection, if that stands.
+        New messages to a peer that follows are sent over its connection, if it is open.
         """
         flow, sender = self._flow, self.sender
         if not self.by_datagram or flow is None:
@@ -117,7 +117,7 @@ class ServedPull:
         return False
 
     def use_datagrams(self) -> None:
-        """Have them carry what the connection began, where TCP loses much and they get there."""
+        """Continue by datagrams if TCP loses much and datagrams reach the peer."""
         flow = self._flow
         if flow is None or self.sender.given_out:
             return
@@ -126,10 +126,10 @@ class ServedPull:
 
     @property
     def _unreachable_s(self) -> float | None:
-        """When it is clear that our datagrams do not get back to the peer: the connection serves.
+        """When our datagrams count as not reaching the peer, so that the connection takes over.
 
-        Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
-        takes no longer.
+        The request on the connection was received more than a round trip after the peer's
+        datagrams. An acknowledgement takes no longer than that.
         """
         flow, connection = self._flow, self.connection
         if self._reclaimed or connection.route is None or flow is None or flow.rtt_s is not None:
@@ -139,9 +139,9 @@ class ServedPull:
         return connection.since_s + 2 * (connection.since_s - self.began_s) + LATE_ACK_S
 
     def reclaim(self, now: Instant) -> None:
-        """Have the connection alone carry on where datagrams do not reach the peer.
+        """Continue over the connection alone if datagrams do not reach the peer.
 
-        It sends again what they may have lost.
+        Unacknowledged frames are sent again.
         """
         flow, due_s = self._flow, self._unreachable_s
         if flow and due_s is not None and now.steady_s > due_s:
@@ -150,23 +150,23 @@ class ServedPull:
             self._all_cast = self.sender.given_out
             self._again.extend(flow.reclaim())
 
-    # --- how it ends
+    # --- the end
 
     @property
     def reaches_peer(self) -> bool:
-        """Whether what we send is known to reach the peer."""
+        """Whether our frames are known to reach the peer."""
         flow = self._flow
         return self.connection.route is not None or bool(flow and flow.proven)
 
     @property
     def has_arrived(self) -> bool:
-        """Whether all was given out and acknowledged, so that only the peer's END is missing."""
+        """Whether all frames were sent and acknowledged, so that only the peer's END is missing."""
         flow = self._flow
         return bool(self.sender.given_out and self._all_cast and flow and flow.settled)
 
     @property
     def patience_s(self) -> float:
-        """How long the peer may send nothing."""
+        """The time-out for input from the peer."""
         return FOLLOW_S if self.sender.ended else PATIENCE_S
 
     def is_silent(self, now: Instant) -> bool:
@@ -175,6 +175,6 @@ class ServedPull:
 
     @property
     def wake_s(self) -> float:
-        """When the time brings something, steady seconds."""
+        """When the first timer expires, steady seconds."""
         silent_s, unreachable_s = self.received_s + self.patience_s, self._unreachable_s
         return silent_s if unreachable_s is None else min(silent_s, unreachable_s)

@@ -1,6 +1,6 @@
-"""The answering side of one peer: its pulls, whatever node it runs and whatever path they take.
+"""Serves the pulls of one peer, by either protocol and over either path.
 
-Nothing here touches sockets: requests and datagrams in, replies and frames out.
+No sockets here: requests and datagrams in, replies and frames out.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from mocha_link.sync.send_states import SendState
 from mocha_link.sync.served_pull import ServedPull
 from mocha_link.sync.sync_messages import Hello, Reception
 
-REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
+REMEMBERED = 16  # past pulls, so that their late packets do not begin a new pull
 REPLACED_S = 0.5  # a datagram does not replace a sync that received a frame within this time
-PADDING = b"\0"  # what a frame without meaning begins with
+PADDING = b"\0"  # the first byte of a padding frame
 
 _HELLO_ROOM = 64
 
@@ -45,21 +45,21 @@ class Server:
     """Serves one peer, and reports the start and end of its pulls.
 
     Attributes:
-        peer: it.
+        peer: the peer.
     """
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
         self._original = ServerSession(peer)
-        self._pull: ServedPull | None = None  # under way, or followed
+        self._pull: ServedPull | None = None  # running, or followed by the peer
         self._flows = Flows(peer)  # of datagrams; the current one is of the newest sync
-        self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
-        self._ended_s = 0.0  # of the last sync
-        self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
+        self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of past syncs
+        self._ended_s = 0.0  # when the last sync ended, steady seconds
+        self._rejected: tuple[bytes, Reception] | None = None  # the last rejected sync
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
-        self._contact_s = 0.0  # when a radio last saw a contact begin, steady clock
+        self._contact_s = 0.0  # when the radio last reported a new contact, steady seconds
 
-    # --- what comes in
+    # --- input
 
     def handle(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -72,7 +72,7 @@ class Server:
         return self._original.handle(parts, now)
 
     def packet(self, packet: bytes, now: Instant) -> bool:
-        """Process a datagram; whether its source is the peer's address, so it is no replay."""
+        """Process a datagram; returns whether it is no replay, so its source is the peer."""
         flow = self._flows.current
         token = packet[1 : 1 + ID_BYTES]
         if len(token) != ID_BYTES:
@@ -89,7 +89,7 @@ class Server:
         return flow.arrived > arrived
 
     def route(self, standing: Callable[[Route], Standing | None]) -> Route | None:
-        """The connection of the sync, if it has one that is `standing`."""
+        """The connection of the sync, if it has one that is open by `standing`."""
         pull = self._pull
         if pull is None or pull.connection.route is None:
             return None
@@ -100,22 +100,22 @@ class Server:
         return pull.connection.route
 
     def lost(self, route: Route) -> None:
-        """A connection was lost, and the peer does not get there what it follows."""
+        """Note that a connection was lost, on which a peer that follows receives no more pushes."""
         unchanged = Standing(loses_much=self._flows.loses_much)
         self.route(lambda each: None if each == route else unchanged)
 
     def on_contact(self, now: Instant) -> None:
-        """A new contact begins."""
+        """Note that a contact begins."""
         self._contact_s = now.steady_s
         if self._flows.current:
             self._flows.current.on_contact(now.steady_s)
 
     def request_pull(self) -> None:
-        """Have a peer that follows pull again."""
+        """Request that a peer that follows pulls again."""
         if self._pull and self._pull.sender.ended:
             self._pull.sender.request_pull()
 
-    # --- what goes out
+    # --- output
 
     def transmit(self, now: Instant) -> list[bytes]:
         """The datagrams to send now."""
@@ -139,7 +139,7 @@ class Server:
 
     @property
     def received_s(self) -> float:
-        """When something of the peer's sync came last, steady seconds."""
+        """When the last input for the peer's sync was received, steady seconds."""
         return self._pull.received_s if self._pull else 0.0
 
     @property
@@ -147,14 +147,14 @@ class Server:
         """A connection of the peer over which it pulls, and we may pull as well."""
         pull = self._pull
         if pull is None or pull.received_s < self._contact_s:
-            return None  # it may have gone with the contact before
+            return None  # it may have been lost with the previous contact
         return pull.connection.route or None  # not the one that we opened
 
     # --- timers
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `tick` and `transmit` at the latest; None: the time brings nothing."""
+        """When to call `tick` and `transmit` at the latest; None: no timer runs."""
         flow = self._flows.current
         times = [self._original.wake_s, flow.wake_s if flow else None]
         if self._pull:
@@ -164,7 +164,7 @@ class Server:
         return min((each for each in times if each is not None), default=None)
 
     def tick(self, now: Instant) -> None:
-        """Run the timers: the silence of a peer ends its pull."""
+        """Run the timers: time out the pull of a silent peer."""
         self._original.tick(now)
         pull = self._pull
         if pull:
@@ -192,7 +192,7 @@ class Server:
             and connection.route != route
             and self._flows.current is None
         ):
-            # Its first connection broke, with all that was sent and granted on it.
+            # Its first connection was lost, with all frames sent and credit granted on it.
             pull = self._pull = ServedPull(self.peer, request_id, pull.began_s, self._flows)
         pull.received(now)
         if pull.connection.route is None or code == SYNC1:
@@ -208,13 +208,13 @@ class Server:
         return self._rejection(request_id)
 
     def _open_sync(self, route: Route, request_id: bytes, argument: bytes, now: Instant) -> None:
-        """A pull is to begin on a connection."""
+        """Begin a pull on a connection."""
         self._opened.append((request_id, route))
         if request_id in self._past:
-            return  # a connection that came too late
+            return  # a late connection of a past pull
         pull = ServedPull(self.peer, request_id, now.steady_s, self._flows)
         if not pull.sender.open(argument[GRANT.size :]):
-            # An error reply would make us an original node to the peer, who reads by ids.
+            # After an error reply the peer would take us for an original node.
             self._rejected = (request_id, Reception.UNREADABLE)
             return
         pull.connection.begin(route)
@@ -228,7 +228,7 @@ class Server:
         if before and before.id == token:
             return self._packet_for_connection(before, packet, now)
         if before and not before.sender.ended and now.steady_s - before.received_s < REPLACED_S:
-            return False  # a copy of an old opening must not end what goes well
+            return False  # a replayed opening must not end a running pull
         pull = ServedPull(self.peer, token, now.steady_s, self._flows)
         flow = self._flows.make(token, pull.next_for_datagram)
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
@@ -236,14 +236,14 @@ class Server:
             return False
         flow.proven = pull.sender.admitted
         if before and before.reaches_peer and not flow.proven:
-            return False  # nor ever what the peer gets; it may always begin anew by a connection
+            return False  # nor one that reaches the peer, which can always open by a connection
         pull.begin_by_datagrams()
         self._begin(pull, now)
         self._flows.begin(flow, now)
         return True
 
     def _packet_for_connection(self, pull: ServedPull, packet: bytes, now: Instant) -> bool:
-        """The connection was first, so it serves until a probe has come back as a datagram."""
+        """Begin datagrams for a pull that the connection has begun; a probe must return first."""
         flow = self._flows.make(pull.id, pull.next_for_datagram)
         flow.receive(packet, now.steady_s)
         if pull.sender.given_out or flow.refused:
@@ -265,7 +265,7 @@ class Server:
     # --- a pull ends
 
     def _take(self, pull: ServedPull, frame: Frame, now: Instant) -> bool:
-        """Hand a frame to the pull, and report if that ends it; False if it is none of a sync."""
+        """Pass a frame to the pull, and report its end; False if the frame is none of a sync."""
         before = pull.sender.state
         taken = pull.sender.take(frame)
         match pull.sender.state:
@@ -287,7 +287,7 @@ class Server:
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _reject(self, pull: ServedPull, now: Instant) -> None:
-        """Reject a sync; its flow stays until the rejection is sent."""
+        """Reject a sync; its flow stays open until the rejection is sent."""
         self._pull = None
         self._past.append(pull.id)
         self._ended_s = now.steady_s
@@ -296,7 +296,7 @@ class Server:
         self.peer.log.timed_out(Direction.OUT, reason, now)
 
     def _end(self, pull: ServedPull, now: Instant, *, complete: bool) -> None:
-        """A pull has ended, and the peer does not follow."""
+        """Close a pull that has ended, without following."""
         self._pull = None
         self.peer.connection.unshare()
         self._past.append(pull.id)
@@ -305,7 +305,7 @@ class Server:
 
     def _report_end(self, pull: ServedPull, now: Instant, *, complete: bool = True) -> None:
         if self._flows.current is None:
-            self.peer.tokens.renew()  # it has got one; a copy of what it began with is of no use
+            self.peer.tokens.renew()  # makes replays of its opening useless
         self.peer.log.ended(
             Direction.OUT,
             now,
@@ -316,11 +316,11 @@ class Server:
         )
 
     def _break_off(self, pull: ServedPull, reason: str, now: Instant) -> None:
-        """The peer sends nothing more of a pull."""
+        """Close a pull that the peer does not continue."""
         before = pull.sender.state
-        ended = pull.sender.ended  # so its end was reported already
+        ended = pull.sender.ended  # its end was already reported
         if pull.has_arrived and not ended:
-            pull.sender.end()  # all has arrived, only the peer's END has not
+            pull.sender.end()  # everything is acknowledged, only the peer's END is missing
             self._end(pull, now, complete=before is SendState.DONE)
             return
         self._release(pull)
@@ -328,7 +328,7 @@ class Server:
             self.peer.log.timed_out(Direction.OUT, reason, now)
 
     def _release(self, pull: ServedPull) -> None:
-        """Nothing more is sent of a pull."""
+        """Send nothing more for a pull."""
         pull.sender.end()
         self._pull = None
         self.peer.connection.unshare()

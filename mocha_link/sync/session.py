@@ -1,6 +1,6 @@
-"""All that is exchanged with one peer: our pulls from it, and its pulls from us.
+"""The exchange with one peer: our pulls from it, and its pulls from us.
 
-Nothing here touches sockets: what came in is handed over, what goes out is an action or `supply`.
+No sockets here: the caller passes received input, and fetches actions and the frames of `supply`.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from mocha_link.sync.server import Server
 
 
 class Session:
-    """Hands what comes from one peer to our pull from it or to its pull from us.
+    """Passes the input from one peer to our pull from it or to its pull from us.
 
     Args:
-        link_table: where bytes, refusals and measurements are noted.
-        both_ways: the peer pulls over our connection, and we over its.
+        link_table: counts bytes, refusals and measurements.
+        both_ways: the peer may pull over our connection, and we over its connection.
 
     Attributes:
-        peer: it.
+        peer: the peer.
     """
 
     def __init__(self, peer: Peer, link_table: LinkTable, *, both_ways: bool = True) -> None:
@@ -44,12 +44,12 @@ class Session:
         self._both_ways = both_ways
         self._closed: Route | None = None  # the peer's connection over which we pulled, if closed
 
-    # --- what the node wants
+    # --- requests of the node
 
     def sync(self, now: Instant, *, both: bool = False, renews: bool = False) -> bool:
-        """Pull from the peer; False if a pull is under way, or the contact's budget is used up.
+        """Pull from the peer; False if a pull is in progress, or the contact's budget is used up.
 
-        `both`: the peer pulls, too. `renews`: it counts as a contact of its own.
+        `both`: request that the peer also pulls. `renews`: the pull counts as a new contact.
         """
         if both:
             self._server.request_pull()
@@ -58,26 +58,26 @@ class Session:
         return self._puller.sync(now, self._over)
 
     def on_contact(self, now: Instant) -> None:
-        """A contact begins: what stalls goes on at once."""
+        """Note that a contact begins: stalled exchanges continue at once."""
         self.peer.budget.renew()
         self._server.on_contact(now)
         self._transmit(now)
         self._puller.on_contact(now)
 
     def contact_ended(self) -> None:
-        """The peer is out of reach: nothing that it pushes gets here."""
+        """Note that the peer is out of range: its pushes are not received."""
         self.peer.connection.unshare()
         self._puller.unfollow()
 
-    # --- what comes from the sockets
+    # --- input from the sockets
 
     def request(self, route: Route, parts: Sequence[bytes], now: Instant) -> None:
-        """Take in what came in on a connection for the peer."""
+        """Process a frame on a connection that the peer opened."""
         if self._puller.expects(route, parts):
             self._puller.reply(parts, now)
             return
         if is_reply(parts):
-            return  # to a pull that has gone over to another connection
+            return  # to a pull that has moved to another connection
         reply = self._server.handle(route, parts, now)
         if reply is not None:
             self._link_table.count(self.peer.name, bytes_out=len(reply))
@@ -85,34 +85,37 @@ class Session:
         self._transmit(now)
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> None:
-        """Take in what came back on the connection to the peer, or a request of the peer there."""
+        """Process a reply on the connection to the peer, or a request that the peer sent on it."""
         if self._both_ways and len(parts) == 1 and is_request(parts[0]):
             self.request(DIALLED, [bytes(parts[0])], now)
         elif self.peer.connection.is_ours:
             self._puller.reply(parts, now)
-        # Else it is of a pull that has gone over to a connection of the peer.
+        # Otherwise it is for a pull that has moved to a connection of the peer.
 
     def packet(self, packet: bytes, now: Instant) -> bool:
         """Process a datagram at the peer's port; whether to reply to its source address."""
-        is_there = self._server.packet(packet, now)
+        accepted = self._server.packet(packet, now)
         self._transmit(now)
-        return is_there
+        return accepted
 
     def packet_back(self, packet: bytes, now: Instant) -> None:
         """Process a datagram that the peer sent in reply to ours."""
         self._puller.packet(packet, now)
 
     def progress(self, now: Instant, rtt_s: float | None) -> None:
-        """The connection to the peer stands, or bytes arrive on it; its round trip, if known."""
+        """Note that the connection to the peer was established or received bytes."""
         self._puller.progress(now, rtt_s)
 
     def lost(self, reason: str, now: Instant) -> None:
-        """The connection to the peer was lost."""
+        """Note that the connection to the peer was lost."""
         self._server.lost(DIALLED)
         self._puller.lost(reason, now)
 
     def route(self, standing: Callable[[Route], Standing | None]) -> Route | None:
-        """The connection on which the peer pulls, if it does, and if that is still `standing`."""
+        """The connection on which the peer pulls, if it does and the connection is open.
+
+        `standing`: the kernel's measurements of a connection; None: it is closed.
+        """
         way = self.peer.connection.route
         if way != DIALLED:
             found = standing(way)
@@ -122,7 +125,7 @@ class Session:
                 self.peer.path.measured(found.rtt_s)
         return self._server.route(standing)
 
-    # --- what goes out
+    # --- output
 
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
@@ -146,21 +149,21 @@ class Session:
         self._puller.tick(now, self._over, self._server.received_s)
 
     def serve(self, now: Instant) -> None:
-        """Run the timers of the peer's pull, and send it what is due and what is new."""
+        """Run the timers of the peer's pull, and send its due datagrams and new messages."""
         self._server.tick(now)
         self._transmit(now)
 
     @property
     def wake_s(self) -> float | None:
-        """When the time brings something, in steady seconds; None: it does not."""
+        """When the first timer expires, in steady seconds; None: no timer runs."""
         wakes_s = (self._puller.wake_s, self._server.wake_s)
         return min((each for each in wakes_s if each is not None), default=None)
 
-    # --- how it stands
+    # --- state
 
     @property
     def pulls(self) -> bool:
-        """Whether a pull of ours is under way."""
+        """Whether a pull of ours is running."""
         return self._puller.pull is not None
 
     @property

@@ -1,7 +1,7 @@
 """The messages of the sync between two new nodes (docs/sync-protocol.md).
 
-In the order of a pull: OPEN, HELLO, and if digests were compared GROUPS and ANSWER; SKIP at any
-time, DONE; END and FOLLOW have no content.
+In the order of a pull: OPEN, HELLO, GROUPS and ANSWER if digests are compared, DONE, then END or
+FOLLOW. SKIP may be sent at any time.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 MAX_OPENED = 4_096  # in an OPEN: more than any node lists there
 MAX_ROBOTS = 256
 
-# Version, sort of knowledge, boot id, budget, configuration hash, that of the peer whose topics are
-# known, address token.
+# Version, sort of knowledge, boot id, budget, configuration hash, configuration hash of the peer's
+# last TOPICS, address token.
 _OPEN = struct.Struct(">BBQQQQQ")
 _SINCE = struct.Struct(">QQ")
 _COUNT = struct.Struct(">H")
@@ -48,7 +48,7 @@ class VersionError(SyncFrameError):
 
 @dataclass(frozen=True, slots=True)
 class Since:
-    """We know what your database `epoch` held at `sequence`; since then we got `message_ids`."""
+    """We hold all that database `epoch` of the peer had at `sequence`, and these `message_ids`."""
 
     epoch: int
     sequence: int
@@ -57,20 +57,20 @@ class Since:
 
 @dataclass(frozen=True, slots=True)
 class Have:
-    """All that we hold."""
+    """The ids of all messages that we hold."""
 
     message_ids: Sequence[int]
 
 
 @dataclass(frozen=True, slots=True)
 class Digest:
-    """The digest of all that we hold of each robot."""
+    """By robot, the digest of all its messages that we hold."""
 
     digests: dict[int, int]
 
 
 class FragmentRequest(NamedTuple):
-    """A message that has arrived in part, and its missing ranges."""
+    """A partly received message, and its missing ranges."""
 
     message_id: int
     total: int
@@ -79,12 +79,12 @@ class FragmentRequest(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Open:
-    """The opening of the pulling node: its messages, its partial messages, its budget.
+    """The opening of the pulling node: its messages, its incomplete messages, its budget.
 
-    `boot_id` is a number of its process. `budget` is in bytes of frames; 0: no limit.
-    `config_hash` stands for what ids mean to it (`config_hash_of`), `known_hash` for what they mean
-    to the serving side by its last TOPICS; 0: it has sent none. `address_token` is the last one
-    that the serving side has given it; 0: none.
+    `boot_id` identifies its process. `budget` is in bytes of frames; 0: no limit. `config_hash` is
+    the hash of its definitions of all ids (`config_hash_of`), `known_hash` that of the serving
+    side's last TOPICS; 0: none received. `address_token` is the last one that the serving side has
+    issued to it; 0: none.
     """
 
     boot_id: int
@@ -96,7 +96,7 @@ class Open:
     known_hash: int = 0
 
     def encode(self) -> bytes:
-        """The content of the message."""
+        """Encode the content of the message."""
         match self.knowledge:
             case Since(epoch, sequence, message_ids):
                 sort = _KNOWS_SINCE
@@ -118,7 +118,7 @@ class Open:
 
     @classmethod
     def decode(cls, content: bytes) -> Open:
-        """Read the content of the message. Raises SyncFrameError, or VersionError."""
+        """Decode the content of the message. Raises SyncFrameError, or VersionError."""
         if content[:1] != bytes((VERSION,)):
             raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
         reader = _Reader(content)
@@ -155,19 +155,19 @@ def _request(reader: _Reader) -> FragmentRequest:
 
 
 class Reception(enum.IntEnum):
-    """How the serving side takes an OPEN."""
+    """The serving side's answer to an OPEN."""
 
     WELCOME = 0
-    UNKNOWN = 1  # the server does not know the sequence of the Since
-    TOPICS_WANTED = 2  # ids mean something else to it: TOPICS follow, and nothing else
+    UNKNOWN = 1  # the serving side does not know the sequence of the Since
+    TOPICS_WANTED = 2  # its definitions of ids differ: only TOPICS follows
     UNREADABLE = 3  # damaged, or of another version: nothing follows
 
 
 class Hello(NamedTuple):
     """The first message of the serving node: its configuration hash and version, an address token.
 
-    A peer that shows the token in a later OPEN has been reached at its address. `duplicate`: the
-    serving node has met two processes of the pulling robot.
+    A peer that returns the token in a later OPEN has proven its address. `duplicate`: the serving
+    node has detected two processes of the pulling robot.
     """
 
     reception: Reception = Reception.WELCOME
@@ -190,9 +190,9 @@ class Hello(NamedTuple):
 
     @classmethod
     def decode(cls, content: bytes) -> Hello:
-        """Read the content of the message. Raises SyncFrameError.
+        """Decode the content of the message. Raises SyncFrameError.
 
-        Of another version only the version is decoded: the rest may have another meaning.
+        Of another version only the version number is decoded: the rest may differ.
         """
         if len(content) > 1 and content[1] != VERSION:
             return cls(Reception.UNREADABLE, 0, content[1])
@@ -211,7 +211,7 @@ class Hello(NamedTuple):
 class Done(NamedTuple):
     """The last message of the serving node: it sent all up to `sequence`, in `frames` frames.
 
-    `cut_short`: the budget ended before that.
+    `cut_short`: the budget was used up before that.
     """
 
     epoch: int
@@ -225,7 +225,7 @@ class Done(NamedTuple):
 
     @classmethod
     def decode(cls, content: bytes) -> Done:
-        """Read the content of the message. Raises SyncFrameError."""
+        """Decode the content of the message. Raises SyncFrameError."""
         epoch, sequence, frames, cut_short = _only(_DONE, content)
         return cls(epoch, sequence, frames, bool(cut_short))
 
@@ -234,7 +234,7 @@ DONE_BYTES = _DONE.size
 
 
 def encode_topics(config_hash: int, definitions: Mapping[int, int]) -> bytes:
-    """The content of a TOPICS: what ids mean to a node, by topic key."""
+    """The content of a TOPICS: a node's definitions of ids, by topic key."""
     entries = [_DEFINITION.pack(*each) for each in sorted(definitions.items())]
     return _TOPICS.pack(config_hash) + b"".join(entries)
 
@@ -248,7 +248,7 @@ def decode_topics(content: bytes) -> tuple[int, dict[int, int]]:
 
 
 def encode_groups(groups: Iterable[tuple[int, Sequence[int]]]) -> bytes:
-    """Robot ids and the digests of the groups of their topics."""
+    """The content of a GROUPS: robot ids, and the digests of the groups of their topics."""
     return b"".join(_GROUPS.pack(robot_id, *digests) for robot_id, digests in groups)
 
 
@@ -260,7 +260,7 @@ def decode_groups(content: bytes) -> dict[int, tuple[int, ...]]:
 
 
 class HeldGroups(NamedTuple):
-    """All messages that the pulling node holds in some groups (a bit each) of a robot's topics."""
+    """The messages that the pulling node holds in some groups (a bit each) of a robot's topics."""
 
     robot_id: int
     groups: int
@@ -268,7 +268,7 @@ class HeldGroups(NamedTuple):
 
 
 def encode_answers(held_groups: Iterable[HeldGroups]) -> bytes:
-    """The content of an ANSWER. What does not fit in a message is left out, and may come twice."""
+    """The content of an ANSWER. Ids that do not fit are omitted; the messages may be sent twice."""
     parts = []
     room = MAX_SYNC_MESSAGE_BYTES - (1 << 8) * _ANSWER.size
     for robot_id, groups, message_ids in held_groups:
@@ -296,7 +296,7 @@ def decode_answers(content: bytes) -> list[HeldGroups]:
 
 
 def encode_skip(message_id: int) -> bytes:
-    """The content of a SKIP: a message whose rest need not be sent."""
+    """The content of a SKIP: the rest of this message need not be sent."""
     return _SKIP.pack(message_id)
 
 
@@ -307,7 +307,7 @@ def decode_skip(content: bytes) -> int:
 
 
 def encode_news(message_ids: Sequence[int]) -> bytes:
-    """The content of a NEWS: messages that a pull would bring; nothing: pull in any case."""
+    """The content of a NEWS: the ids of new messages to pull; empty: pull in any case."""
     if len(message_ids) > MAX_NEWS:
         return b""
     return struct.pack(f">{len(message_ids)}Q", *message_ids)
@@ -331,11 +331,11 @@ def _only(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
 
 
 class _Reader:
-    """Reads what stands one after another."""
+    """Reads consecutive fields."""
 
     def __init__(self, content: bytes) -> None:
         self._content = content
-        self._at = 0  # offset of what is read next
+        self._at = 0  # offset of the next field
 
     @property
     def at_end(self) -> bool:

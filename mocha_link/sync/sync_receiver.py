@@ -23,8 +23,8 @@ _REPAIRS = 2  # rounds that only request damaged messages again
 class SyncReceiver:
     """Stores the messages of one pull from one peer. Make one per pull.
 
-    With `follow` in the node's context a pull that brought everything is not the end: what the peer
-    stores later is taken in as it comes, until the next pull.
+    With `follow` in the node's context it continues to receive messages after a complete pull: the
+    peer pushes what it stores, until the next pull.
 
     Args:
         peer: the peer that sends; records refusals and events.
@@ -35,10 +35,10 @@ class SyncReceiver:
     Attributes:
         over: the pull has ended.
         follows: the pull has ended, and the peer pushes new messages.
-        complete: everything that the peer had has come in.
-        pull_needed: what the peer stored later waits for the next pull.
-        rejection: why the peer and we do not understand each other; nothing more is taken then.
-        bytes: of the frames that came in.
+        complete: every message that the peer had was received.
+        pull_needed: the peer has stored messages since that it does not push.
+        rejection: why the versions or data are incompatible; later frames are ignored.
+        bytes: bytes of the received frames.
     """
 
     def __init__(
@@ -58,13 +58,13 @@ class SyncReceiver:
         self._assembler = sync.MessageAssembler(
             sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS, sync.TOPICS
         )
-        self._arrivals = Arrivals(0)  # of the round, one for each of our OPENs
+        self._arrivals = Arrivals(0)  # of the current round; each OPEN of ours begins one
         self._repairs = 0  # repair rounds so far
-        self._unclear: int | None = None  # configuration hash of the peer whose topics are to come
+        self._unclear: int | None = None  # the peer's configuration hash, until TOPICS is received
 
     @property
     def messages(self) -> int:
-        """How many were stored."""
+        """The number of stored messages."""
         return self._intake.messages
 
     def open(self, now: Instant) -> list[bytes]:
@@ -72,9 +72,9 @@ class SyncReceiver:
         return self._opening(self._holdings.knowledge(now), now)
 
     def receive(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
-        """Process a frame of the peer, `more` if it has further parts; returns the replies.
+        """Process a frame of the peer; `more`: its further parts. Returns the replies.
 
-        A bad one is refused.
+        An invalid frame is refused.
         """
         if (self.over and not self.follows) or self.rejection:
             return []
@@ -85,7 +85,7 @@ class SyncReceiver:
             if len(frame) and frame[0] == sync.CHUNKS:
                 self._take_chunks(frame, more)
             else:
-                replies = self._on_message(frame if not more else b"", now)  # of one part
+                replies = self._on_message(frame if not more else b"", now)  # has one part only
         except SyncFrameError as error:
             self._intake.refuse_frame(error)
             self._arrivals.count_damaged()
@@ -177,7 +177,7 @@ class SyncReceiver:
         return []
 
     def _compare_topics(self, now: Instant) -> list[bytes]:
-        """Say what ids mean to us, and begin again, once it is known what they mean to the peer."""
+        """Once the peer's definitions are known, send ours and begin another round."""
         peer, node = self._peer, self._peer.node
         if self._unclear is None or not peer.agreement.compare(self._unclear):
             return []
@@ -191,7 +191,7 @@ class SyncReceiver:
     # --- the end
 
     def _finish(self, done: sync_messages.Done, now: Instant) -> list[bytes]:
-        """All of a round has come: request again what is missing, or end the pull."""
+        """After all frames of a round: request missing messages again, or end the pull."""
         peer, node, intake = self._peer, self._peer.node, self._intake
         left = set(intake.still_new(self._holdings.left))
         flawed = intake.flawed or bool(intake.missing(left))
@@ -204,7 +204,7 @@ class SyncReceiver:
         peer.offers.still_left(left)
         is_sound = not (flawed or done.cut_short)
         self.complete = is_sound and not left
-        if self.complete and not peer.agreement.config_mismatch:  # else not all was offered
+        if self.complete and not peer.agreement.config_mismatch:  # with one not all was offered
             own_sequence = self._holdings.unannounced_since(intake.given)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != node.database.knowledge(peer.name):

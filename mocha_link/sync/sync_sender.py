@@ -1,6 +1,6 @@
-"""The serving side of a sync between new nodes: what one pull of one peer is given.
+"""The serving side of a sync between new nodes: makes the frames for one pull of one peer.
 
-No sockets here, and no way to the peer: see `ServedPull`.
+No sockets here; `ServedPull` chooses the path of the frames.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ MIN_ROOM = 300
 class SyncSender:
     """Sends one peer the messages that it lacks, the most urgent first, in frames of any size.
 
-    Reads the database before every frame, so that messages stored meanwhile are sent too.
-    `SendRound` knows what the peer lacks, `SendQueue` has the order. Make one per pull.
+    It reads the database before every frame, so that messages stored meanwhile are also sent.
+    `SendRound` selects the messages that the peer lacks, `SendQueue` orders them. Make one per
+    pull.
 
     Attributes:
-        state: what the pull waits for; see `STATES` in send_states.py.
-        admitted: the peer has shown an address token of ours.
+        state: the state of the pull; see `STATES` in send_states.py.
+        admitted: the peer has returned a valid address token of ours.
     """
 
     def __init__(self, peer: Peer) -> None:
@@ -40,7 +41,7 @@ class SyncSender:
         self._assembler = sync.MessageAssembler(
             sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW, sync.TOPICS
         )
-        self._queue = SendQueue(peer)  # of all rounds, one after the other
+        self._queue = SendQueue(peer)  # of the current round
         self._round = SendRound(peer, self._queue)
         self._outbox = MessageOutbox()
         self._budget = SendBudget()
@@ -48,32 +49,32 @@ class SyncSender:
 
     @property
     def messages(self) -> int:
-        """How many were given out to the end."""
+        """The number of messages that were completely sent."""
         return self._queue.messages
 
     @property
     def sent_bytes(self) -> int:
-        """Bytes of all frames."""
+        """The bytes of all frames."""
         return self._budget.sent_bytes
 
     @property
     def ended(self) -> bool:
-        """Whether the pull has ended; new messages are sent at once if the peer follows."""
+        """Whether the pull has ended; if the peer follows, new messages are pushed to it."""
         return self.state in ENDED
 
     @property
     def given_out(self) -> bool:
-        """Whether all has been given out, or all that the peer's budget allows."""
+        """Whether all messages were sent, or as many as the peer's budget allows."""
         return self.state in GIVEN_OUT
 
     # --- frames of the peer
 
     def open(self, frame: bytes) -> bool:
-        """Take in the first frame; False if it is none that begins a sync."""
+        """Process the first frame; False if it does not begin a sync."""
         return frame[:1] == bytes((sync.OPEN,)) and self.take(frame)
 
     def take(self, frame: Frame) -> bool:
-        """Take in a frame of the peer; False if it is none of a sync."""
+        """Process a frame of the peer; False if it is not a frame of a sync."""
         try:
             self.receive(frame)
         except sync.SyncFrameError:
@@ -81,7 +82,7 @@ class SyncSender:
         return True
 
     def receive(self, frame: Frame) -> None:
-        """Take in a frame of the peer. Raises SyncFrameError."""
+        """Process a frame of the peer. Raises SyncFrameError."""
         message = self._assembler.take(frame)
         if message is None or self.state is SendState.OVER:
             return
@@ -97,14 +98,14 @@ class SyncSender:
             self._follower.follow(message.content)
             self._peer.holdings.end_begun()
         elif message.round != self._round.number:
-            return  # a later round may want what this one need not bring
+            return  # of an earlier round: the current one may need the message
         elif message.kind == sync.SKIP:
             self._queue.skip(sync_messages.decode_skip(message.content))
         else:
             self._round.answer(sync_messages.decode_answers(message.content))
 
     def end(self) -> None:
-        """The peer is silent, or pulls anew: send nothing more."""
+        """Send nothing more: the peer is silent, or has begun a new pull."""
         self._happens(SendEvent.END)
 
     def _happens(self, event: SendEvent) -> None:
@@ -113,11 +114,11 @@ class SyncSender:
     # --- frames to send
 
     def fits(self, room: int) -> bool:
-        """Whether it is worth asking for a frame of that many bytes."""
+        """Whether `next` may return a frame for that many bytes."""
         return room >= MIN_ROOM or self._outbox.fits(room)
 
     def request_pull(self) -> None:
-        """Request that the following peer pulls, whatever it holds."""
+        """Request that a peer that follows pulls again."""
         self._outbox.put(sync.NEWS, sync_messages.encode_news(()))
 
     def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
@@ -125,15 +126,12 @@ class SyncSender:
         return not self.ended or self._follower.wants(robot_ids)
 
     def next(self, room: int) -> bytes | None:
-        """The next frame, of at most `room` bytes (at least MIN_ROOM); None.
-
-        Nothing to send now.
-        """
+        """The next frame of at most `room` bytes (MIN_ROOM or more); None: nothing to send now."""
         parts = self.next_parts(room)
         return None if parts is None else b"".join(parts)
 
     def next_parts(self, room: int, prefix: bytes = b"") -> list[Frame] | None:
-        """The same with `prefix` before it, and large data as parts of their own."""
+        """The next frame after a `prefix`, with large data as parts of their own."""
         room -= len(prefix)
         if self.state in (SendState.OPENING, SendState.OVER):
             return None
@@ -186,7 +184,7 @@ class SyncSender:
             self._outbox.put(sync.GROUPS, sync_messages.encode_groups(groups))
 
     def _begin_round(self, number: int, event: SendEvent) -> None:
-        """A round begins, of which nothing was given."""
+        """Begin a round."""
         self._happens(event)
         self._outbox.clear()
         self._queue.clear()
@@ -204,14 +202,14 @@ class SyncSender:
         self._outbox.put(sync.HELLO, hello.encode())
 
     def _refill(self) -> None:
-        """Have the round take in what was stored; announce what a follower is not sent."""
+        """Add newly stored messages to the round; announce those that are not pushed."""
         follower = self._follower if self.state is SendState.FOLLOWED else None
         announced = self._round.refill(follower)
         if announced:
             self._outbox.put(sync.NEWS, sync_messages.encode_news(announced))
 
     def _message_part(self, room: int) -> bytes:
-        """The next part of the first message that waits."""
+        """The next part of the first queued sync message."""
         kind, frame = self._outbox.next_frame(self._round.number, room)
         self._budget.spend(len(frame), kind)
         return frame
