@@ -157,7 +157,7 @@ def _coming_home(findings: MissionSurvey) -> Iterator[_Row]:
         returns = list(group)
         zones = dict.fromkeys(name for r in returns for name in r.cuts)
         numbers = _ranges([r.waypoint for r in returns])
-        yield "PX4 return", f"straight to {to} would cut {_names(zones)}: from {numbers}"
+        yield "PX4 return", f"straight to {to} would cross {_names(zones)}: from {numbers}"
 
 
 def _charge(mission: Mission, pace: Pace, way: Way) -> str:
