@@ -54,7 +54,7 @@ def test_every_command_has_help_and_names_its_mistakes(program, capsys):
         first, second = capsys.readouterr().err.splitlines()
         assert first.startswith(f"{ctx.command_path}: error: No such option '--verbos'.")
         assert "'--verbose'" in first  # the nearest, with others that are near
-        assert second == f"`{ctx.command_path} --help` says what it takes"
+        assert second == f"`{ctx.command_path} --help` shows its usage"
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -65,7 +65,7 @@ def test_wrong_usage_is_two_lines(program, words, capsys):
     assert asked(program, *words) == 2
     told = capsys.readouterr().err
     assert told.startswith(f"{program}: error: ")
-    assert told.endswith(f"\n`{program} --help` says what it takes\n")
+    assert told.endswith(f"\n`{program} --help` shows its usage\n")
     assert told.count("\n") == 2
 
 

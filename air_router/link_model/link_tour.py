@@ -1,4 +1,4 @@
-"""A seek policy that expects links by the model, and hovers where most of them are expected."""
+"""A seek policy that predicts links by the model, and hovers where the most links are predicted."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class LinkTour(Tour):
     above where it may be.
 
     Where to hover while data are exchanged: among places around the robot from which the link with
-    it is about as good as from above it, where most links are expected with robots of the team.
+    it is about as good as from above it, the one with the most links predicted to the team.
 
-    Both by the model that is fitted to this flight's map and measured links.
+    Both use the model that is fitted to this flight's map and measured links.
     """
 
     kind: ModelKind = SEMANTIC

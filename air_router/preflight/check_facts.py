@@ -46,10 +46,10 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
     yield "keeps", f"{kept_m:.2f} m from zones and fence ({margin}){_own(mission)}"
     yield from _expected(mission)
     points = len(FlightPlan.of(mission).fence)
-    limit = f" of {FENCE_POINTS} that a PX4 stores"
+    limit = f"; PX4 stores {FENCE_POINTS}"
     if points > FENCE_POINTS:
         limit = (
-            f": MORE THAN THE {FENCE_POINTS} THAT A PX4 STORES, it will refuse them (see the note)"
+            f": MORE THAN THE {FENCE_POINTS} THAT PX4 STORES, it will refuse them (see the note)"
         )
     yield "on board", f"{counted(points, 'fence points')}{limit}"
     graph = findings.graph
@@ -60,7 +60,7 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
     )
     yield (
         "graph",
-        f"{edges} up to {planner.max_edge_m:g} m, {detours}, {pieces}; routes: {planner.kind}",
+        f"{edges} up to {planner.max_edge_m:g} m, {detours}, {pieces}; planner: {planner.kind}",
     )
 
 
@@ -68,15 +68,15 @@ def _expected(mission: Mission) -> Iterator[_Row]:
     """The least expected clearance of the true vehicle, by kind of leg, with warnings."""
     planner, kinds = mission.planner, expected_clearances(mission)
     conditions = (
-        f"wind to {planner.wind_m_s:g} m/s, satellites to {planner.position_accuracy_m:g} m (h_acc)"
+        f"wind {planner.wind_m_s:g} m/s, GPS accuracy {planner.position_accuracy_m:g} m (h_acc)"
     )
     margin = mission.tracking
     off = f"{margin.error_m:.2f} m off a leg at {mission.speed_m_s:g} m/s, {margin.turn_m:.2f} m"
-    yield "plans for", f"{conditions}: it may be {off} in turns"
+    yield "plans for", f"{conditions}: up to {off} in turns"
     near = [kind for kind in kinds if math.isfinite(kind.kept_m)]
     text = ", ".join(f"{kind.name} {kind.kept_m:.1f} m" for kind in near)
     if mission.zones or mission.fences:
-        yield "expected", f"at the least, of zones and fence: {text}"
+        yield "expected", f"least true distance to zones and fence: {text}"
     for kind in kinds:
         if kind.short_m > 0:
             short = f"{kind.kept_m:.2f} m of {kind.to}, {kind.promised_m:g} m are promised"
@@ -157,13 +157,13 @@ def _coming_home(findings: MissionSurvey) -> Iterator[_Row]:
         returns = list(group)
         zones = dict.fromkeys(name for r in returns for name in r.cuts)
         numbers = _ranges([r.waypoint for r in returns])
-        yield "PX4 return", f"straight to {to} would cut {_names(zones)}: from {numbers}"
+        yield "PX4 return", f"straight to {to} would cross {_names(zones)}: from {numbers}"
 
 
 def _charge(mission: Mission, pace: Pace, way: Way) -> str:
     need = pace.need(way)
     if need is None:
-        return "; with endurance_s its share of the battery would be known"
+        return "; set endurance_s to see its share of the battery"
     whole = need + LANDING_MARGIN
     verdict = "covers" if mission.battery_reserve >= whole else "does not cover"
     early = "" if mission.battery_reserve >= whole else ": the vehicle turns at that charge"

@@ -7,8 +7,8 @@
   rest of its current leg: the vehicle stays on that leg until the new command arrives.
 * A vehicle that is already closer (wind, noise, a newly drawn zone), or that would stop closer,
   has leeway: for the first meters the leg may be as close as the vehicle is now or will be when
-  it stops. After that the leg is clear. The vehicle keeps the clearance along the whole leg
-  from zones from which it has it now.
+  it stops. After that the leg is clear. Along the whole leg the vehicle keeps
+  the clearance to every zone to which it keeps it now.
 * A vehicle that would stop within the clearance brakes first.
 * A vehicle inside a zone or outside the fence takes a short way out that enters no other zone.
 * If no such leg leads out of a tight place (a lane between two zones), the vehicle flies the legs
@@ -96,8 +96,8 @@ class Stand(Enum):
     clearance.
     """
 
-    CLEAR = "it hovers where routes may go"
-    MOVING = "it moves and would stop where routes may go"
+    CLEAR = "it hovers and is not near"
+    MOVING = "it moves, is not near, and would not stop near"
     WITHIN = "it is in a zone or outside the fence, and not near another zone"
     WITHIN_NEAR = "it is in a zone or outside the fence, and is or will be near another zone"
     TOO_FAST = "it would stop too near, or is too near and would stop nearer still"
@@ -108,8 +108,8 @@ class Stand(Enum):
 class Begins(Enum):
     """How the first leg may begin."""
 
-    AS_ROUTES = "clear along its whole length, with the area that the turn may sweep"
-    BY_LEEWAY = "nearer than routes for the first meters, then clear"
+    AS_ROUTES = "clear along its whole length, including the area that the turn may sweep"
+    BY_LEEWAY = "closer for the first meters, then clear"
     BRAKING = "not yet: the vehicle brakes first"
 
 
@@ -183,7 +183,7 @@ class Departure:
 
     @cached_property
     def in_margin(self) -> bool:
-        """Whether the vehicle is, or would stop, where routes may not go."""
+        """Whether the vehicle is near, or would stop near."""
         here = self._airspace.point_clear(self.start)
         return not (here and (not self.moving or self._airspace.point_clear(self.rest)))
 
@@ -214,7 +214,10 @@ class Departure:
 
     @cached_property
     def _others(self) -> Airspace:
-        """The other zones (those the vehicle is not in), with half of the margin."""
+        """The other zones (those the vehicle is not in), with half of clearance plus margin.
+
+        A zone with its own clearance loses as many meters as the others.
+        """
         others = self._airspace.without_zones_at(self.start)
         return others.with_margin((others.margin_m - others.clearance_m) / 2)
 
@@ -229,7 +232,7 @@ class Departure:
     # What the rules require.
 
     def first_near(self) -> Airspace:
-        """As near as the vehicle is now, or will be when it stops."""
+        """The present distance, or that at the stopping point if smaller."""
         airspace = self._airspace
         return airspace.relaxed(
             airspace.margin_m - self._least_left_m + LEG_ROUNDING_M,
@@ -242,7 +245,7 @@ class Departure:
         return 2 * (self._airspace.margin_m - self._least_left_m) + drift_m + LEEWAY_M
 
     def whole_near(self) -> Airspace:
-        """The clearance from every zone from which the vehicle has it now."""
+        """The clearance, to every zone to which the vehicle keeps it now."""
         return self._airspace.with_margin(0.0).clear_of_leg(self.start, self.rest)
 
     def warning_near(self) -> str:
@@ -255,7 +258,7 @@ class Departure:
         return f"the vehicle is {where}: it moves away first"
 
     def first_within(self) -> Airspace:
-        """Out of its zone; half of the margin from all other zones."""
+        """None to its own zone; half of clearance plus margin to all others."""
         return self._others
 
     def reach_within_m(self) -> float:
@@ -272,13 +275,13 @@ class Departure:
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """The same, but as near to other zones as the vehicle is now, or will be when it stops."""
+        """None to its own zone; to others as now, or as at the stopping point if smaller."""
         shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)
 
     def whole_within_near(self) -> Airspace:
-        """Half of the margin from every other zone from which the vehicle has it now."""
+        """Half of clearance plus margin, to every other zone to which it keeps that now."""
         return self._others.clear_of_leg(self.start, self.rest)
 
     @cached_property

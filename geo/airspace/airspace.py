@@ -389,7 +389,7 @@ class Airspace:
     def _least(
         self, point: Point, required_m: Floats | float, fence_required_m: float
     ) -> tuple[float, str]:
-        """The least of all distances less the required ones, and its zone or fence.
+        """The smallest distance beyond the required one, and its zone or fence.
 
         Distances are negative inside zones and outside fences.
         """

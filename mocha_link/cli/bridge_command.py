@@ -32,8 +32,8 @@ from mocha_link.cli.program import (
 )
 
 WHAT = {
-    "ros1": "publish and subscribe ROS 1 topics",
-    "ros2": "publish and subscribe ROS 2 topics",
+    "ros1": "publish and subscribe to ROS 1 topics",
+    "ros2": "publish and subscribe to ROS 2 topics",
 }
 EXAMPLES = {
     "ros1": ("mocha-link bridge ros1 --node ipc:///tmp/io.node",),

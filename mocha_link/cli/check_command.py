@@ -125,9 +125,9 @@ def _rules_line(team: Team) -> str:
     pulls = f"pulls every {trigger.interval_s:g} s"
     if any(robot.radio for robot in team.robots.values()):
         pulls += (
-            f", where there is a radio from {trigger.rssi_threshold_dbm:g} dBm, "
-            f"{trigger.snr_threshold_db:g} dB SNR or {trigger.device_threshold:g} of the device on "
-            f"(to {trigger.hysteresis_db:g} below)"
+            f"; with a radio from a signal of {trigger.rssi_threshold_dbm:g} dBm, "
+            f"{trigger.snr_threshold_db:g} dB SNR or {trigger.device_threshold:g} device units on "
+            f"(hysteresis {trigger.hysteresis_db:g})"
         )
     if trigger.budget_bytes:
         pulls += f"; at most {trigger.budget_bytes} bytes in a contact"

@@ -316,7 +316,7 @@ class Program(Group):
         except click.UsageError as error:
             path = error.ctx.command_path if error.ctx else name
             code = USAGE
-            message = f"{path}: error: {error.format_message()}\n`{path} --help` says what it takes"
+            message = f"{path}: error: {error.format_message()}\n`{path} --help` shows its usage"
         except KeyboardInterrupt:
             code, message = INTERRUPTED, "interrupted"
         except self.expected as error:

@@ -70,7 +70,7 @@ def test_the_planner_meets_everybody(field_of, tmp_path):
         )
     *met, callisto, io = planner.stdout.splitlines()  # both may be met before it looks
     for line in met:
-        assert re.fullmatch(r"met (callisto|io); seek (callisto|io), heard at None", line)
+        assert re.fullmatch(r"synced with (callisto|io); seek (callisto|io), signal None", line)
     assert callisto == "callisto: {'x': 1}"
     assert io == "io: {'x': 1}"
 
@@ -91,7 +91,7 @@ def test_the_planner_of_another_language_needs_nothing_of_ours(field_of, tmp_pat
     ):
         stack.callback(planner.kill)
         lines = iter(planner.stdout.readline, "")
-        assert next(lines) == "seek callisto, heard at None, None\n"
+        assert next(lines) == "seek callisto, signal None, None\n"
         assert json.loads(node.latest("titan", "/goal").data) == {"seek": "callisto"}
         strong = Reading(-60.0, Unit.DBM, "wifi")
         for name in ("callisto", "io"):
@@ -102,7 +102,7 @@ def test_the_planner_of_another_language_needs_nothing_of_ours(field_of, tmp_pat
         assert any(re.fullmatch(r"[\d.]+ RssiChanged io\n", line) for line in lines)
         signal = "{'value': -60.0, 'unit': 'dBm', 'source': 'wifi'}"
         # both were met at the same time of a clock that stands
-        assert f"seek callisto, heard at {signal}, {{'of': 'callisto'}}\n" in lines
+        assert f"seek callisto, signal {signal}, {{'of': 'callisto'}}\n" in lines
 
 
 def test_every_event_is_documented_with_its_fields():

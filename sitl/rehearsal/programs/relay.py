@@ -91,7 +91,7 @@ class LossyRelay:
         self._speed = speed
         self._granted = (0.0, time.monotonic())  # vehicle's time it may reach; when
         self._flown = False  # it was armed once: `_READY_SPEED` is over
-        self._vehicle: Any = None  # address that it sent from last; None: not heard yet
+        self._vehicle: Any = None  # address of its last packet; None: nothing received yet
         self._first: dict[str, bytes] = {}  # frames that stand for the frozen, by name
         self._waiting: deque[tuple[float, bytes]] = deque()  # late frames: when, wall clock
         self._stop = threading.Event()

@@ -198,7 +198,7 @@ def test_as_many_points_as_px4_stores_are_in_order(tmp_path):
     mission = fenced(tmp_path, 8)
     assert len(fence_plan(mission).items) == FENCE_POINTS
     assert mission.notes == ()
-    assert "64 fence points of 64 that a PX4 stores" in "\n".join(
+    assert "64 fence points; PX4 stores 64" in "\n".join(
         summary(MissionSurvey(WaypointGraph(mission)))
     )
 

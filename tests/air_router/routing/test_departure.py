@@ -72,7 +72,8 @@ def first_line(function):
 
 
 def table():
-    yield "| the vehicle | its first leg is | its first meters keep | the whole leg keeps |"
+    heads = ("the vehicle", "its first leg is", "least distance at first", "and on the whole leg")
+    yield f"| {' | '.join(heads)} |"
     yield "|---|---|---|---|"
     for stand, rule in RULES.items():
         told = (stand.value, rule.begins.value, first_line(rule.first), first_line(rule.whole))

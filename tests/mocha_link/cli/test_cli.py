@@ -53,7 +53,7 @@ def test_check_shows_what_the_team_asks_for(tmp_path, capsys):
     path = tmp_path / "team.yaml"
     assert main(["check", a_team(path)]) == 0
     out = capsys.readouterr().out
-    assert "pulls every 2 s, where there is a radio from -75 dBm, 10 dB SNR or 20 of the" in out
+    assert "pulls every 2 s; with a radio from a signal of -75 dBm, 10 dB SNR or 20 device" in out
     assert "; trust: relays" in out
     topic = "{name: /log, type: json/B, history: 3, min_interval_s: 5, aggregate: true}"
     rest = "trigger: {budget_bytes: 5000}\ntrust: signed"
