@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -13,6 +14,9 @@ from sitl.experiment.campaign.running import make_run
 
 _COSTS: Final = frozenset({"wall_s", "cpu_s", "speed_up"})
 """Columns that differ from one machine to the next."""
+
+_ROUNDING: Final = 1e-9
+"""Measures that differ by less, relatively, are equal: processors add in another order."""
 
 _SIMULATED: Final = ("town", "mission")
 """Worlds in simulated time; flights in processes take the time that the machine takes."""
@@ -72,6 +76,13 @@ def remade(
     differing = tuple(
         key
         for key, value in before.items()
-        if key not in _COSTS and (key not in after or after[key] != value)
+        if key not in _COSTS and not (key in after and _equal(after[key], value))
     )
     return Remade(name, now["digest"] == record["digest"], differing)
+
+
+def _equal(one: object, other: object) -> bool:
+    """Whether two values of a measure are equal, but for the rounding of a processor."""
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=_ROUNDING)
+    return one == other

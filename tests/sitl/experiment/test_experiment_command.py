@@ -452,6 +452,15 @@ def test_archived_runs_are_made_again_and_what_differs_is_listed(sitl, tmp_path,
     assert [result["differing"] for result in results] == [["goals_found"]] * 2
     assert not any(result["same"] for result in results)
 
+    def rounded(task):
+        made = made_up.work(task)
+        digits = {k: v * (1 + 4e-16) for k, v in made["measures"].items() if isinstance(v, float)}
+        assert any(v != made["measures"][k] for k, v in digits.items())
+        return {**made, "measures": {**made["measures"], **digits}}
+
+    code, results = remake(rounded)  # another processor adds in another order
+    assert (code, [result["same"] for result in results]) == (0, [True, True])
+
     def failing(task):
         raise FileNotFoundError(2, "No such file or directory", "town.yaml")
 
