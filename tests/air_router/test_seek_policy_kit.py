@@ -136,8 +136,8 @@ def test_the_docs_name_what_a_policy_may_see():
     scene = Scene("paths", paths=True)
     targets = scene.targets()
     seen = (targets, targets.tracks["robot01"], targets.course("robot01"), scene.context())
-    text = (ROOT / "docs/seeking.md").read_text().partition("**What it may see**")[2]
-    table = text.partition("**What it returns**")[0]
+    text = (ROOT / "docs/seeking.md").read_text().partition("**Its input**")[2]
+    table = text.partition("**It returns**")[0]
     rows = [line for line in table.splitlines() if line.startswith("| `")]
     spans = [span for line in rows for span in re.findall(r"`([^`]+)`", line)]
     names = {re.sub(r"[(\[].*", "", span).rpartition(".")[2] for span in spans}
