@@ -9,7 +9,8 @@
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from enum import Enum
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -26,3 +27,17 @@ def assert_printed(page: str, name: str, lines: Iterable[str]) -> None:
         path.write_text(text[: found.start()] + block + text[found.end() :], encoding="utf-8")
         return
     assert found[0] == block, f"print '{name}' in docs/{page} anew: DOCS_WRITE=1 with this test"
+
+
+def state_table(states: Iterable[Enum], rows: Mapping[tuple[Enum, Enum], Enum]) -> list[str]:
+    """The lines of a table of states: (state, event) -> next state, in a state's own order."""
+    lines = ["", "| state | | event | next state |", "|---|---|---|---|"]
+    for state in states:
+        mine = [(event, after) for (of, event), after in rows.items() if of is state]
+        name, what = state.name, state.value
+        for event, after in mine:
+            lines.append(f"| {name} | {what} | {event.value} | {after.name} |")
+            name = what = ""
+        if not mine:
+            lines.append(f"| {name} | {what} | | |")
+    return [*lines, ""]

@@ -81,7 +81,7 @@ class EventStream:
 
     def _wake(self) -> None:
         if self._loop:
-            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody reads any more
+            with contextlib.suppress(RuntimeError):  # the reader's event loop is closed
                 self._loop.call_soon_threadsafe(self._ready.set)
 
 

@@ -42,7 +42,7 @@ KEY_S = 10.0  # a client without a valid key is disconnected then; a slow radio 
 OWED_BYTES = 256 * 1024  # above this many queued bytes of replies a connection is not read
 BURST = 64  # requests served in a row per connection, so that none starves the others
 DEAD_PEER_S = 60
-IDLE_MS = 1000  # setting the clock wakes nobody; everything else does
+IDLE_MS = 1000  # setting the clock does not wake the node; everything else does
 
 _MAX_ACCEPTED = 8  # in a turn
 _READ_BYTES = 16 * 1024

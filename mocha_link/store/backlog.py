@@ -115,7 +115,7 @@ class Backlog:
             self._changed.notify_all()
 
     def end(self) -> None:
-        """Nothing is written any more, so nobody waits for it."""
+        """Nothing is written any more: release the callers that wait for the disk."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()

@@ -58,6 +58,16 @@ def count(text: str, least: int = 1) -> int:
     return number
 
 
+jobs_option = option(
+    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
+)
+cluster_option = option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="distribute the runs by a dask.distributed scheduler (tcp://HOST:8786)",
+)
+
+
 def _archive(text: str) -> Path:
     if not text.endswith(ARCHIVE_ENDING):
         raise ValueError(f"{text} does not end with {ARCHIVE_ENDING}")
@@ -93,14 +103,8 @@ def _archive(text: str) -> Path:
     metavar="WHICH ...",
     help="run only these rows: key=value[,value], or a label pattern",
 )
-@option(
-    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
-)
-@option(
-    "--cluster",
-    metavar="ADDRESS",
-    help="distribute the runs by a dask.distributed scheduler (tcp://HOST:8786)",
-)
+@jobs_option
+@cluster_option
 @option(
     "--out",
     type=PATH,

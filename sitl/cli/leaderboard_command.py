@@ -15,7 +15,7 @@ from air_router.errors import ExitCode
 from air_router.files import known_policy
 from air_router.flight import StatusLine
 from mocha_link.cli import PATH, Options, Parsed, command, option
-from sitl.cli.experiment_command import count, terminated
+from sitl.cli.experiment_command import cluster_option, jobs_option, terminated
 from sitl.experiment import OFF_BOARD, Experiment, Task
 from sitl.experiment.campaign import Campaign, RunLog, Work, cluster_at, make_runs, run_log
 
@@ -55,14 +55,8 @@ def _policy(text: str) -> str:
     metavar="FILE",
     help="CSV file of standings: lines of these policies are replaced, others kept",
 )
-@option(
-    "--jobs", type=Parsed(count), metavar="N", help="number of processes (default: number of CPUs)"
-)
-@option(
-    "--cluster",
-    metavar="ADDRESS",
-    help="distribute the runs by a dask.distributed scheduler (tcp://HOST:8786)",
-)
+@jobs_option
+@cluster_option
 @option(
     "--out",
     type=PATH,

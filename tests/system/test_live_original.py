@@ -13,6 +13,7 @@ import signal
 import socket
 import subprocess
 import threading
+import time
 from pathlib import Path
 
 import lz4.frame
@@ -254,17 +255,19 @@ def live(tmp_path):
         yield Field(stack, tmp_path)
 
 
-def pulled(node, saw, peer, data, last=()):
+def pulled(node, saw, peer, data, late=()):
     """Pull from a peer; what came is just that, in the order of priorities.
 
-    `last`: topics at which a pull broke off before, which do not hold up the others again.
+    `late`: topics at which a pull broke off before: they come in their turn, or last if
+    bytes of them had come, as tests/mocha_link/sync/test_client.py decides in injected time.
     """
     seen = len(saw.seen)
     assert saw.pull(peer).messages == len(data)
     stored = [each for each in saw.seen[seen:] if isinstance(each, MessageStored)]
     came = [each.topic for each in stored if each.robot == peer]
-    order = [*(topic for topic in TOPICS if topic not in last), *last]
-    assert [TOPICS[topic][2] for topic in came] == [TOPICS[topic][2] for topic in order]
+    orders = [*TOPICS], [*(topic for topic in TOPICS if topic not in late), *late]
+    priorities = [[TOPICS[topic][2] for topic in each] for each in (came, *orders)]
+    assert priorities[0] in priorities[1:]
     assert {topic: node.latest(peer, topic).data for topic in data} == data
 
 
@@ -303,8 +306,9 @@ def test_types_priorities_and_a_mule_that_is_restarted_among_wrong_bytes(live):
         assert live.ares.ask("pull")
         assert live.ares.holds(CERES, back)
         assert live.ares.holds(BOREAS, ours)
+        while node.links()["ares"].refused < 200:  # counted once a second
+            time.sleep(0.1)
         links = node.links()
-        assert links["ares"].refused >= 200
         assert links["ceres"].refused == links["ceres"].timeouts == 0
 
 
@@ -330,7 +334,7 @@ def test_an_original_is_killed_while_we_pull_from_it(live):
         ares = live.original("ares")
         again = ares.publish_all()
         assert ares.holds(ARES, again)
-        pulled(node, saw, "ares", again, last=["/map"])
+        pulled(node, saw, "ares", again, late=["/map"])
         assert ares.ask("pull")
         assert ares.holds(CERES, back)
 

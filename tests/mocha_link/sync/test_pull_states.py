@@ -3,20 +3,11 @@
 import itertools
 
 from mocha_link.sync.pull_states import OVER, STATES, PullEvent, PullState, next_state
-from tests.printed import assert_printed
+from tests.printed import assert_printed, state_table
 
 
 def test_the_docs_print_the_table():
-    lines = ["| state | | event | next state |", "|---|---|---|---|"]
-    for state in PullState:
-        rows = [(event, after) for (of, event), after in STATES.items() if of is state]
-        name, what = state.name, state.value
-        for event, after in rows:
-            lines.append(f"| {name} | {what} | {event.value} | {after.name} |")
-            name = what = ""
-        if not rows:
-            lines.append(f"| {name} | {what} | | |")
-    assert_printed("sync-protocol.md", "pull states", ["", *lines, ""])
+    assert_printed("sync-protocol.md", "pull states", state_table(PullState, STATES))
 
 
 def test_every_pull_can_end_and_none_that_broke_off_goes_on():
