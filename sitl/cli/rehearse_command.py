@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 import os
 import shlex
@@ -18,14 +19,15 @@ from typing import Final
 import click
 
 from air_router.cli import print_json
-from air_router.errors import ExitCode
+from air_router.errors import ExitCode, UsageError
 from air_router.flight import StatusLine
+from air_router.mission import load_mission
 from air_router.report import went_on_without
 from air_router.words import progress_text
 from mocha_link.cli import PATH, Options, command, option
 from sitl.rehearsal import Fault, Scene, SimulatedFlight, scenes
 from sitl.rehearsal.judge import End, Verdict, Violation, judge
-from sitl.rehearsal.programs import OURS, SPEED, RealFlight, WireScene, wire_scenes
+from sitl.rehearsal.programs import OURS, SPEED, WIRE, RealFlight, WireScene, wire_scenes
 
 
 def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> str:
@@ -118,10 +120,13 @@ MOST_VIOLATIONS: Final = 3
 )
 @option("--json", is_flag=True, help="print one JSON object per flight instead of the table")
 def run(arguments: Options) -> int:
-    """Rehearse, and print what became of it."""
+    """Rehearse, and print the table of outcomes. Raises UsageError or DocumentError."""
+    load_mission(arguments.mission)  # one error instead of one for each flight
     began_s, verdicts, status = time.monotonic(), [], StatusLine()
     programs = bool(arguments.mavlink or arguments.px4)
     count, flown = _flown_by_programs(arguments) if programs else _flown(arguments)
+    if not count:
+        raise _no_flight(arguments, [fault.name for fault in (WIRE if programs else Fault)])
     for scene, verdict in flown:
         verdicts.append((scene.fault.name, verdict))
         if arguments.json:
@@ -141,6 +146,18 @@ def run(arguments: Options) -> int:
     status.print_line(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s")
     good = all(verdict.good for _, verdict in verdicts)
     return ExitCode.DONE if good else ExitCode.ENDED_OTHERWISE
+
+
+def _no_flight(arguments: Options, known: Sequence[str]) -> UsageError:
+    """Why no flight is chosen."""
+    unknown = [name for name in arguments.fault if name not in known]
+    if not unknown:
+        return UsageError("no flight has this seed; leave --seed out")
+    near = difflib.get_close_matches(unknown[0].upper(), known)
+    return UsageError(
+        f"there is no fault '{unknown[0]}' here; "
+        + (f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}")
+    )
 
 
 def _flown(arguments: Options) -> tuple[int, Iterator[tuple[Scene, Verdict]]]:

@@ -2,11 +2,12 @@
 
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.processes import OURS
-from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
+from sitl.rehearsal.programs.scenes import WIRE, WireScene, wire_scenes
 
 __all__ = [
     "OURS",
     "SPEED",
+    "WIRE",
     "RealFlight",
     "WireScene",
     "wire_scenes",

@@ -189,3 +189,18 @@ def test_a_rehearsal_reports_its_progress_on_stderr_and_the_table_on_stdout(caps
     output = capsys.readouterr()
     assert "1 of 1 flight" in output.err
     assert output.out.startswith("| fault |")
+
+
+@pytest.mark.parametrize(
+    ("mission", "options", "code", "error"),
+    [
+        ("nowhere.yaml", [], 3, "nowhere.yaml"),
+        (PENNOVATION, ["--fault", "PILOTS"], 2, "no fault 'PILOTS' here; did you mean PILOT"),
+        (PENNOVATION, ["--mavlink", "--fault", "ZZZ"], 2, "known: "),
+    ],
+)
+def test_what_cannot_be_rehearsed_is_one_error_and_no_flight(mission, options, code, error, capsys):
+    assert main(["rehearse", str(mission), *options]) == code
+    output = capsys.readouterr()
+    assert error in output.err
+    assert output.out == ""
