@@ -14,6 +14,7 @@ class SendConnection:
         route: the peer's connection; None: it has none.
         since_s: when the pull moved to it, steady seconds; 0: it began there.
         sent: bytes sent on it.
+        unsent: of these, bytes that wait until TCP's window admits them; None: not known.
         chunk: the largest frame that the peer accepts on it.
     """
 
@@ -21,6 +22,7 @@ class SendConnection:
         self.route: Route | None = None
         self.since_s = 0.0
         self.sent = 0
+        self.unsent: int | None = None
         self.chunk = MIN_CHUNK
         self._allowed = 0  # total bytes that the peer has granted
 
@@ -31,6 +33,11 @@ class SendConnection:
     def move(self, route: Route, now: Instant) -> None:
         """Move the pull to another connection, on which nothing was sent yet."""
         self.route, self.sent, self.since_s = route, 0, now.steady_s
+        self.unsent = None
+
+    def measured(self, unsent_bytes: int | None) -> None:
+        """Note the bytes that wait in the kernel."""
+        self.unsent = unsent_bytes
 
     def lose(self) -> None:
         """Note that the connection was closed."""
@@ -51,3 +58,5 @@ class SendConnection:
     def spend(self, size: int) -> None:
         """Count sent bytes."""
         self.sent += size
+        if self.unsent is not None:
+            self.unsent += size

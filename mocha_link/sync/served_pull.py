@@ -6,7 +6,7 @@ from collections import deque
 
 from mocha_link.clock import Instant
 from mocha_link.datagram import Flow
-from mocha_link.sync.flows import Flows
+from mocha_link.sync.flows import FLIGHT_BYTES, Flows
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, PATIENCE_S, Frame, Route, Standing
 from mocha_link.sync.send_connection import SendConnection
@@ -62,6 +62,7 @@ class ServedPull:
         if found is None:
             self.connection.lose()
             return self.by_datagram or not self.sender.ended
+        self.connection.measured(found.unsent_bytes)
         if found.loses_much:
             self.use_datagrams()
         return True
@@ -71,7 +72,7 @@ class ServedPull:
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for the connection, in parts, if the peer has credit left for one."""
         connection = self.connection
-        if connection.route is None or self._datagrams_carry():
+        if connection.route is None or (self._datagrams_carry() and not self._joins):
             return None
         parts: list[Frame] | None
         if self._again:
@@ -81,6 +82,7 @@ class ServedPull:
         else:
             room = min(connection.chunk, max(connection.credit, MIN_ROOM + ID_BYTES))
             parts = self.sender.next_parts(room, self.id)
+            self._all_cast = self._all_cast and not parts
         if not parts:
             return None
         connection.spend(sum(map(len, parts)))
@@ -112,9 +114,20 @@ class ServedPull:
             or not self._flows.window_used(admitted=sender.admitted, sent=self.connection.sent)
         ):
             return True
-        self._all_cast = False
         self.by_datagram = not (sender.admitted or flow.judged) and flow.rtt_s is not None
         return False
+
+    @property
+    def _joins(self) -> bool:
+        """Whether the connection sends beside the first window, as much as TCP's own admits.
+
+        TCP starts slowly, so it begins at once.
+        """
+        flow, sender, unsent = self._flow, self.sender, self.connection.unsent
+        if flow is None or flow.rtt_s is None or unsent is None or unsent >= FLIGHT_BYTES:
+            return False
+        opens = sender.admitted or flow.judged
+        return opens and not sender.given_out and not self._flows.loses_much
 
     def use_datagrams(self) -> None:
         """Continue by datagrams if TCP loses much and datagrams reach the peer."""
