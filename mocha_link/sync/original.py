@@ -33,7 +33,7 @@ from mocha_link.sync.protocol import (
     SERRM,
     Frame,
 )
-from mocha_link.sync.request_window import RequestWindow
+from mocha_link.sync.sync_receiver import RequestWindow
 
 MAX_HEADERS = 65_536
 FORGET_S = 60.0  # after this silence of a client none of its requests can be in flight

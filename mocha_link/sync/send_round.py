@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from operator import attrgetter
 
 from mocha_link.store import GROUPS, Record
-from mocha_link.sync.follower import Follower
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.send_queue import SendQueue
 from mocha_link.sync.sync_messages import Digest, Done, Have, HeldGroups, Open, Since
+from mocha_link.sync.sync_sender import Follower
 
 SLICE = 2_000  # messages that are sorted at once: some milliseconds
 
