@@ -12,6 +12,7 @@ from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, PATIENCE_S, Frame, Route, Standing
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
+SHORT_BYTES = 11 * 1024  # less than the first twelve datagrams, which measure no higher rate
 LATE_ACK_S = 0.1  # the margin for a late acknowledgement
 
 
@@ -176,10 +177,13 @@ class ServedPull:
     def _joins(self) -> bool:
         """Whether the connection sends beside the first window, as much as TCP's own admits.
 
-        TCP starts slowly, so it begins at once.
+        TCP starts slowly, so it begins at once, unless the link holds less than its first flight.
         """
         flow, sender, unsent = self._flow, self.sender, self.connection.unsent
         if flow is None or flow.rtt_s is None or unsent is None or unsent >= FLIGHT_BYTES:
+            return False
+        rate_bytes_s = self._flows.rate_bytes_s
+        if rate_bytes_s is not None and rate_bytes_s * flow.rtt_s < SHORT_BYTES:
             return False
         opens = sender.admitted or flow.judged
         return opens and not sender.given_out and not self._flows.loses_much

@@ -5,23 +5,20 @@ No sockets here; `ServedPull` chooses the path of the frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
-from mocha_link.store import Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import GROUPS, MESSAGE_HEADER_BYTES, TOPICS, message_frame, record_id
+from mocha_link.sync.frames import GROUPS, MESSAGE_HEADER_BYTES, TOPICS, message_frame
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.send_queue import SendQueue
-from mocha_link.sync.send_round import SendRound
+from mocha_link.sync.send_round import Follower, SendRound
 from mocha_link.sync.send_states import ENDED, GIVEN_OUT, SendEvent, SendState, next_state
 from mocha_link.sync.sync_messages import DONE_BYTES, Hello, Reception, VersionError
 
 _DONE_BYTES = MESSAGE_HEADER_BYTES + DONE_BYTES
 _FREE = (GROUPS, TOPICS)  # not counted, so that they leave room for messages
-PUSH_BYTES = 65_536  # larger messages are announced only: they need the flow control of a pull
 MIN_ROOM = 300
 
 
@@ -86,40 +83,6 @@ class MessageOutbox:
             del self._messages[0]
             self._offset = 0
         return kind, frame
-
-
-class Follower:
-    """Sorts new messages into those that are pushed to the peer and those that are announced.
-
-    Small messages of the robots in `Peer.pushed` are pushed, best effort. Others are announced,
-    unless the peer follows their publisher, and are sent in its next pull.
-    """
-
-    def __init__(self, peer: Peer) -> None:
-        self._pushed = peer.pushed
-        self._holdings = peer.holdings
-        self._followed: frozenset[int] = frozenset()  # robots that push their messages to the peer
-
-    def follow(self, robot_ids: Iterable[int]) -> None:
-        """Note that the peer follows us; `robot_ids`: the other robots that push to it."""
-        self._followed = frozenset(robot_ids)
-
-    def wants(self, robot_ids: AbstractSet[int]) -> bool:
-        """Whether new messages of these robots concern the peer."""
-        return not (robot_ids <= self._followed and robot_ids.isdisjoint(self._pushed))
-
-    def sort(self, records: Iterable[Record]) -> tuple[list[Record], list[int]]:
-        """The messages to push, and the ids of others that the peer may lack."""
-        pushed, announced = [], []
-        for record in records:
-            robot_id, message_id = record.header.robot_id, record_id(record)
-            if robot_id in self._pushed and len(record.body) <= PUSH_BYTES:
-                pushed.append(record)
-            elif not self.wants({robot_id}):
-                continue
-            elif self._holdings.lacks(record, message_id):
-                announced.append(message_id)
-        return pushed, announced
 
 
 class SyncSender:

@@ -11,10 +11,11 @@ from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncSt
 from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
 from mocha_link.sync.protocol import FOLLOW_S
 from mocha_link.sync.pull import STANDS_S
+from mocha_link.sync.send_round import PUSH_BYTES
 from mocha_link.sync.send_states import SendState
 from mocha_link.sync.session import Session
 from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news
-from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
+from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA, noise
 from tests.mocha_link.network import peer_of
