@@ -20,6 +20,7 @@ from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.send_buffer import SendBuffer
 from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
+from mocha_link.sync import Standing
 from mocha_link.team import PublicKey, SecretKey
 
 # A reply: id, prefix, an LZ4 frame of incompressible data, and a trailer.
@@ -244,9 +245,11 @@ class Connection:
         """Whether frames may be pushed."""
         return self.failure is None and self._protocol.ready
 
-    def loses_much(self) -> bool:
-        """Whether losses slow its congestion control down to almost nothing."""
-        return kernel.loses_much(self._socket)
+    def standing(self) -> Standing:
+        """The kernel's measurements, without the round trip, which `rtt_s` reports."""
+        return Standing(
+            kernel.loses_much(self._socket), unsent_bytes=kernel.unsent_bytes(self._socket)
+        )
 
     def _read(self) -> bool:
         taken = 0

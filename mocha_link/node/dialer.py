@@ -110,7 +110,7 @@ class Dialer:
         """The kernel's measurements of the connection to a peer; None: it accepts no frames."""
         connection = self._connections.get(peer)
         if isinstance(connection, Connection) and connection.takes_frames:
-            return Standing(loses_much=connection.loses_much())
+            return connection.standing()
         return None
 
     def push(self, peer: str, parts: list[Part]) -> None:

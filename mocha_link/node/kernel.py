@@ -20,8 +20,8 @@ from mocha_link.hosts import ANY, SocketAddress, family_of, socket_address
 DATAGRAM_BYTES = 1500
 
 # Offsets in struct tcp_info, linux/tcp.h (since 4.6): retransmitted packets, min_rtt in us
-# (2**32 - 1: not measured), data packets sent.
-_TOTAL_RETRANS_AT, _MIN_RTT_AT, _DATA_SEGS_OUT_AT = 100, 148, 156
+# (2**32 - 1: not measured), data packets sent, bytes that wait to be sent.
+_TOTAL_RETRANS_AT, _MIN_RTT_AT, _DATA_SEGS_OUT_AT, _NOTSENT_AT = 100, 148, 156, 144
 _LEAST_PACKETS = 50  # the loss ratio needs at least this many packets
 # The loss ratio above which a congestion control becomes too slow. BBR tolerates more loss than the
 # datagrams' pacing; CUBIC and Reno interpret each loss as congestion.
@@ -63,6 +63,11 @@ def rtt_s(connection: socket.socket | None) -> float | None:
     """The lowest recent round-trip time, which excludes queueing."""
     rtt_us = _tcp_info(connection, "=I", _MIN_RTT_AT)
     return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
+
+
+def unsent_bytes(connection: socket.socket | None) -> int | None:
+    """The bytes that wait in the kernel because TCP's window is full; None: not known."""
+    return _tcp_info(connection, "=I", _NOTSENT_AT)
 
 
 def unanswered(connection: socket.socket | None) -> int:

@@ -425,7 +425,11 @@ class Router:
         if client is None:
             return None
         connection = client.connection
-        return Standing(kernel.loses_much(connection), kernel.rtt_s(connection))
+        return Standing(
+            kernel.loses_much(connection),
+            kernel.rtt_s(connection),
+            kernel.unsent_bytes(connection),
+        )
 
     def flush(self, name: bytes) -> bool:
         """Send queued bytes of a connection; returns whether none are left."""

@@ -61,8 +61,12 @@ class Flows:
             return True
         if not (admitted or flow.judged) and flow.rtt_s is not None:
             return sent < FLIGHT_BYTES
-        known = admitted or flow.rate_bytes_s or self._rate_bytes_s
-        return not known or flow.bytes_out >= WINDOW_BYTES
+        return not (admitted or self.rate_bytes_s) or flow.bytes_out >= WINDOW_BYTES
+
+    @property
+    def rate_bytes_s(self) -> float | None:
+        """The rate of the link by the current flow, or the last one; None: not known."""
+        return (self.current and self.current.rate_bytes_s) or self._rate_bytes_s
 
     def begin(self, flow: Flow, now: Instant) -> None:
         """Replace the current flow."""

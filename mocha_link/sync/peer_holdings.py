@@ -1,13 +1,92 @@
-"""The messages that a peer is known to hold, whole or in part."""
+"""The messages that one peer holds, offers and can receive."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 from mocha_link.store import WRAP_MS, Record, is_void, wire
-from mocha_link.sync.agreement import TopicAgreement
+from mocha_link.sync.protocol import NodeContext
 
+_MAX_ANNOUNCED = 1_024
+_MAX_LEFT = 1_024
 BEGUN_BYTES = 64 * 1024 * 1024  # of partly sent messages, kept although newer ones replace them
+
+
+class TopicAgreement:
+    """The topics that we and one peer exchange, by configuration hashes and TOPICS.
+
+    Attributes:
+        config_mismatch: the peer's latest configuration hash differs from ours.
+        definitions: the peer's definitions of ids from its last TOPICS, by topic key.
+        known_hash: the configuration hash of that TOPICS; 0: none was received.
+    """
+
+    def __init__(self, node: NodeContext) -> None:
+        self.config_mismatch = False
+        self.definitions: Mapping[int, int] = {}
+        self.known_hash = 0
+        self._node = node
+        self._agreed: frozenset[int] | None = None  # topic keys that are exchanged; None: all
+
+    def receive_topics(self, config_hash: int, definitions: Mapping[int, int]) -> None:
+        """Note the definitions of ids that the peer has sent."""
+        self.known_hash, self.definitions = config_hash, definitions
+
+    def compare(self, config_hash: int) -> bool:
+        """Compare the peer's configuration hash with ours; returns whether its topics are known."""
+        self.config_mismatch = config_hash != self._node.config_hash
+        if not self.config_mismatch:
+            self._agreed = None
+        elif config_hash == self.known_hash:
+            ours = self._node.definitions.items()
+            self._agreed = frozenset(k for k, each in ours if self.definitions.get(k) == each)
+        else:
+            self._agreed = frozenset()
+            return False
+        return True
+
+    def expect_match(self) -> None:
+        """Assume no mismatch: the peer refuses the sync, so it may run another node now."""
+        self.config_mismatch = False
+
+    def exchanges(self, topic_key: int) -> bool:
+        """Whether the messages of a topic are exchanged: both nodes define it alike."""
+        return self._agreed is None or topic_key in self._agreed
+
+
+class Offers:
+    """The ids of messages that one peer has and that we still lack.
+
+    Attributes:
+        announced: ids that the peer has announced since our last OPEN to it.
+        left: ids that another peer is to send instead, until they are received.
+    """
+
+    def __init__(self) -> None:
+        self.announced: set[int] = set()
+        self.left: set[int] = set()
+
+    def announce(self, message_ids: Sequence[int]) -> None:
+        """Note that the peer announced messages that we lack."""
+        self.announced.update(message_ids[: _MAX_ANNOUNCED - len(self.announced)])
+
+    def requested(self) -> None:
+        """Clear the announced ids: an OPEN to the peer covers them."""
+        self.announced.clear()
+
+    @property
+    def left_full(self) -> bool:
+        """Whether no more messages can be left to another peer."""
+        return len(self.left) >= _MAX_LEFT
+
+    def leave(self, message_ids: Iterable[int]) -> None:
+        """Leave messages to another peer."""
+        self.left.update(message_ids)
+
+    def still_left(self, message_ids: AbstractSet[int]) -> None:
+        """Replace the ids left to another peer after a pull by those not received yet."""
+        self.left = set(message_ids)
 
 
 class PeerHoldings:

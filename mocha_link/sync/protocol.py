@@ -48,10 +48,12 @@ class Standing:
     Attributes:
         loses_much: losses slow TCP down to almost nothing.
         rtt_s: its round-trip time; None: not measured.
+        unsent_bytes: bytes that wait until TCP's window admits them; None: not known.
     """
 
     loses_much: bool = False
     rtt_s: float | None = None
+    unsent_bytes: int | None = None
 
 
 def random_boot_id() -> int:

@@ -6,13 +6,69 @@ from collections import deque
 
 from mocha_link.clock import Instant
 from mocha_link.datagram import Flow
-from mocha_link.sync.flows import Flows
+from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
+from mocha_link.sync.flows import FLIGHT_BYTES, Flows
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, PATIENCE_S, Frame, Route, Standing
-from mocha_link.sync.send_connection import SendConnection
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
+SHORT_BYTES = 11 * 1024  # less than the first twelve datagrams, which measure no higher rate
 LATE_ACK_S = 0.1  # the margin for a late acknowledgement
+
+
+class SendConnection:
+    """The TCP route of a pull, and its credit.
+
+    Attributes:
+        route: the peer's connection; None: it has none.
+        since_s: when the pull moved to it, steady seconds; 0: it began there.
+        sent: bytes sent on it.
+        unsent: of these, bytes that wait until TCP's window admits them; None: not known.
+        chunk: the largest frame that the peer accepts on it.
+    """
+
+    def __init__(self) -> None:
+        self.route: Route | None = None
+        self.since_s = 0.0
+        self.sent = 0
+        self.unsent: int | None = None
+        self.chunk = MIN_CHUNK
+        self._allowed = 0  # total bytes that the peer has granted
+
+    def begin(self, route: Route) -> None:
+        """Begin the pull on a connection."""
+        self.route = route
+
+    def move(self, route: Route, now: Instant) -> None:
+        """Move the pull to another connection, on which nothing was sent yet."""
+        self.route, self.sent, self.since_s = route, 0, now.steady_s
+        self.unsent = None
+
+    def measured(self, unsent_bytes: int | None) -> None:
+        """Note the bytes that wait in the kernel."""
+        self.unsent = unsent_bytes
+
+    def lose(self) -> None:
+        """Note that the connection was closed."""
+        self.route = None
+
+    def grant(self, raw: bytes) -> None:
+        """Process a grant of the peer."""
+        if len(raw) == GRANT.size:
+            allowed, chunk = GRANT.unpack(raw)
+            self._allowed = max(self._allowed, allowed)
+            self.chunk = min(max(chunk, MIN_CHUNK), MAX_CHUNK)
+
+    @property
+    def credit(self) -> int:
+        """Bytes that may be sent now."""
+        return self._allowed - self.sent
+
+    def spend(self, size: int) -> None:
+        """Count sent bytes."""
+        self.sent += size
+        if self.unsent is not None:
+            self.unsent += size
 
 
 class ServedPull:
@@ -62,6 +118,7 @@ class ServedPull:
         if found is None:
             self.connection.lose()
             return self.by_datagram or not self.sender.ended
+        self.connection.measured(found.unsent_bytes)
         if found.loses_much:
             self.use_datagrams()
         return True
@@ -71,7 +128,7 @@ class ServedPull:
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for the connection, in parts, if the peer has credit left for one."""
         connection = self.connection
-        if connection.route is None or self._datagrams_carry():
+        if connection.route is None or (self._datagrams_carry() and not self._joins):
             return None
         parts: list[Frame] | None
         if self._again:
@@ -81,6 +138,7 @@ class ServedPull:
         else:
             room = min(connection.chunk, max(connection.credit, MIN_ROOM + ID_BYTES))
             parts = self.sender.next_parts(room, self.id)
+            self._all_cast = self._all_cast and not parts
         if not parts:
             return None
         connection.spend(sum(map(len, parts)))
@@ -112,9 +170,23 @@ class ServedPull:
             or not self._flows.window_used(admitted=sender.admitted, sent=self.connection.sent)
         ):
             return True
-        self._all_cast = False
         self.by_datagram = not (sender.admitted or flow.judged) and flow.rtt_s is not None
         return False
+
+    @property
+    def _joins(self) -> bool:
+        """Whether the connection sends beside the first window, as much as TCP's own admits.
+
+        TCP starts slowly, so it begins at once, unless the link holds less than its first flight.
+        """
+        flow, sender, unsent = self._flow, self.sender, self.connection.unsent
+        if flow is None or flow.rtt_s is None or unsent is None or unsent >= FLIGHT_BYTES:
+            return False
+        rate_bytes_s = self._flows.rate_bytes_s
+        if rate_bytes_s is not None and rate_bytes_s * flow.rtt_s < SHORT_BYTES:
+            return False
+        opens = sender.admitted or flow.judged
+        return opens and not sender.given_out and not self._flows.loses_much
 
     def use_datagrams(self) -> None:
         """Continue by datagrams if TCP loses much and datagrams reach the peer."""

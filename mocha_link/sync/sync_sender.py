@@ -9,17 +9,80 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.follower import Follower
-from mocha_link.sync.message_outbox import MessageOutbox
+from mocha_link.sync.frames import GROUPS, MESSAGE_HEADER_BYTES, TOPICS, message_frame
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
-from mocha_link.sync.send_budget import SendBudget
 from mocha_link.sync.send_queue import SendQueue
-from mocha_link.sync.send_round import SendRound
+from mocha_link.sync.send_round import Follower, SendRound
 from mocha_link.sync.send_states import ENDED, GIVEN_OUT, SendEvent, SendState, next_state
-from mocha_link.sync.sync_messages import Hello, Reception, VersionError
+from mocha_link.sync.sync_messages import DONE_BYTES, Hello, Reception, VersionError
 
+_DONE_BYTES = MESSAGE_HEADER_BYTES + DONE_BYTES
+_FREE = (GROUPS, TOPICS)  # not counted, so that they leave room for messages
 MIN_ROOM = 300
+
+
+class SendBudget:
+    """The peer's limit on the frames of one pull, and the bytes sent so far.
+
+    Attributes:
+        sent_bytes: bytes of all frames.
+    """
+
+    def __init__(self) -> None:
+        self.sent_bytes = 0
+        self._limit_bytes = 0  # from the peer's last OPEN; 0: no limit
+        self._free_bytes = 0  # sent bytes that are not counted
+
+    def renew(self, limit_bytes: int) -> None:
+        """Set the limit from an OPEN of the peer."""
+        self._limit_bytes = limit_bytes
+
+    def spend(self, size: int, kind: int | None = None) -> None:
+        """Count a sent frame; `kind`: of its sync message; None: it is a frame of chunks."""
+        self.sent_bytes += size
+        if kind in _FREE:
+            self._free_bytes += size
+
+    def room(self, room: int) -> int:
+        """The size that a frame of chunks may have within `room` bytes; DONE must fit after it."""
+        if not self._limit_bytes:
+            return room
+        return min(room, self._limit_bytes + self._free_bytes - self.sent_bytes - _DONE_BYTES)
+
+
+class MessageOutbox:
+    """Queued sync messages, sent in order and in parts that fit the frames."""
+
+    def __init__(self) -> None:
+        self._messages: list[tuple[int, bytes]] = []  # kind, content
+        self._offset = 0  # of the next part in the first message
+
+    def __bool__(self) -> bool:
+        return bool(self._messages)
+
+    def put(self, kind: int, content: bytes) -> None:
+        """Queue a message."""
+        self._messages.append((kind, content))
+
+    def clear(self) -> None:
+        """Drop all messages: another round begins."""
+        self._messages.clear()
+        self._offset = 0
+
+    def fits(self, room: int) -> bool:
+        """Whether a message is queued, and the whole of it fits in `room` bytes."""
+        return bool(self) and MESSAGE_HEADER_BYTES + len(self._messages[0][1]) <= room
+
+    def next_frame(self, round_: int, room: int) -> tuple[int, bytes]:
+        """The next part of the first message in a frame of at most `room` bytes, with its kind."""
+        kind, content = self._messages[0]
+        frame = message_frame(kind, round_, content, self._offset, room)
+        self._offset += len(frame) - MESSAGE_HEADER_BYTES
+        if self._offset >= len(content):
+            del self._messages[0]
+            self._offset = 0
+        return kind, frame
 
 
 class SyncSender:

@@ -117,7 +117,7 @@ class DdsSink(_DdsSide):
 
     def _arrived(self, reader: Any) -> None:
         with self._taking:
-            for message in reader.take(64):
-                if message.key not in self._messages:
+            for message in reader.take(64):  # an InvalidSample notes a disposal
+                if isinstance(message, Message) and message.key not in self._messages:
                     self._messages[message.key] = bytes(message.data)
                     self._deliver(message.key)

@@ -15,7 +15,7 @@ from mocha_link.cli.cli import main
 from mocha_link.links.metrics import Direction, SyncEnded
 from mocha_link.node.node import Node
 from mocha_link.service.server import MetricsServer
-from mocha_link.sync.follower import PUSH_BYTES
+from mocha_link.sync.send_round import PUSH_BYTES
 
 
 @pytest.fixture

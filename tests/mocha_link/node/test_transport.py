@@ -28,7 +28,7 @@ from mocha_link.node.node import Node
 from mocha_link.node.router import ClientConnection
 from mocha_link.node.zmtp import Part
 from mocha_link.radios import ManualRadio
-from mocha_link.sync.pull_datagrams import NEAR_CONNECT_S
+from mocha_link.sync.pull import NEAR_CONNECT_S
 from mocha_link.sync.session import Session
 from tests.mocha_link.conftest import WAIT_S, Witness, free_ports
 

@@ -11,7 +11,7 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
-from mocha_link.sync import request_window
+from mocha_link.sync import original
 from mocha_link.sync.original import ClientSession, ServerSession
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA
@@ -122,8 +122,8 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
 @pytest.mark.parametrize("pull", PULLS)
 @pytest.mark.parametrize("window", [1, 8])
 def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
-    monkeypatch.setattr(request_window, "MIN_WINDOW", window)
-    monkeypatch.setattr(request_window, "MAX_WINDOW", window)
+    monkeypatch.setattr(original, "MIN_WINDOW", window)
+    monkeypatch.setattr(original, "MAX_WINDOW", window)
     recorded = exchange(*pull.connections)
     ids = iter(request[:6] for request, _ in recorded)
     own = database(recorded_team, bodies, *pull.client_holds)

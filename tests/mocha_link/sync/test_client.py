@@ -10,10 +10,9 @@ from benchmarks.fleet.network_sim import pair_of
 from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.wire import Header, PayloadError
-from mocha_link.sync.original import ClientSession
-from mocha_link.sync.path_memory import PathMemory
+from mocha_link.sync.original import MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.sync.peer import Peer
-from mocha_link.sync.request_window import MAX_WINDOW, MIN_WINDOW
+from mocha_link.sync.peer_path import PathMemory
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.original import packed
 

@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks.fleet.network_sim import NEAR_DBM, NetworkSim
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.sync.follower import PUSH_BYTES
 from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
 from mocha_link.sync.protocol import FOLLOW_S
 from mocha_link.sync.pull import STANDS_S
+from mocha_link.sync.send_round import PUSH_BYTES
 from mocha_link.sync.send_states import SendState
 from mocha_link.sync.session import Session
 from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.fleet.network_sim import Carried, NetworkSim, pair_of, pulling
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
-from mocha_link.sync.path_memory import MAX_MISSES, RETRY_EVERY
+from mocha_link.sync.peer_path import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import PATIENCE_S, Connect
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import noise

@@ -16,7 +16,7 @@ from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.sync.flows import WINDOW_BYTES
+from mocha_link.sync.flows import FLIGHT_BYTES, WINDOW_BYTES
 from mocha_link.sync.frames import (
     CHUNKS,
     END,
@@ -424,6 +424,26 @@ def test_a_far_peer_gets_a_first_window_by_datagrams_and_the_rest_over_its_conne
         assert end_s < 60
     assert sent >= WINDOW_BYTES
     assert sum(len(frame) for _, frame in given) > 0
+
+
+def test_beside_the_first_window_the_connection_sends_what_tcp_admits(server, io, database):
+    """The window of TCP begins to open at once, and no message waits for it in the kernel."""
+    fill(database)
+    io.cast(at(0))
+    under_way = server.transmit(at(0))
+    io.open(GRANT.pack(1 << 40, 2816), now=at(0.05))
+    for packet in under_way:
+        io.flow.receive(packet, at(0.1).steady_s)
+    io.pass_on(at(0.1))
+    under_way = server.transmit(at(0.1))
+    assert 0 < sum(map(len, under_way)) < WINDOW_BYTES
+    assert server.route(lambda _route: Standing(unsent_bytes=FLIGHT_BYTES))
+    assert io.drain() == []
+    assert server.route(lambda _route: Standing())  # another kernel: not known
+    assert io.drain() == []
+    assert server.route(lambda _route: Standing(unsent_bytes=0))
+    given = sum(len(frame) for _, frame in io.drain())
+    assert FLIGHT_BYTES <= given < FLIGHT_BYTES + 2816
 
 
 @pytest.mark.parametrize("content", [True, False])
