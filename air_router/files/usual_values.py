@@ -185,6 +185,7 @@ WORLD: Final = (
     Band("explore.patience_s_m", 0.5, 120, " s/m", (), (MS,), "slower than the robot drives"),
     Band("explore.recall", 0.05, 1, "", (), (PERCENT,), "a share: 0.9 is 90 %"),
     Band("explore.located", 0.05, 1, "", (), (PERCENT,), "a share: 0.9 is 90 %"),
+    Band("explore.localisation_m", 0, 50, " m", (), (CM, FEET), "in a map from above"),
     Band("explore.stuck", 0, 0.9, "", (), (PERCENT,), "a share: 0.1 is 10 %"),
     Band("explore.thinking_s", 0.1, 300, " s", (), (MS,), "between two searches for a goal"),
 )

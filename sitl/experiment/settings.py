@@ -124,8 +124,9 @@ class PathLossModel(_Model):
     Attributes:
         air: The link between a UAV above the roofs and a robot below. `log_distance`: as between
             robots on the ground. `umi_av`, `uma_av`: as 3GPP has it, by `sitl.world.air_to_ground`.
-            `obstacles`: by the town's own buildings and trees, `sitl.world.obstacles`. With all but
-            the first, fading is by place and not by time.
+            `obstacles`: by the town's own buildings and trees, `sitl.world.obstacles`. `aerpaw`: as
+            it was measured, `sitl.world.measured_link`. With all but the first, fading is by place
+            and not by time.
         carrier_ghz: Frequency of such links.
         shadowing_db: Standard deviation of slow fading; of such links the tables have it.
         building_loss_db_m: Extra loss per metre of building on the line between two robots on the
@@ -142,7 +143,7 @@ class PathLossModel(_Model):
         pull_every_s: Pull again after so long in a contact; None: once per contact.
     """
 
-    air: Literal["log_distance", "umi_av", "uma_av", "obstacles"] = "log_distance"
+    air: Literal["log_distance", "umi_av", "uma_av", "obstacles", "aerpaw"] = "log_distance"
     carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
     shadowing_db: AtLeastZero = 4.0
     building_loss_db_m: AtLeastZero = 1.0

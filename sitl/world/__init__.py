@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = door(
     {
         "air_to_ground": ("AirLoss", "AirToGround", "HIGHEST_M"),
         "ground_robots": ("Publication",),
+        "measured_link": ("MeasuredLink", "air_loss"),
         "obstacles": ("Obstacles",),
         "radio": ("RadioModel", "TownRadio"),
         "world": ("Reading", "STEP_S", "Step", "Truth", "World"),

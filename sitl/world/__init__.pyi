@@ -4,6 +4,8 @@ from sitl.world.air_to_ground import HIGHEST_M as HIGHEST_M
 from sitl.world.air_to_ground import AirLoss as AirLoss
 from sitl.world.air_to_ground import AirToGround as AirToGround
 from sitl.world.ground_robots import Publication as Publication
+from sitl.world.measured_link import MeasuredLink as MeasuredLink
+from sitl.world.measured_link import air_loss as air_loss
 from sitl.world.obstacles import Obstacles as Obstacles
 from sitl.world.radio import RadioModel as RadioModel
 from sitl.world.radio import TownRadio as TownRadio

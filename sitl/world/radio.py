@@ -27,11 +27,11 @@ from sitl.world.air_to_ground import (
     ROOF_M,
     SHADOWING_LIMIT,
     AirLoss,
-    AirScenario,
     Numbers,
     PlaceField,
     free_space_db,
 )
+from sitl.world.measured_link import AirModel
 from sitl.world.towns import Raster
 
 _SHORTEST_M: Final = 1.0  # the reference distance; closer than this the formula means nothing
@@ -69,7 +69,7 @@ class RadioModel(BaseModel):
     shadowing_db: Annotated[float, Field(ge=0, le=30)] = 0.0
     shadowing_interval_s: Positive = 10.0
     sensitivity_dbm: Annotated[float, Field(ge=-200, le=0)] = -76.0
-    air: AirScenario | None = None
+    air: AirModel | None = None
     carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
     reading_interval_s: Positive = 0.5
     rate_bytes_s: Positive | None = None

@@ -15,9 +15,10 @@ import numpy as np
 
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
-from sitl.world.air_to_ground import ROOF_M, AirToGround, Numbers
+from sitl.world.air_to_ground import ROOF_M, Numbers
 from sitl.world.explorers import GroundRobot, Visit, first_visits
 from sitl.world.ground_robots import Every, ExplorerUgv, PatrolUgv, Publication, Ugv
+from sitl.world.measured_link import air_loss
 from sitl.world.radio import PairPowers
 from sitl.world.towns import Raster
 from sitl.world.ugv import Patrol, PatrolPlan, PatrolRobot
@@ -162,7 +163,7 @@ class World:
         radio, seed = plan.radio, plan.seed
         self._powers = PairPowers(radio, names, seed)
         # Between vehicles above the roofs and robots below; None: as any other.
-        self._air = radio.air and AirToGround(radio.air, radio.carrier_ghz, seed)
+        self._air = radio.air and air_loss(radio.air, radio.carrier_ghz, seed)
         self.approaches = {pair: Approach() for pair in itertools.combinations(vehicles, 2)}
         self._reading = Every(plan.radio.reading_interval_s)
         self._picture = Every(plan.camera.interval_s)
@@ -305,5 +306,6 @@ class World:
         if self._air is not None:
             for pair in np.flatnonzero(above[a] != above[b]):
                 below, high = sorted(places[[a[pair], b[pair]]], key=itemgetter(2))
-                rssi_dbm[pair] = plan.radio.tx_power_dbm - self._air.between_db(high, below)
+                lost_db = self._air.loss_db(high[None], below[None])[0, 0]
+                rssi_dbm[pair] = plan.radio.tx_power_dbm - lost_db
         return rssi_dbm

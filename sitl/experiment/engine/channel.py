@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from mocha_link.node import TIMEOUT_S
 from sitl.experiment import PaperModel, PathLossModel
-from sitl.world import AirLoss, AirToGround, Obstacles, RadioModel, TownRadio
+from sitl.world import AirLoss, Obstacles, RadioModel, TownRadio, air_loss
 from sitl.world.towns import Town
 
 FULL_RATE_DB: Final = 30.0
@@ -223,7 +223,7 @@ class PathLossChannel(Channel):
                 most_building_db=model.most_building_db,
             )
         elif model.air != "log_distance":
-            loss = AirToGround(model.air, model.carrier_ghz, seed)
+            loss = air_loss(model.air, model.carrier_ghz, seed)
         self._radio = TownRadio(
             *(radio, town.raster, names, seed),
             building_loss_db_m=model.building_loss_db_m,

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from sitl.world.explorers.explorer import GroundRobot, Visit
+from sitl.world.explorers.published_errors import with_published_errors
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns import Town, drawn_starts
 
@@ -38,13 +39,14 @@ class Exploration:
         starts = [town.starts[number % len(town.starts)] for number in range(len(names))]
         if self.drawn_starts:
             starts = list(drawn_starts(town, self.seed, len(names)))
+        settings = with_published_errors(self.settings, self.seed)
         own = (random.Random(f"{self.seed} {name}").getrandbits(62) for name in names)  # noqa: S311
         robots = {
-            name: GroundRobot(name, town, its_seed, start, self.settings)
+            name: GroundRobot(name, town, its_seed, start, settings)
             for name, its_seed, start in zip(names, own, starts, strict=True)
         }
         chance = random.Random(f"{self.seed} maps")  # noqa: S311 - repeatable on purpose
-        recall = self.settings.recall
+        recall = settings.recall
         unmapped = [goal.position for goal in town.goals if chance.random() >= recall]
         for robot in robots.values():
             robot.unmapped = unmapped

@@ -218,8 +218,19 @@ class GroundRobot:
         near = min(self.town.goals, key=lambda other: math.dist(goal, other.position), default=None)
         if near is None or math.dist(goal, near.position) > NO_VEHICLE_M:
             return
+        if not self._finds(near.position):
+            return
         if all(near.id != visit.goal for visit in self.visited):
             self.visited.append(Visit(near.id, time_s, self.name))
+
+    def _finds(self, vehicle: Point) -> bool:
+        """Whether it recognises the vehicle of a goal from where it really is."""
+        mean_m = self.settings.localisation_m
+        if mean_m == 0:
+            return True
+        deviation_m = mean_m / math.sqrt(math.pi / 2)  # on each axis
+        east_m, north_m = (place + self._chance.gauss(0, deviation_m) for place in self.position)
+        return math.dist((east_m, north_m), vehicle) <= self.settings.recognition_m
 
     def _think(self) -> None:
         """Choose where to go, unless there is a goal, or nothing is new since the last time."""

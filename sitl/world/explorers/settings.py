@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from sitl.world.explorers.policies import RobotPolicyName
 
 Positive = Annotated[float, Field(gt=0, le=1e9)]
+AtLeastZero = Annotated[float, Field(ge=0, le=1e3)]
 Share = Annotated[float, Field(ge=0, le=1)]
 """What a file may write where these stand."""
 
@@ -30,8 +31,12 @@ class ExplorerSettings(BaseModel):
         recall: Chance that a vehicle is recognised on maps, drawn for each one and run.
         located: Chance that a robot that has come to a goal, as it believes, finds the vehicle;
             else the team takes it for visited all the same.
+        localisation_m: Mean error (Rayleigh) of where a robot takes itself to be, 0 for none. It
+            finds the vehicle of a goal if it really is within `recognition_m` of it.
         stuck: Chance that a way to a goal is found to a place on it only, and the robot stands
             there until its patience is over.
+        errors: `given`: as the settings have them. `published`: each run draws `recall` and
+            `localisation_m` from what was published (`sitl.world.explorers.published_errors`).
         thinking_s: Without a goal it searches for one so often.
         idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
         policy: What may have it drive elsewhere (docs/evidence/town.md); None: nothing.
@@ -46,7 +51,9 @@ class ExplorerSettings(BaseModel):
     patience_s_m: Positive = 10.0
     recall: Share = 1.0
     located: Share = 1.0
+    localisation_m: AtLeastZero = 0.0
     stuck: Share = 0.0
+    errors: Literal["given", "published"] = "given"
     thinking_s: Positive = 5.0
     idle: Literal["return", "explore"] = "return"
     policy: RobotPolicyName | None = None

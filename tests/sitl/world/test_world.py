@@ -1,6 +1,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
@@ -11,6 +12,7 @@ from sitl.world.explorers.exploration import Exploration, first_visits
 from sitl.world.explorers.explorer import Visit
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.ground_robots import Every
+from sitl.world.measured_link import MeasuredLink
 from sitl.world.radio import RadioModel
 from sitl.world.towns.terrain import Camera, LandCover, Raster
 from sitl.world.towns.town_file import load_town
@@ -101,6 +103,15 @@ def test_above_the_roofs_the_link_may_be_that_of_3gpp():
     assert reading.rssi_dbm == round(20 - link.between_db((60, 30, 40), europa), 1)
     at(world, 7, middle, height_m=24.0)
     assert not world.contact("titan", "europa").up
+
+
+def test_above_the_roofs_the_link_may_be_the_measured_one():
+    near = Point(150, 30)
+    world = make_world("aerpaw")
+    drive(world, 5, near)
+    reading = next(r for r in at(world, 6, near).readings if r.robot == "europa")
+    air, ground = np.array([(150, 30, 40)]), np.array([(EAST.east_m, EAST.north_m, 0.5)])
+    assert reading.rssi_dbm == round(20 - MeasuredLink(2.4, 0).loss_db(air, ground)[0, 0], 1)
 
 
 def test_radios_say_who_is_heard_and_who_is_not():

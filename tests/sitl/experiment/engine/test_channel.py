@@ -153,6 +153,24 @@ class TestPathLoss:
         assert changed["log_distance"] > 0
         assert changed["umi_av"] == changed["uma_av"] == 0
 
+    def test_the_measured_link_is_shorter_than_one_in_the_open_and_fades_by_place(self):
+        far = places((0, 999, 0.5), (0, 0, 60), (0, 300, 0.5), (9, 999, 0.5))
+        up = {
+            air: [
+                {
+                    (1, 2, True) in PathLossChannel(model, TOWN, NAMES, seed=seed).update(0.0, far)
+                    for _ in range(2)
+                }
+                for seed in range(30)
+            ]
+            for air, model in (
+                (air, PathLossModel(air=air, trigger_dbm=-80.0)) for air in ("umi_av", "aerpaw")
+            )
+        }
+        assert all(len(same) == 1 for own in up.values() for same in own)
+        met = {air: sum(True in same for same in own) for air, own in up.items()}
+        assert 3 < met["aerpaw"] < 20 < met["umi_av"]
+
     def test_the_rate_is_that_of_802_11n_at_the_power(self):
         model = PathLossModel(rates="802.11n", shadowing_db=0.0)
         channel = PathLossChannel(model, TOWN, NAMES, seed=1)

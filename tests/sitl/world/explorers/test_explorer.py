@@ -1,6 +1,7 @@
 """Ground robots that explore: where they drive, whom they leave a goal to, what they believe."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from air_router.messages import (
 )
 from geo.frame import Point
 from geo.grid import GridError, SemanticGrid, Terrain
+from sitl.world.explorers.exploration import Exploration
 from sitl.world.explorers.explorer import GroundRobot
 from sitl.world.explorers.knowledge import GoalBook, GoalClaim, read_map
 from sitl.world.explorers.messages import (
@@ -31,6 +33,11 @@ from sitl.world.explorers.messages import (
     degrees,
     read_claims,
     read_sightings,
+)
+from sitl.world.explorers.published_errors import (
+    LOCALISATION_M,
+    RECALL,
+    with_published_errors,
 )
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town_file import load_town
@@ -240,6 +247,50 @@ def test_what_goes_wrong_is_a_setting():
     nothing, robot = visited(stuck=1.0, patience_s_m=1.5)
     assert not nothing
     assert robot.book.failed
+
+
+def test_a_robot_that_is_not_where_it_believes_to_be_misses_vehicles():
+    """The mean error of its position is a setting; it needs to recognise the vehicle of a goal."""
+
+    def visited(mean_m):
+        settings_ = QUICK.model_copy(update={"recognition_m": 7.0, "localisation_m": mean_m})
+        found = []
+        for seed in range(4):
+            robot = GroundRobot("io", URBAN, seed, START, settings_)
+            robot.take("titan", MAP_TOPIC, MAP, 0.0)
+            drive([robot], 400.0)
+            assert len(robot.book.claims) > 4  # it takes them for visited all the same
+            found += robot.visited
+        return len(found)
+
+    exact, near, far, lost = (visited(mean_m) for mean_m in (0.0, 0.9, 10.0, 1000.0))
+    assert lost == 0
+    assert 0.9 * exact <= near <= exact
+    assert 0.05 * exact < far < 0.6 * exact
+
+
+def test_published_errors_are_drawn_by_the_seed_within_their_ranges():
+    given = ExplorerSettings(recall=0.3, localisation_m=1.0)
+    assert with_published_errors(given, 1) == given
+    asked = given.model_copy(update={"errors": "published"})
+    drawn = [with_published_errors(asked, seed) for seed in range(200)]
+    assert drawn == [with_published_errors(asked, seed) for seed in range(200)]
+    for name, (low, high) in (("recall", RECALL), ("localisation_m", LOCALISATION_M)):
+        values = [getattr(each, name) for each in drawn]
+        assert low <= min(values) < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < max(values) <= high
+    rest = {"recall", "localisation_m"}
+    assert all(each.model_dump(exclude=rest) == asked.model_dump(exclude=rest) for each in drawn)
+
+
+def test_a_team_with_published_errors_has_one_draw_and_vehicles_that_no_map_shows():
+    asked = ExplorerSettings(errors="published")
+    exploration = Exploration(URBAN, ("io", "europa"), 3, asked, drawn_starts=False)
+    robots = list(exploration.robots().values())
+    assert robots[0].settings == robots[1].settings == with_published_errors(asked, 3)
+    teams = (replace(exploration, seed=seed).robots() for seed in range(20))
+    unmapped = sum(len(team["io"].unmapped) for team in teams) / (20 * len(URBAN.goals))
+    assert 1 - RECALL[1] < unmapped < 1 - RECALL[0]
 
 
 def test_a_map_that_lies_about_houses_does_not_lead_into_them():

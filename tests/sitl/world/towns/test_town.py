@@ -69,6 +69,21 @@ def test_the_papers_town_is_as_large_as_traced(urban):
     assert len(urban.starts) >= 50
 
 
+def test_the_wood_is_as_large_as_the_papers_rural_environment_and_mostly_trees():
+    rural = load_town(URBAN.parent / "rural" / "town.yaml")
+    assert rural.area_m2 == 157_000
+    assert len(rural.goals) == 15
+    cells = rural.raster.cells
+    share = {kind: np.count_nonzero(cells == kind) / 4 / rural.area_m2 for kind in Terrain}
+    assert 0.55 < share[Terrain.VEGETATION] < 0.6
+    assert share[Terrain.BUILDING] < 0.01
+    mission = load_mission(URBAN.parent / "rural" / "mission.yaml")
+    assert (rural.frame, rural.home) == (mission.frame, mission.home)
+    world = load_world(URBAN.parent / "rural" / "world.yaml", mission, ["ugv01", "ugv02"], 0)
+    assert world.exploration is not None
+    assert world.radio.air == "aerpaw"
+
+
 def test_its_vehicles_are_those_of_the_rehearsed_world(urban):
     mission = load_mission(URBAN / "mission.yaml")
     world = load_world(URBAN / "world.yaml", mission, ["callisto", "europa", "io"], 0)
