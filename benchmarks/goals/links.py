@@ -32,7 +32,12 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
     lossy = tuple(link for link in links.LOSSY if link.loss == LOSS)
     returns = RETURNS[:1] if conditions.quick else RETURNS
     tasks = [
-        Task(way, link, zlib.crc32(f"{SEED} {link.name}".encode()), small=link in returns)
+        Task(
+            way,
+            link,
+            zlib.crc32(f"{SEED} {link.name}".encode()),
+            equal=small.HUNDRED if link in returns else None,
+        )
         for way in WAYS
         for link in (*tables, *lossy, *returns)
     ]

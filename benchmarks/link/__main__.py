@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for line in table.conditions([score for _, score in scores], load):
         print(line)
     if options.json:
-        rows = [{"small": task.small, **table.as_row(score)} for task, score in scores]
+        rows = [{"equal": task.equal, **table.as_row(score)} for task, score in scores]
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     return 0 if len(scores) == len(tasks) else 1
 
@@ -73,12 +73,12 @@ def _lines(
 ) -> Iterator[str]:
     by_link: dict[tuple[str, known.Link], list[Score]] = {}
     for task, score in scores:
-        if not task.small:
+        if not task.equal:
             by_link.setdefault((task.way, task.link), []).append(score)
     yield ""
     yield from table.shares(by_link, ways, chosen)
     yield ""
-    hundred = [score for task, score in scores if task.small]
+    hundred = [score for task, score in scores if task.equal]
     if hundred:
         yield from small.lines(hundred)
         yield ""
@@ -98,7 +98,7 @@ def _complain(task: Task, why: str) -> None:
 
 
 def _ways(options: argparse.Namespace) -> Iterator[str]:
-    for name in options.only or WAYS:
+    for name in options.only or [way.name for way in WAYS.values() if way.usual]:
         missing = WAYS[name].missing
         if missing:
             print(f"{name}: skipped, {missing} is not installed (extra 'bench')", file=sys.stderr)

@@ -41,13 +41,14 @@ class Task:
     way: str
     link: Link
     seed: int
-    small: bool = False  # not the usual offer but 100 messages of 1 KB
+    equal: tuple[int, int] | None = None  # not the usual offer: so many messages of so many bytes
     nice: int = 0  # of the two nodes, not of the link
 
     @property
     def offer(self) -> Offer:
-        if self.small:
-            return Offer.of(100, self.seed, size=1000)
+        if self.equal:
+            count, size = self.equal
+            return Offer.of(count, self.seed, size=size)
         return Offer.for_link(self.link, self.seed)
 
 

@@ -6,6 +6,7 @@ from benchmarks.link.cell import Task
 from benchmarks.link.links import Link
 from benchmarks.link.score import Score
 
+HUNDRED = (100, 1_000)  # messages, and bytes of each
 WAYS = ("original", "old-peer", "new", "tcp", "zenoh")
 _SLOW_S, _FAST_S = 60.0, 8.0  # the original way needs 41 s
 _SEED = 1
@@ -16,7 +17,7 @@ def link_for(way: str) -> Link:
 
 
 def tasks(ways: Sequence[str]) -> list[Task]:
-    return [Task(way, link_for(way), _SEED, small=True) for way in ways if way in WAYS]
+    return [Task(way, link_for(way), _SEED, equal=HUNDRED) for way in ways if way in WAYS]
 
 
 def lines(scores: Sequence[Score]) -> Iterator[str]:

@@ -34,13 +34,18 @@ class Side(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way: its name, what it is, where its two sides are, which packages it needs."""
+    """A way: its name, what it is, where its two sides are, which packages it needs.
+
+    Attributes:
+        usual: it is run unless others are named.
+    """
 
     name: str
     what: str
     source: str
     sink: str
     needs: str | None = None
+    usual: bool = True
 
     @property
     def missing(self) -> str | None:
@@ -85,6 +90,13 @@ WAYS = {
             "our node pulls from our node",
             f"{_HERE}.node:NodeSource",
             f"{_HERE}.node:NodeSink",
+        ),
+        Way(
+            "new-tcp",
+            "the same without datagrams",
+            f"{_HERE}.node:TcpNodeSource",
+            f"{_HERE}.node:TcpNodeSink",
+            usual=False,
         ),
         Way(
             "tcp",

@@ -13,12 +13,14 @@ START_S = 50.0
 
 
 class _NodeSide:
+    datagrams = True
+
     def __init__(self, offer: Offer, name: str, peer: str, addresses: tuple[str, str]) -> None:
         self._offer = offer
         self._peer = peer
         self._radio = ManualRadio()
         self._team = team_of(offer, addresses)
-        self.node = Node(self._team, name, radio=self._radio)
+        self.node = Node(self._team, name, radio=self._radio, datagrams=self.datagrams)
 
     def start(self) -> None:
         self.node.start()
@@ -97,3 +99,15 @@ class NodeSink(_NodeSide):
                 self._deliver(key)
         elif isinstance(event, SyncEnded) and event.direction is Direction.IN:
             self._deliver(ENDED)
+
+
+class TcpNodeSource(NodeSource):
+    """The same without datagrams."""
+
+    datagrams = False
+
+
+class TcpNodeSink(NodeSink):
+    """The same without datagrams."""
+
+    datagrams = False
