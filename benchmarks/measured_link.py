@@ -1,7 +1,6 @@
 """The statistics of `sitl.world.measured_link`, from the measurements that it names.
 
-    git clone https://github.com/MPACT-Lab/shadow-fading-ang-corr
-    python -m benchmarks.measured_link shadow-fading-ang-corr/data_gen/raw_data
+    python -m benchmarks.measured_link FOLDER      # data_gen/raw_data of their publication
 
 Power is averaged over each second of level flight (within 5 m of the most frequent height), and
 compared with free space. Bands of elevation have the mean and the standard deviation of all

@@ -225,6 +225,8 @@ MUTANTS = (
     _row("ranges without limit", "mocha_link.reassembly_buffer", "if len(gaps) <= limit:", "if True:", "reassembly_buffer"),
     _row("credit behind TCP", "mocha_link.credit", "_START_GROWTH if self._meter.starting else _GROWTH",
          "_GROWTH", "credit"),
+    _row("head start on short links", "mocha_link.served_pull", "SHORT_BYTES = 11 * 1024",
+         "SHORT_BYTES = 0", "server"),
     _row("datagrams alone at first", "mocha_link.served_pull", "return opens and", "return False and",
          "server"),
     _row("amplification", "mocha_link.address_proof", "RETURN = 3  #", "RETURN = 300  #",

@@ -246,10 +246,8 @@ class Connection:
         return self.failure is None and self._protocol.ready
 
     def standing(self) -> Standing:
-        """The kernel's measurements, without the round trip, which `rtt_s` reports."""
-        return Standing(
-            kernel.loses_much(self._socket), unsent_bytes=kernel.unsent_bytes(self._socket)
-        )
+        """The kernel's measurements."""
+        return kernel.standing(self._socket)
 
     def _read(self) -> bool:
         taken = 0

@@ -16,6 +16,7 @@ import zmq
 
 from mocha_link.forks import closed_in_children
 from mocha_link.hosts import ANY, SocketAddress, family_of, socket_address
+from mocha_link.sync import Standing
 
 DATAGRAM_BYTES = 1500
 
@@ -59,26 +60,31 @@ def reset(connection: socket.socket | None) -> None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
 
 
+def standing(connection: socket.socket | None) -> Standing:
+    """The kernel's measurements of a connection; its round trip is the lowest recent one."""
+    info = _tcp_info(connection)
+    return Standing(_loses_much(connection, info), _rtt_s(info), _field(info, "=I", _NOTSENT_AT))
+
+
 def rtt_s(connection: socket.socket | None) -> float | None:
     """The lowest recent round-trip time, which excludes queueing."""
-    rtt_us = _tcp_info(connection, "=I", _MIN_RTT_AT)
-    return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
-
-
-def unsent_bytes(connection: socket.socket | None) -> int | None:
-    """The bytes that wait in the kernel because TCP's window is full; None: not known."""
-    return _tcp_info(connection, "=I", _NOTSENT_AT)
+    return _rtt_s(_tcp_info(connection))
 
 
 def unanswered(connection: socket.socket | None) -> int:
     """The number of consecutive retransmissions without an acknowledgement."""
-    return _tcp_info(connection, "=B", _RETRANSMITS_AT) or 0
+    return _field(_tcp_info(connection), "=B", _RETRANSMITS_AT) or 0
 
 
-def loses_much(connection: socket.socket | None) -> bool:
+def _rtt_s(info: bytes) -> float | None:
+    rtt_us = _field(info, "=I", _MIN_RTT_AT)
+    return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
+
+
+def _loses_much(connection: socket.socket | None, info: bytes) -> bool:
     """Whether losses slow its congestion control down to almost nothing."""
-    sent = _tcp_info(connection, "=I", _DATA_SEGS_OUT_AT) or 0
-    again = _tcp_info(connection, "=I", _TOTAL_RETRANS_AT) or 0
+    sent = _field(info, "=I", _DATA_SEGS_OUT_AT) or 0
+    again = _field(info, "=I", _TOTAL_RETRANS_AT) or 0
     if connection is None or sent < _LEAST_PACKETS:
         return False
     try:
@@ -89,13 +95,21 @@ def loses_much(connection: socket.socket | None) -> bool:
     return again > heavy * sent
 
 
-def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
+def _tcp_info(connection: socket.socket | None) -> bytes:
+    """The kernel's struct tcp_info; empty: not known."""
     if connection is None:
-        return None
+        return b""
     try:
-        info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+        return connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+    except (OSError, AttributeError):  # closed, or not Linux
+        return b""
+
+
+def _field(info: bytes, layout: str, offset: int) -> int | None:
+    """A field of struct tcp_info; None: not known, or the kernel is older than the field."""
+    try:
         value: int = struct.unpack_from(layout, info, offset)[0]
-    except (OSError, AttributeError, struct.error):  # closed, or not Linux
+    except struct.error:
         return None
     return value
 

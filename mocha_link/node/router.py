@@ -424,12 +424,7 @@ class Router:
         client = self._inside.get(name)
         if client is None:
             return None
-        connection = client.connection
-        return Standing(
-            kernel.loses_much(connection),
-            kernel.rtt_s(connection),
-            kernel.unsent_bytes(connection),
-        )
+        return kernel.standing(client.connection)
 
     def flush(self, name: bytes) -> bool:
         """Send queued bytes of a connection; returns whether none are left."""

@@ -96,7 +96,7 @@ class ServedPull:
         self.connection = SendConnection()
         self.by_datagram = False
         self._flows = flows
-        self._all_cast = False  # all frames so far were sent by datagrams
+        self._datagrams_only = False  # no frame but resent ones was sent on the connection
         self._reclaimed = False  # unacknowledged datagrams are sent again over the connection
         self._again: deque[bytes] = deque()  # their frames
 
@@ -108,7 +108,7 @@ class ServedPull:
 
     def begin_by_datagrams(self) -> None:
         """Note that the peer opened it by datagrams, which it continues to use."""
-        self.by_datagram = self._all_cast = True
+        self.by_datagram = self._datagrams_only = True
 
     def connection_stands(self, found: Standing | None) -> bool:
         """Note the state of the connection; False: it is closed, and the peer followed only on it.
@@ -138,7 +138,7 @@ class ServedPull:
         else:
             room = min(connection.chunk, max(connection.credit, MIN_ROOM + ID_BYTES))
             parts = self.sender.next_parts(room, self.id)
-            self._all_cast = self._all_cast and not parts
+            self._datagrams_only = self._datagrams_only and not parts
         if not parts:
             return None
         connection.spend(sum(map(len, parts)))
@@ -219,7 +219,7 @@ class ServedPull:
         if flow and due_s is not None and now.steady_s > due_s:
             self.by_datagram = False
             self._reclaimed = True
-            self._all_cast = self.sender.given_out
+            self._datagrams_only = self.sender.given_out
             self._again.extend(flow.reclaim())
 
     # --- the end
@@ -234,7 +234,7 @@ class ServedPull:
     def has_arrived(self) -> bool:
         """Whether all frames were sent and acknowledged, so that only the peer's END is missing."""
         flow = self._flow
-        return bool(self.sender.given_out and self._all_cast and flow and flow.settled)
+        return bool(self.sender.given_out and self._datagrams_only and flow and flow.settled)
 
     @property
     def patience_s(self) -> float:

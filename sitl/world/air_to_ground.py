@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
 from statistics import NormalDist
 from typing import Any, Final, Literal, Protocol
 
@@ -153,10 +152,6 @@ class AirToGround:
         fading = np.clip(fading, -SHADOWING_LIMIT, SHADOWING_LIMIT)
         median_db = path_loss_db(self._scenario, height_m, away_m, self.carrier_ghz, sight)
         return median_db + fading * deviation_db(self._scenario, height_m, sight)
-
-    def between_db(self, air: Sequence[float], ground: Sequence[float]) -> float:
-        """The same for one place in the air and one on the ground."""
-        return float(self.loss_db(np.array([air]), np.array([ground]))[0, 0])
 
 
 def free_space_db(away_m: Numbers, carrier_ghz: float) -> Numbers:

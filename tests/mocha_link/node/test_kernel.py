@@ -78,3 +78,22 @@ def test_what_waits_for_nothing_is_not_looked_at(poller, pair):
     assert poller.poll(0) == {}
     with pytest.raises(KeyError):
         poller.unregister(ours.fileno())
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_INFO"), reason="only Linux has TCP_INFO")
+def test_what_a_full_window_keeps_back_is_not_sent():
+    """The peer does not read, so its window closes."""
+    with kernel.listener("127.0.0.1", 0) as listening:
+        ours = socket.create_connection(listening.getsockname())
+        theirs, _ = listening.accept()
+        with ours, theirs:
+            assert kernel.standing(ours).unsent_bytes == 0
+            ours.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    ours.send(bytes(65_536))
+            measured = kernel.standing(ours)
+            assert measured.unsent_bytes
+            assert measured.rtt_s
+            assert not measured.loses_much
+    assert kernel.standing(ours) == kernel.standing(None)

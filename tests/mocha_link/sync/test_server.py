@@ -446,6 +446,18 @@ def test_beside_the_first_window_the_connection_sends_what_tcp_admits(server, io
     assert FLIGHT_BYTES <= given < FLIGHT_BYTES + 2816
 
 
+def test_on_a_link_that_holds_less_than_a_flight_the_connection_waits(server, io, database):
+    """Its packets would only take the place of the datagrams."""
+    fill(database)
+    io.cast(at(0))
+    for number, packet in enumerate(server.transmit(at(0))):  # 23 KB/s, 0.05 s
+        io.flow.receive(packet, at(0.05 * (number + 1)).steady_s)
+        io.pass_on(at(0.05 * (number + 1)))
+    io.open(GRANT.pack(1 << 40, 2816), now=at(0.65))
+    assert server.route(lambda _route: Standing(unsent_bytes=0))
+    assert io.drain() == []
+
+
 @pytest.mark.parametrize("content", [True, False])
 def test_where_tcp_loses_much_datagrams_go_on_far_away(server, io, database, content):
     """The opening by datagrams, or all of them but a probe, came late or was lost."""

@@ -151,7 +151,7 @@ class TestTown:
         power_dbm = self.radio(air).rssi_dbm(0.0, self.PLACES)
         assert (power_dbm == power_dbm.T).all()
         for uav, ugv in ((0, 2), (0, 3), (1, 2), (1, 3)):
-            lost_db = air.between_db(self.PLACES[uav], self.PLACES[ugv])
+            lost_db = air.loss_db(self.PLACES[[uav]], self.PLACES[[ugv]])[0, 0]
             assert power_dbm[uav, ugv] == pytest.approx(20 - lost_db, abs=1e-5)
         apart_m = math.hypot(300, 20)
         assert power_dbm[0, 1] == pytest.approx(20 - free_space_db(at(apart_m), GHZ)[0], abs=1e-5)
