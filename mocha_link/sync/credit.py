@@ -19,9 +19,9 @@ MIN_CHUNK, MAX_CHUNK = 2816, 1024 * 1024  # at least: two segments of TCP
 SHARED_CHUNK = 60 * 1024  # at most over a connection of the peer, which limits requests
 _QUEUE_S = 0.15  # data that may be buffered beyond a round trip
 _GROWTH = 1.5  # margin on the measured rate, so that it can rise
-# The same while TCP opens its window. BBR does by 2 / ln 2 in a round trip (its startup gain).
+# The same while TCP opens its window: BBR's startup gain, 2 / ln 2, is its growth in a round trip.
 _START_GROWTH = 2.9
-_RISE, _LEVEL = 1.25, 5  # TCP has, once so many measurements are not higher by this factor
+_RISE, _LEVEL = 1.25, 5  # the window is open after so many measurements without such a rise
 _CHUNKS = 32  # frames per window: an incomplete frame is lost when the link breaks
 _GRANTS = 4  # per window
 _MEMORY_S, _START_MEMORY_S = 0.5, 0.02  # the rate is averaged over one to two of these, at least

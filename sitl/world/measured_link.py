@@ -35,7 +35,7 @@ from sitl.world.air_to_ground import (
     free_space_db,
 )
 
-AirModel = AirScenario | Literal["aerpaw"]
+AirModel = Literal[AirScenario, "aerpaw"]
 """What a world file may say of links between air and ground."""
 
 ELEVATIONS_DEG: Final = (4.1, 7.6, 12.2, 17.2, 24.5, 37.4, 50.9, 65.8, 80.7)

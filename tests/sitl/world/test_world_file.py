@@ -240,6 +240,7 @@ robots:
         ("robots: {io: {patrol: [[0, 0]], speed_m_s: 2}}", "at most 1.5"),
         ("robots: {io: {}}", "missing key 'patrol'"),
         ("radio: {tx_power: 20}", "did you mean 'tx_power_dbm'"),
+        ("radio: {air: aerpow}", "'radio.air' cannot be text 'aerpow'; did you mean 'aerpaw'?"),
         ("camera: {fov_along_deg: '60'}", "must be a number"),
         ("robots: {io: {patrol: [[-75.2, 139.9]]}}", "latitude comes first"),
         ("terrain: {roads: [{points: [[0, 0]]}]}", "at least 2"),
