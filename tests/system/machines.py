@@ -34,7 +34,7 @@ def ip(*words):
 
 
 class Machine:
-    """A namespace with one interface, `eth0`, on the link of all."""
+    """A namespace with one interface, `eth0`, on the link of all, which has a namespace too."""
 
     def __init__(self, stack, link, name):
         self.name = f"{link}-{name}"
@@ -45,9 +45,9 @@ class Machine:
         stack.callback(shutil.rmtree, self.hosts.parent, ignore_errors=True)
         self.hosts.parent.mkdir(parents=True)
         self.hosts.write_text("127.0.0.1 localhost\n")
-        outside = f"{link}{name}"
-        ip("link", "add", outside, "type", "veth", "peer", "name", "eth0", "netns", self.name)
-        ip("link", "set", outside, "master", link, "up")
+        there = ["peer", "name", "eth0", "netns", self.name]
+        ip("-n", link, "link", "add", "name", name, "type", "veth", *there)
+        ip("-n", link, "link", "set", "dev", name, "master", "bridge", "up")
         self.ip("link", "set", "lo", "up")
         self.ip("link", "set", "eth0", "up")
 
@@ -141,10 +141,15 @@ class Program:
 
 @contextlib.contextmanager
 def machines(*names):
-    """So many machines on a link of their own."""
+    """So many machines on a link of their own.
+
+    No interface is made on the machine that runs the tests: a browser there would reload its pages
+    and drop their connections, because the network has changed.
+    """
     link = f"t{secrets.token_hex(3)}"
     with contextlib.ExitStack() as stack:
-        ip("link", "add", link, "type", "bridge", "mcast_snooping", "0")
-        stack.callback(ip, "link", "delete", link)
-        ip("link", "set", link, "up")
+        ip("netns", "add", link)
+        stack.callback(ip, "netns", "delete", link)
+        ip("-n", link, "link", "add", "bridge", "type", "bridge", "mcast_snooping", "0")
+        ip("-n", link, "link", "set", "bridge", "up")
         yield [Machine(stack, link, name) for name in names]

@@ -172,3 +172,13 @@ def test_the_doctor_finds_a_second_robot_of_the_same_name(two, tmp_path, runs):
     assert f"BAD  '{A4}' in the team file is no address of this computer" in out
     assert ("two robots run as a" in out) is runs
     assert ("the others do not find a" in out) is not runs
+
+
+def test_the_machines_add_no_interface_to_the_machine_they_run_on():
+    """Browsers of other tests drop their connections when an interface comes or goes."""
+    with machines("a", "b") as (a, _):
+        link = a.name.partition("-")[0]
+        command = ["ip", "-o", "link", "show"]
+        shown = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    assert "lo:" in shown
+    assert link not in shown
