@@ -20,7 +20,7 @@ from geo.grid import GridPatch, Terrain
 from mocha_link.errors import RequestError
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from mocha_link.links.reading import Reading, Unit
-from tests.system.looker import Looker, served
+from tests.system.looker import LIMIT_MS, Looker, served
 from tests.system.page_checks import CROWDED, FITS, HIDDEN, IS_PLOTTED, PALE
 
 pytestmark = pytest.mark.xdist_group("pages")
@@ -29,6 +29,15 @@ SIZES = ((1280, 720), (844, 390), (390, 844))
 END_S = 300.0
 HOME = Geodetic(39.9421, -75.1998)
 AIR = (".leaflet-control-zoom", ".leaflet-control-scale", "#facts", "#free")
+
+
+IS_STYLED = """() => [...document.querySelectorAll("link[rel=stylesheet]")].every((link) => {
+  try {
+    return link.sheet?.cssRules.length;
+  } catch {
+    return false; // it did not arrive
+  }
+})"""
 
 
 class Refusing:
@@ -324,3 +333,17 @@ def test_a_round_fence_becomes_a_polygon_and_settings_are_set_on_a_phone(browser
     assert "  polygon:\n    - [39." in text
     assert "circle" not in text
     assert load_mission(path).speed_m_s == 7.0
+
+
+@pytest.mark.parametrize("part", ["main.js", "page/map.js", "leaflet.js", "theme.css"])
+@pytest.mark.parametrize("name", ["live", "edit"])
+def test_a_page_of_which_a_part_did_not_arrive_is_loaded_again(
+    browser, record, tmp_path, name, part
+):
+    """The browser gives up what it loads when the network changes; it asks for nothing again."""
+    shown = flight(record) if name == "live" else editor(tmp_path)
+    with served(shown) as (address, _), contextlib.closing(browser.new_page()) as page:
+        page.route(f"**/{part}", lambda route: route.abort("failed"), times=1)
+        page.goto(address)
+        page.locator("path.area.fence").first.wait_for(timeout=LIMIT_MS)
+        page.wait_for_function(IS_STYLED, timeout=LIMIT_MS)
