@@ -31,7 +31,14 @@ from air_router.files import write_whole
 from benchmarks.patched import ROOT
 from sitl.experiment import Experiment, Record, experiment_names, load_experiment
 from sitl.experiment.analysis import Report
-from sitl.experiment.campaign import ARCHIVE_ENDING, Remade, read_archive, remade, remakeable
+from sitl.experiment.campaign import (
+    ARCHIVE_ENDING,
+    Remade,
+    program,
+    read_archive,
+    remade,
+    remakeable,
+)
 
 EVIDENCE: Final = ROOT / "docs" / "evidence"
 INDEX: Final = EVIDENCE / "archives.csv"
@@ -142,6 +149,10 @@ def again(names: Iterable[str], jobs: int) -> int:
         done = subprocess.run([sys.executable, "-m", "sitl", "experiment", *arguments], check=False)  # noqa: S603 - ours
         if done.returncode:
             return done.returncode
+        _, new = read_archive(path_of(name))
+        if len(new) != len(records) or {run["program"] for run in new} != {program()}:
+            sys.stderr.write(f"{name}: not all of its runs were made anew\n")
+            return 1
         notes.pop(name, None)
         write_whole(INDEX, index(notes), replace=True)
     return 0

@@ -122,7 +122,8 @@ def _archive(text: str) -> Path:
     "--archive",
     type=Parsed(_archive),
     metavar="FILE",
-    help=f"write the data behind tables and claims into a file *{ARCHIVE_ENDING}",
+    help=f"write the data behind tables and claims into a file *{ARCHIVE_ENDING}; the seed numbers "
+    "that it has already count as begun, whatever the declared time is",
 )
 @option(
     "--verify",
@@ -256,7 +257,8 @@ def _run_campaign(
 
     Returns whether the user stopped it.
     """
-    status, clock = StatusLine(), StopClock(campaign.stop, campaign.begun)
+    begun = campaign.begun | _begun_in(arguments.archive, campaign.declaration)
+    status, clock = StatusLine(), StopClock(campaign.stop, begun)
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
         status.print_line(f"all {counted(wanted, 'runs')} are there")
@@ -285,6 +287,14 @@ def _run_campaign(
     by = "clock" if clock.stopped else "end"
     journal.note("stopped", by=by, runs=len(campaign.records), failed=len(campaign.failed))
     return False
+
+
+def _begun_in(archive: Path | None, declaration: str) -> set[int]:
+    """The seed numbers of an archive, if runs of the same declaration are to be made again."""
+    if archive is None or not archive.is_file():
+        return set()
+    _, records = read_archive(archive)
+    return {each["number"] for each in records if each.get("declaration") == declaration}
 
 
 @contextlib.contextmanager

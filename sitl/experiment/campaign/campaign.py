@@ -47,6 +47,7 @@ class Campaign:
         wanted: All runs of the chosen rows.
         failed: Runs that ended in an error of the program, or whose workers died.
         stop: What may end them early; only confirmation declares that.
+        declaration: The hash of the file that declared them.
 
     Raises:
         MixedRunsError: the numbers are of both phases; what is kept is of the other one; or rows of
@@ -73,6 +74,7 @@ class Campaign:
         self.wanted = [task for task in experiment.tasks(numbers) if task.row.label in labels]
         self.failed: list[RunOutcome] = []
         self.stop = experiment.stop if phase == "confirmation" else None
+        self.declaration = experiment.declaration
         self._rows, self._numbers = rows, numbers
         self._finished: dict[tuple[str, int], Record] = {}  # by row's label and seed's number
         known = {row.label: row for row in experiment.rows}

@@ -22,7 +22,13 @@ from sitl.experiment.analysis.statistics import interval, ratio, spread
 from sitl.experiment.campaign.campaign import MixedRunsError, RunOutcome
 from sitl.experiment.campaign.provenance import program
 from sitl.experiment.campaign.running import UnfitSettingsError
-from sitl.experiment.campaign.runs import InUseError, RunLogError, read_archive, run_log
+from sitl.experiment.campaign.runs import (
+    InUseError,
+    RunLogError,
+    read_archive,
+    run_log,
+    write_archive,
+)
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.settings import RunSettings
 from tests.command_lines import options_for
@@ -229,6 +235,24 @@ def test_runs_for_confirmation_have_blocks_of_their_own(sitl, tmp_path):
     assert told.startswith(blocks[0])
     assert "confirmation seeds 10001 to 10001" in told
     assert sitl("--verify", str(page), experiment=archive)[0] == 0
+
+
+def test_archived_seeds_are_made_again_whatever_the_declared_time_is(sitl, tmp_path, capsys):
+    """Else no experiment with a stopping rule could be made again with later sources."""
+    archive = tmp_path / "small-confirmation-runs.jsonl.xz"
+    confirm = ("--first-seed", "10001", "--archive", str(archive))
+    later = SMALL + "stop: {begin_before: 2999-01-01T00:00:00Z}\n"
+    sitl.path.write_text(later, encoding="utf-8")
+    sitl(*confirm, "--seeds", "2")
+    sitl.path.write_text(later.replace("2999", "2020"), encoding="utf-8")
+    _, pool = sitl(*confirm, "--seeds", "2", "--fresh")
+    assert pool.made == []  # the rule is another one: these were never begun under it
+    assert "the declared time is over" in capsys.readouterr().err
+    experiment, _ = load_experiment(str(sitl.path))
+    records = [made_up.work(task) for task in experiment.tasks(range(10001, 10003))]
+    write_archive(archive, sitl.path, records)
+    _, pool = sitl(*confirm, "--seeds", "3", "--fresh")
+    assert {number for _, number in pool.made} == {10001, 10002}  # 10003 was never begun
 
 
 def test_a_document_has_verdicts_on_exploration_seeds_in_a_line(sitl, tmp_path):
