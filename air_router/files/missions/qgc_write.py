@@ -186,8 +186,8 @@ def _rounded(place: Geodetic) -> list[float]:
 
 
 _ONLY_OURS: Final = (
-    *("altitudes_m", "timers", "planner", "team", "world", "seek", "when_explored"),
-    *("goals_from", "uavs", "duration_s", "accepts"),
+    *("altitudes_m", "timers", "planner", "team", "world", "uav", "uavs", "seek"),
+    *("when_explored", "goals_from", "duration_s", "endurance_s", "battery_reserve", "accepts"),
 )
 
 

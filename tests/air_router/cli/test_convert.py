@@ -18,7 +18,7 @@ from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_form import MissionForm
 from air_router.files.missions.placed_form import place
 from air_router.files.missions.qgc_read import read_plan
-from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
+from air_router.files.missions.qgc_write import ConversionWarnings, plan_of, tell_settings
 from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.mission.loading import load_mission, read_placed
@@ -156,6 +156,21 @@ def test_what_a_plan_cannot_say_is_told(tmp_path, capsys):
     }
     assert (told["written"], told["problems"]) == (True, [])
     assert "town.plan" in told["to"]
+
+
+IN_A_PLAN = {
+    *("name", "coordinates", "frame", "home", "altitude_m", "speed_m_s", "waypoints"),
+    *("fence", "fences", "no_fly_zones", "no_fly_files", "rally_points"),
+}
+
+
+def test_a_setting_is_in_the_plan_or_told():
+    """A new key of mission files must not get lost in silence."""
+    for key in MissionForm.model_fields:
+        form = MissionForm.model_construct(**{key: object()})
+        warnings = ConversionWarnings()
+        tell_settings(form, warnings, "a plan")
+        assert [loss.what for loss in warnings.entries] == ([] if key in IN_A_PLAN else [key])
 
 
 def test_what_stays_in_the_plan_is_told(tmp_path, capsys):
