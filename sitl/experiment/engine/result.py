@@ -12,7 +12,7 @@ import numpy.typing as npt
 from sitl.experiment.engine.ages import USES, Held, Pair, mean_age_s, mean_value, peak_age_s
 from sitl.experiment.engine.channel import Stage
 from sitl.experiment.engine.engine import Run
-from sitl.experiment.engine.exchange import Transmission
+from sitl.experiment.engine.exchange import AirtimeStats, Transmission
 
 Numbers = npt.NDArray[np.float64]
 
@@ -22,9 +22,8 @@ BIN_S: Final = 10.0
 
 def measured(run: Run) -> dict[str, float | int | None]:
     """The columns of a run; each name carries its unit. None: not defined in this run."""
-    duration_s, airtime = run.settings.duration_s, run.airtime
-    rows = _columns(run)
-    waits_s = _waits_s(rows, Stage, "start_s")
+    duration_s = run.settings.duration_s
+    rows = _columns(run.airtime)
     contacts_s = np.array([contact.ended_s - contact.began_s for contact in run.contacts])
     times_s = np.array([visit.time_s for visit in run.goals])
     goals = len(run.town.goals)
@@ -41,19 +40,7 @@ def measured(run: Run) -> dict[str, float | int | None]:
         "goal_value_percent": _share_percent(area_percent / 100, run.goal_bound_share),
         "service_age_mean_s": service_age_s(run, run.held, duration_s),
         "service_value_percent": _service_value_percent(run),
-        **_of_waits(rows),
-        "wait_median_s": _or_none(np.median, waits_s),
-        "wait_p95_s": _or_none(np.percentile, waits_s, 95),
-        "wait_max_s": _or_none(np.max, waits_s),
-        "exchanges_complete": airtime.complete,
-        "exchanges_broken": airtime.broken,
-        "exchanges_open": run.channel_sim.open,
-        "exchanges_complete_percent": _share_percent(
-            airtime.complete, airtime.complete + airtime.broken
-        ),
-        "transmissions": len(airtime.transmissions),
-        "sent_MB": float(rows["bytes"][rows["complete"] > 0].sum()) / 1e6,
-        "channel_busy_percent": 100 * float((rows["end_s"] - rows["start_s"]).sum()) / duration_s,
+        **airtime_measures(run.airtime, run.channel_sim.open, duration_s),
         "contacts": len(contacts_s),
         "contact_total_s": float(contacts_s.sum()),
         "contact_median_s": _or_none(np.median, contacts_s),
@@ -74,12 +61,41 @@ def measured(run: Run) -> dict[str, float | int | None]:
     }
 
 
+def airtime_measures(
+    airtime: AirtimeStats, unfinished: int, duration_s: float
+) -> dict[str, float | int | None]:
+    """The columns of what was on the air.
+
+    Args:
+        airtime: What was noted.
+        unfinished: Pulls that are under way or wait at the end.
+        duration_s: Of the run.
+    """
+    rows = _columns(airtime)
+    waits_s = _waits_s(rows, Stage, "start_s")
+    return {
+        **_of_waits(rows),
+        "wait_median_s": _or_none(np.median, waits_s),
+        "wait_p95_s": _or_none(np.percentile, waits_s, 95),
+        "wait_max_s": _or_none(np.max, waits_s),
+        "exchanges_complete": airtime.complete,
+        "exchanges_broken": airtime.broken,
+        "exchanges_open": unfinished,
+        "exchanges_complete_percent": _share_percent(
+            airtime.complete, airtime.complete + airtime.broken
+        ),
+        "transmissions": len(airtime.transmissions),
+        "sent_MB": float(rows["bytes"][rows["complete"] > 0].sum()) / 1e6,
+        "channel_busy_percent": 100 * float((rows["end_s"] - rows["start_s"]).sum()) / duration_s,
+    }
+
+
 def curves(run: Run) -> dict[str, Any]:
     """What the figures show of a run that is over, in plain values."""
     duration_s = run.settings.duration_s
     return {
         "goals": [[visit.goal, round(visit.time_s, 1), visit.robot] for visit in run.goals],
-        "bin_bytes": _bin_bytes(_columns(run), duration_s).astype(int).tolist(),
+        "bin_bytes": _bin_bytes(_columns(run.airtime), duration_s).astype(int).tolist(),
         "pairs": [
             [*pair, mean_age_s(held, duration_s), peak_age_s(held, duration_s)]
             for pair, held in run.held.items()
@@ -135,9 +151,9 @@ def _waits_s(rows: Mapping[str, Numbers], stages: Iterable[Stage], until: str) -
     return np.repeat(waits_s, np.maximum(rows["messages"][through], 1).astype(np.intp))
 
 
-def _columns(run: Run) -> dict[str, Numbers]:
+def _columns(airtime: AirtimeStats) -> dict[str, Numbers]:
     """The transmissions' fields."""
-    table = np.array(run.airtime.transmissions, np.float64).reshape(-1, len(Transmission._fields))
+    table = np.array(airtime.transmissions, np.float64).reshape(-1, len(Transmission._fields))
     return dict(zip(Transmission._fields, table.T, strict=True))
 
 
