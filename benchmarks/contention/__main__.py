@@ -18,12 +18,14 @@ import asyncio
 import json
 import math
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
 import numpy as np
 
+from air_router.errors import AirRouterError
 from benchmarks.contention.planned import Measures, Planned, planned, tasks_of
 from benchmarks.contention.replay import Replayed, replay
 from sitl.experiment.analysis import student_t
@@ -40,6 +42,7 @@ MEASURES: Final = {
     "channel_busy_percent": "channel in use, %",
 }
 LATE_S: Final = 0.1
+LEAST: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,35 @@ def table(pairs: Sequence[Pair]) -> str:
 async def _replay_all(plans: Sequence[Planned], timeout_s: float | None) -> list[Replayed]:
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(replay(plan, timeout_s=timeout_s)) for plan in plans]
+        progress = asyncio.create_task(_tell_progress())
+        await asyncio.gather(*tasks)
+        progress.cancel()
     return [task.result() for task in tasks]
+
+
+async def _tell_progress() -> None:
+    began_s = time.monotonic()
+    while True:
+        await asyncio.sleep(60)
+        sys.stderr.write(f"{(time.monotonic() - began_s) / 60:.0f} minutes\n")
+
+
+def _count(text: str) -> int:
+    """A whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 1 on")
+    return int(text)
+
+
+def _duration(text: str) -> float:
+    """Minutes or seconds, a tenth of one at least."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not LEAST <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number from {LEAST} on")
+    return value
 
 
 def main() -> int:
@@ -104,14 +135,19 @@ def main() -> int:
         formatter_class=argparse.RawTextHelpFormatter,
     )
     parser.add_argument("--rows", nargs="+", default=ROWS, help=f"of table1 ({' '.join(ROWS)})")
-    parser.add_argument("--first-seed", type=int, default=1, help="number of the first seed (1)")
-    parser.add_argument("--seeds", type=int, default=1, help="runs of each row (1)")
-    parser.add_argument("--minutes", type=float, default=10.0, help="of each run (10)")
-    parser.add_argument("--timeout", type=float, help="of nodes' pulls, s (none while in contact)")
+    parser.add_argument("--first-seed", type=_count, default=1, help="number of the first seed (1)")
+    parser.add_argument("--seeds", type=_count, default=1, help="runs of each row (1)")
+    parser.add_argument("--minutes", type=_duration, default=10.0, help="of each run (10)")
+    parser.add_argument(
+        "--timeout", type=_duration, help="of nodes' pulls, s (none while in contact)"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
     numbers = range(options.first_seed, options.first_seed + options.seeds)
-    tasks = tasks_of("table1", options.rows, numbers)
+    try:
+        tasks = tasks_of("table1", options.rows, numbers)
+    except AirRouterError as error:
+        parser.error(str(error))
     sys.stderr.write(f"{len(tasks)} runs of {options.minutes:g} minutes\n")
     plans = [planned(task, 60 * options.minutes) for task in tasks]
     found = asyncio.run(_replay_all(plans, options.timeout))
