@@ -21,6 +21,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -93,9 +94,28 @@ def table(pairs: Sequence[Pair]) -> str:
     return "\n".join(lines)
 
 
+def csv_text(pairs: Sequence[Pair]) -> str:
+    """A line for each run, with what both say of every measure."""
+    heads = [
+        "row",
+        "seed",
+        *(f"{key} {who}" for key in MEASURES for who in ("experiment", "nodes")),
+    ]
+    lines = [heads]
+    for pair in pairs:
+        both = [
+            f"{said[key] or 0:.6g}" for key in MEASURES for said in (pair.experiment, pair.nodes)
+        ]
+        lines.append([f'"{pair.label}"', str(pair.seed), *both])
+    return "".join(",".join(line) + "\n" for line in lines)
+
+
 async def _replay_all(plans: Sequence[Planned], timeout_s: float | None) -> list[Replayed]:
+    start = asyncio.Barrier(len(plans))
     async with asyncio.TaskGroup() as group:
-        tasks = [group.create_task(replay(plan, timeout_s=timeout_s)) for plan in plans]
+        tasks = [
+            group.create_task(replay(plan, start=start, timeout_s=timeout_s)) for plan in plans
+        ]
         progress = asyncio.create_task(_tell_progress())
         await asyncio.gather(*tasks)
         progress.cancel()
@@ -141,6 +161,7 @@ def main() -> int:
     parser.add_argument(
         "--timeout", type=_duration, help="of nodes' pulls, s (none while in contact)"
     )
+    parser.add_argument("--csv", type=Path, help="also write the runs into this file")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
     numbers = range(options.first_seed, options.first_seed + options.seeds)
@@ -158,6 +179,8 @@ def main() -> int:
     for pair in pairs:
         if pair.late_s > LATE_S:
             sys.stderr.write(f"{pair.label}, seed {pair.seed}: up to {pair.late_s:.2f} s late\n")
+    if options.csv is not None:
+        options.csv.write_text(csv_text(pairs), encoding="utf-8")
     if options.json:
         ratios: Mapping[str, Ratio] = {key: ratio_of(key, pairs) for key in MEASURES}
         plain = {key: asdict(ratio) for key, ratio in ratios.items()}

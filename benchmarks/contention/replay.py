@@ -111,10 +111,13 @@ class _Robots:
             self._again.discard(pull)
 
 
-async def replay(plan: Planned, *, timeout_s: float | None = None) -> Replayed:
+async def replay(
+    plan: Planned, *, start: asyncio.Barrier | None = None, timeout_s: float | None = None
+) -> Replayed:
     """Repeat a run; it takes as long as the run.
 
     Args:
+        start: Runs side by side begin together, once the nodes of all are ready; None: it is alone.
         timeout_s: Of the nodes' pulls, as robots have it; None: as in the experiment a pull that
             waits for its turn is not given up.
     """
@@ -127,6 +130,8 @@ async def replay(plan: Planned, *, timeout_s: float | None = None) -> Replayed:
             robots = _Robots(relay, airtime)
             try:
                 await robots.start(team, [] if timeout_s is None else [str(timeout_s)])
+                if start is not None:
+                    await start.wait()
                 late_s = await _perform(plan, relay, robots)
             finally:
                 await robots.end()

@@ -1,11 +1,12 @@
 """`benchmarks.contention`: real nodes of a team share one channel, as in an experiment."""
 
 import asyncio
+import csv
 import itertools
 
 import pytest
 
-from benchmarks.contention.__main__ import MEASURES, Pair, ratio_of, table
+from benchmarks.contention.__main__ import MEASURES, Pair, csv_text, ratio_of, table
 from benchmarks.contention.messages import Cutter
 from benchmarks.contention.planned import Meeting, Planned, Publication, planned, tasks_of
 from benchmarks.contention.replay import replay
@@ -81,3 +82,9 @@ def test_the_ratio_is_of_pairs_and_leaves_out_runs_without_the_measure():
     assert found.value == pytest.approx((4 / 2 * 3 / 4) ** 0.5)
     assert found.low < found.value < found.high
     assert "| messages | 2.83 | 3.46 | 1.22 (" in table(pairs)
+    head, *lines = csv.reader(csv_text(pairs).splitlines())
+    assert head[:4] == ["row", "seed", "waits experiment", "waits nodes"]
+    assert [line[:4] for line in lines][1:] == [
+        ["a team", "1", "2", "4"],
+        ["a team", "2", "4", "3"],
+    ]
