@@ -17,11 +17,12 @@ from types import MappingProxyType
 from typing import Final
 
 from air_router.messages import MAP_TOPIC, POSE_TOPIC
-from geo.frame import Point
+from geo.frame import Geodetic, LocalFrame, Point
 from sitl.robot_policies import Drive, Received, RobotPolicy, RobotView
 from sitl.world.explorers import check_choice
 
 _STEP_S: Final = 5.0
+_FRAME: Final = LocalFrame(Geodetic(38.5, -98.5))
 _GOALS: Final = (Point(40.0, 10.0), Point(-60.0, 80.0), Point(200.0, -150.0))
 
 
@@ -48,6 +49,7 @@ def views(began_s: float = 0.0, steps: int = 240) -> list[RobotView]:
             RobotView(
                 *("ugv01", now_s, began_s, position, Point(0.0, 60.0)),
                 speed_m_s=0.3,
+                frame=_FRAME,
                 goal=goal,
                 goals=tuple(each for each in goals if each != goal),
                 way_m=_way_from(position, blocked=number % 7 == 0),

@@ -274,6 +274,7 @@ class GroundRobot:
             RobotView(
                 *(self.name, now_s, self._began_s, self.position, self._start),
                 speed_m_s=self._mean_speed_m_s,
+                frame=self.town.frame,
                 goal=self.book.current,
                 goals=tuple(self.book.free(self.position)),
                 way_m=way_m,

@@ -17,7 +17,7 @@ from pydantic import AfterValidator
 from pydantic_core import PydanticCustomError
 
 from air_router.errors import AirRouterError, ExitCode
-from geo.frame import Point
+from geo.frame import LocalFrame, Point
 from mocha_link.sanitize import sanitize
 
 GROUP: Final = "sitl.robot_policies"
@@ -56,6 +56,7 @@ class RobotView:
         position: Where it is.
         start: Where it set off.
         speed_m_s: What it makes on a road, stops included.
+        frame: Converts degrees, which messages have, into such places: `frame.to_local`.
         goal: The goal that it is on its way to; None: it has none.
         goals: Goals that it knows and that no robot has claimed or visited, nearest first.
         way_m: How long its way to a place is over the ground that it knows; infinite: none leads
@@ -69,6 +70,7 @@ class RobotView:
     position: Point
     start: Point
     speed_m_s: float
+    frame: LocalFrame
     goal: Point | None
     goals: tuple[Point, ...]
     way_m: Callable[[Point], float]

@@ -4,7 +4,7 @@ import math
 from types import MappingProxyType
 
 from air_router.messages import MAP_TOPIC, POSE_TOPIC, PoseMessage
-from geo.frame import Point
+from geo.frame import Geodetic, LocalFrame, Point
 from sitl.robot_policies import Drive, Received, RobotView
 from sitl.robot_policies.meets import DUE_S, MOST_DETOUR_S, PAUSE_S, WAIT_S, Meets
 from sitl.robot_policies.testing import check
@@ -24,6 +24,7 @@ class Robot:
         return RobotView(
             *("ugv01", now_s, 0.0, self.position, Point(0.0, 0.0)),
             speed_m_s=SPEED_M_S,
+            frame=LocalFrame(Geodetic(0.0, 0.0)),
             goal=Point(60.0, 0.0),
             goals=(),
             way_m=lambda _: way_m,

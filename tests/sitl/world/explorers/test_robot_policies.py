@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from air_router.errors import ExitCode
-from air_router.messages import MAP_TOPIC
+from air_router.messages import MAP_TOPIC, POSE_TOPIC, PoseMessage
 from geo.frame import Point
 from sitl.experiment.campaign import running
 from sitl.experiment.plan_file import load_experiment
@@ -134,6 +134,30 @@ def test_a_view_has_the_newest_message_of_each_robot_and_topic():
     assert (received.data, received.at_s) == (b"two", 2.0)
     with pytest.raises(TypeError):
         SEEN[-1].received["io", "/something"] = received
+
+
+class Joins:
+    """Goes where another robot says it is."""
+
+    def choose(self, view):
+        if (said := view.received.get(("ugv02", POSE_TOPIC))) is None:
+            return None
+        pose = PoseMessage.decode(said.data)
+        return Drive(view.frame.to_local(pose.latitude_deg, pose.longitude_deg))
+
+
+def test_a_robot_can_go_where_another_one_says_it_is():
+    found = robots("Joins")
+    one, other = found["ugv01"], found["ugv02"]
+    other.step(0.0)
+    other.step(1.0)
+    said = dict(other.outbox())[POSE_TOPIC]
+    assert math.dist(one.position, other.position) > 2 * REACHED_M
+    one.step(0.0)
+    one.take("ugv02", POSE_TOPIC, said, 0.0)
+    for now_s in range(1, 2000):
+        one.step(float(now_s))
+    assert math.dist(one.position, other.position) <= 2 * REACHED_M
 
 
 def test_an_experiment_has_its_faults_in_the_record(tmp_path):
