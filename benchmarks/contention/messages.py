@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from mocha_link.node.zmtp import COMMAND, GREETING_BYTES, MORE
-
-_LONG: Final = 2
+GREETING_BYTES: Final = 64  # these as in ZMTP 3.1, https://rfc.zeromq.org/spec/37/
+_MORE, _LONG, _COMMAND = 1, 2, 4
 _SHORT_HEAD: Final = 2
 _LONG_HEAD: Final = 9
 
@@ -40,11 +39,11 @@ class Cutter:
             pieces.append(Piece(self._take(GREETING_BYTES), None))
         while self._greeted and (found := self._frame()):
             flags, raw, body = found
-            if flags & COMMAND:
+            if flags & _COMMAND:
                 pieces.append(Piece(raw, None))
                 continue
             self._parts += raw
-            if not flags & MORE:
+            if not flags & _MORE:
                 pieces.append(Piece(bytes(self._parts), body))
                 self._parts.clear()
         return pieces

@@ -24,7 +24,7 @@ from sitl.experiment.engine import (
     needs_turn,
     stage_of,
 )
-from sitl.team.relay import RelayedPair
+from sitl.team import RelayedPair
 
 REPLY_S = 1.0
 """So long a reply may take on this machine before the channel is given to another exchange."""

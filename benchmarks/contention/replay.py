@@ -15,8 +15,7 @@ from benchmarks.contention.planned import Measures, Planned, Publication
 from benchmarks.contention.relay import ChannelRelay
 from mocha_link.team import Team
 from sitl.experiment.engine import AirtimeStats, PaperChannel, Transmission, airtime_measures
-from sitl.team import derive_team
-from sitl.team.relay import relayed_pairs
+from sitl.team import derive_team, relayed_pairs
 
 ROOT = Path(__file__).parents[2]
 READY_S = 120.0

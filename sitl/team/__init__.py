@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = door(
     __name__,
     {
         "derived_team": ("derive_team",),
+        "relay": ("RelayedPair", "relayed_pairs"),
         "roles": ("TeamError", "TeamRoles", "check_rovers", "default_team", "roles_of"),
         "team": ("Places", "TeamSimulation"),
         "team_world": ("make_world",),
