@@ -101,9 +101,9 @@ class Flow:
         return self._pacing.rate_bytes_s
 
     @property
-    def judged(self) -> bool:
+    def rate_estimated(self) -> bool:
         """Whether the first packets of a contact have been used to estimate the rate."""
-        return self._pacing.judged
+        return self._pacing.rate_estimated
 
     @property
     def bytes_out(self) -> int:
@@ -224,7 +224,7 @@ class Flow:
             out.append(packet)
         return out
 
-    def reclaim(self) -> list[bytes]:
+    def unacknowledged(self) -> list[bytes]:
         """The frames that were not acknowledged, for the caller to send by TCP as well."""
         bodies = self._outbox.bodies()
         return [frame for body in bodies for frame in wire.split(body, 0) or ()]

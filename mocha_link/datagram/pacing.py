@@ -90,7 +90,7 @@ class Pacing:
     Attributes:
         packet_bytes: the size of a full packet.
         rtt: the round-trip time.
-        judged: the first packets of the contact have been used to estimate the rate.
+        rate_estimated: the first packets of the contact have been used to estimate the rate.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Pacing:
     ) -> None:
         self.packet_bytes = packet_bytes
         self.rtt = RoundTrip(rtt_s, rtt_s / 8 if rtt_s else 0.0, rtt_s)
-        self.judged = False
+        self.rate_estimated = False
         self._rate = min(max(rate_bytes_s, 1.0), MAX_RATE) if rate_bytes_s else 0.0  # 0: not known
         self._known = self._rate > 0.0  # enough was sent to measure the rate
         self._delivered = 0  # bytes delivered
@@ -172,7 +172,7 @@ class Pacing:
         """Restart with the last estimates: a contact begins, or the link is back after a gap."""
         self._round = Round(self._delivered, now_s)
         self._burst, self._owed = START_PACKETS, 0.0
-        self._spread, self.judged = None, False
+        self._spread, self.rate_estimated = None, False
         self._full_rounds = 0
 
     # --- acknowledgements
@@ -207,9 +207,13 @@ class Pacing:
             self._spread = now_s, newest.sent_s, self._delivered
         first_arrived_s, first_sent_s, before = self._spread
         size = self._delivered - before
-        if self.judged or size < SPREAD_PACKETS * self.packet_bytes or now_s <= first_arrived_s:
+        if (
+            self.rate_estimated
+            or size < SPREAD_PACKETS * self.packet_bytes
+            or now_s <= first_arrived_s
+        ):
             return
-        self.judged = True
+        self.rate_estimated = True
         if newest.sent_s - first_sent_s > BURST_OVER_S:
             return
         rate = min(size / (now_s - first_arrived_s), MAX_RATE)

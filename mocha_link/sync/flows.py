@@ -59,7 +59,7 @@ class Flows:
         flow = self.current
         if flow is None or (flow.rtt_s is not None and flow.rtt_s < NEAR_S):
             return True
-        if not (admitted or flow.judged) and flow.rtt_s is not None:
+        if not (admitted or flow.rate_estimated) and flow.rtt_s is not None:
             return sent < FLIGHT_BYTES
         return not (admitted or self.rate_bytes_s) or flow.bytes_out >= WINDOW_BYTES
 

@@ -71,7 +71,7 @@ STATES: Final[dict[tuple[SendState, SendEvent], SendState]] = {
 ENDED: Final = frozenset({_S.FOLLOWED, _S.OVER})
 """States of a pull that has ended."""
 
-GIVEN_OUT: Final = frozenset({_S.DONE, _S.CUT_SHORT}) | ENDED
+ALL_SENT: Final = frozenset({_S.DONE, _S.CUT_SHORT}) | ENDED
 """States in which all messages for the pull have been sent."""
 
 

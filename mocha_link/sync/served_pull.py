@@ -97,7 +97,7 @@ class ServedPull:
         self.by_datagram = False
         self._flows = flows
         self._datagrams_only = False  # no frame but resent ones was sent on the connection
-        self._reclaimed = False  # unacknowledged datagrams are sent again over the connection
+        self._fell_back = False  # unacknowledged datagrams are sent again over the connection
         self._again: deque[bytes] = deque()  # their frames
 
     # --- input from the peer
@@ -165,12 +165,12 @@ class ServedPull:
         if not self.by_datagram or flow is None:
             return False
         if (
-            (sender.given_out and not (sender.ended and self.connection.route is not None))
+            (sender.all_sent and not (sender.ended and self.connection.route is not None))
             or self._flows.loses_much
             or not self._flows.window_used(admitted=sender.admitted, sent=self.connection.sent)
         ):
             return True
-        self.by_datagram = not (sender.admitted or flow.judged) and flow.rtt_s is not None
+        self.by_datagram = not (sender.admitted or flow.rate_estimated) and flow.rtt_s is not None
         return False
 
     @property
@@ -185,13 +185,13 @@ class ServedPull:
         rate_bytes_s = self._flows.rate_bytes_s
         if rate_bytes_s is not None and rate_bytes_s * flow.rtt_s < SHORT_BYTES:
             return False
-        opens = sender.admitted or flow.judged
-        return opens and not sender.given_out and not self._flows.loses_much
+        opens = sender.admitted or flow.rate_estimated
+        return opens and not sender.all_sent and not self._flows.loses_much
 
     def use_datagrams(self) -> None:
         """Continue by datagrams if TCP loses much and datagrams reach the peer."""
         flow = self._flow
-        if flow is None or self.sender.given_out:
+        if flow is None or self.sender.all_sent:
             return
         if flow.rtt_s is not None and self._flows.loses_much:
             self.by_datagram = True
@@ -204,13 +204,13 @@ class ServedPull:
         datagrams. An acknowledgement takes no longer than that.
         """
         flow, connection = self._flow, self.connection
-        if self._reclaimed or connection.route is None or flow is None or flow.rtt_s is not None:
+        if self._fell_back or connection.route is None or flow is None or flow.rtt_s is not None:
             return None
         if not self.by_datagram and flow.settled:
             return None
         return connection.since_s + 2 * (connection.since_s - self.began_s) + LATE_ACK_S
 
-    def reclaim(self, now: Instant) -> None:
+    def fall_back_to_tcp(self, now: Instant) -> None:
         """Continue over the connection alone if datagrams do not reach the peer.
 
         Unacknowledged frames are sent again.
@@ -218,9 +218,9 @@ class ServedPull:
         flow, due_s = self._flow, self._unreachable_s
         if flow and due_s is not None and now.steady_s > due_s:
             self.by_datagram = False
-            self._reclaimed = True
-            self._datagrams_only = self.sender.given_out
-            self._again.extend(flow.reclaim())
+            self._fell_back = True
+            self._datagrams_only = self.sender.all_sent
+            self._again.extend(flow.unacknowledged())
 
     # --- the end
 
@@ -234,7 +234,7 @@ class ServedPull:
     def has_arrived(self) -> bool:
         """Whether all frames were sent and acknowledged, so that only the peer's END is missing."""
         flow = self._flow
-        return bool(self.sender.given_out and self._datagrams_only and flow and flow.settled)
+        return bool(self.sender.all_sent and self._datagrams_only and flow and flow.settled)
 
     @property
     def patience_s(self) -> float:

@@ -168,7 +168,7 @@ class Server:
         self._original.tick(now)
         pull = self._pull
         if pull:
-            pull.reclaim(now)
+            pull.fall_back_to_tcp(now)
             if pull.is_silent(now):
                 self._break_off(pull, f"the peer said nothing for {PATIENCE_S:g} s", now)
         elif self._flows.current and now.steady_s - self._ended_s > LINGER_S:
@@ -246,7 +246,7 @@ class Server:
         """Begin datagrams for a pull that the connection has begun; a probe must return first."""
         flow = self._flows.make(pull.id, pull.next_for_datagram)
         flow.receive(packet, now.steady_s)
-        if pull.sender.given_out or flow.refused:
+        if pull.sender.all_sent or flow.refused:
             return False
         flow.proven = pull.sender.admitted
         flow.on_contact(now.steady_s)

@@ -14,7 +14,7 @@ from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.send_queue import SendQueue
 from mocha_link.sync.send_round import Follower, SendRound
-from mocha_link.sync.send_states import ENDED, GIVEN_OUT, SendEvent, SendState, next_state
+from mocha_link.sync.send_states import ALL_SENT, ENDED, SendEvent, SendState, next_state
 from mocha_link.sync.sync_messages import DONE_BYTES, Hello, Reception, VersionError
 
 _DONE_BYTES = MESSAGE_HEADER_BYTES + DONE_BYTES
@@ -126,9 +126,9 @@ class SyncSender:
         return self.state in ENDED
 
     @property
-    def given_out(self) -> bool:
+    def all_sent(self) -> bool:
         """Whether all messages were sent, or as many as the peer's budget allows."""
-        return self.state in GIVEN_OUT
+        return self.state in ALL_SENT
 
     # --- frames of the peer
 
