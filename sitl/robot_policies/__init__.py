@@ -11,6 +11,20 @@ as an entry point of the group `sitl.robot_policies`, or named by an experiment 
 as checks for its tests.
 """
 
-from sitl.world.explorers import Drive, Received, RobotPolicy, RobotPolicyError, RobotView
+from sitl.world.explorers import (
+    POLICY_TOPIC,
+    Drive,
+    Received,
+    RobotPolicy,
+    RobotPolicyError,
+    RobotView,
+)
 
-__all__ = ["Drive", "Received", "RobotPolicy", "RobotPolicyError", "RobotView"]
+__all__ = [
+    "POLICY_TOPIC",
+    "Drive",
+    "Received",
+    "RobotPolicy",
+    "RobotPolicyError",
+    "RobotView",
+]

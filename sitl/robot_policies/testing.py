@@ -47,7 +47,8 @@ def views(began_s: float = 0.0, steps: int = 240) -> list[RobotView]:
         goal = goals[0] if goals and number % 3 else None
         found.append(
             RobotView(
-                *("ugv01", now_s, began_s, position, Point(0.0, 60.0)),
+                *("ugv01", ("ugv01", "ugv02", "ugv03"), now_s, began_s),
+                *(position, Point(0.0, 60.0), Point(5.0, 5.0)),
                 speed_m_s=0.3,
                 frame=_FRAME,
                 goal=goal,
@@ -94,7 +95,7 @@ def check(make: Callable[[], RobotPolicy]) -> list[Drive | None]:
 def _chosen(policy: RobotPolicy, view: RobotView) -> Drive | None:
     found = policy.choose(view)
     try:
-        check_choice(found)
+        check_choice(found, getattr(policy, "says", None))
     except ValueError as error:
         raise AssertionError(str(error)) from None
     return found

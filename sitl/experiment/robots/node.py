@@ -22,7 +22,13 @@ from mocha_link.store import wire
 from mocha_link.sync import ID_BYTES, Action
 from mocha_link.team import Document, Robot, Team, as_yaml
 from sitl.experiment import EventQueue
-from sitl.world.explorers import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
+from sitl.world.explorers import (
+    CLAIMS_TOPIC,
+    OBJECTS_TOPIC,
+    POLICY_TOPIC,
+    REACHABILITY_TOPIC,
+    degrees,
+)
 from sitl.world.towns import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
@@ -51,6 +57,7 @@ _TOPICS: Final = {
         (PATH_TOPIC, "json/Path", "medium"),
         (REACHABILITY_TOPIC, "grid/SemanticMap", "low"),
         (OBJECTS_TOPIC, "json/Sightings", "none"),
+        (POLICY_TOPIC, "json/Policy", "medium"),
     ),
     BASE: (
         ("/target_goals", "json/TargetGoals", "high"),

@@ -7,7 +7,13 @@ __getattr__, __dir__, __all__ = door(
     {
         "exploration": ("Exploration", "first_visits"),
         "explorer": ("GroundRobot", "NO_VEHICLE_M", "Visit"),
-        "messages": ("CLAIMS_TOPIC", "OBJECTS_TOPIC", "REACHABILITY_TOPIC", "degrees"),
+        "messages": (
+            "CLAIMS_TOPIC",
+            "OBJECTS_TOPIC",
+            "POLICY_TOPIC",
+            "REACHABILITY_TOPIC",
+            "degrees",
+        ),
         "policies": (
             "Drive",
             "Received",

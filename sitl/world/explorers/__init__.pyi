@@ -7,6 +7,7 @@ from sitl.world.explorers.explorer import GroundRobot as GroundRobot
 from sitl.world.explorers.explorer import Visit as Visit
 from sitl.world.explorers.messages import CLAIMS_TOPIC as CLAIMS_TOPIC
 from sitl.world.explorers.messages import OBJECTS_TOPIC as OBJECTS_TOPIC
+from sitl.world.explorers.messages import POLICY_TOPIC as POLICY_TOPIC
 from sitl.world.explorers.messages import REACHABILITY_TOPIC as REACHABILITY_TOPIC
 from sitl.world.explorers.messages import degrees as degrees
 from sitl.world.explorers.policies import Drive as Drive

@@ -49,7 +49,7 @@ class Exploration:
         recall = settings.recall
         unmapped = [goal.position for goal in town.goals if chance.random() >= recall]
         for robot in robots.values():
-            robot.unmapped = unmapped
+            robot.unmapped, robot.team = unmapped, tuple(sorted(robots))
         return robots
 
 

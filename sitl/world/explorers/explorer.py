@@ -75,6 +75,7 @@ class GroundRobot:
         sightings: Vehicles that it has recognised itself, in order.
         visited: Goals reached, in order; each id at most once per robot.
         unmapped: Vehicles that it does not recognise on maps.
+        team: The names of all robots that explore, sorted.
         policy: What may have it drive elsewhere than to goals; None: nothing.
         knowledge: What it knows of the ground.
         book: What it knows of goals.
@@ -96,6 +97,7 @@ class GroundRobot:
         self.driven_m = self.errand_s = 0.0
         self.sightings: list[Point] = []
         self.unmapped: Sequence[Point] = ()
+        self.team: tuple[str, ...] = (name,)
         self.policy = None if settings.policy is None else robot_policy_of(settings.policy)
         self.visited: list[Visit] = []
         self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
@@ -111,6 +113,7 @@ class GroundRobot:
         self._next_thought_s = self._chance.uniform(0, settings.thinking_s)
         self._decided_on: tuple[int, int] | None = None  # versions of book and knowledge
         self._errand: Drive | None = None  # what its policy has chosen
+        self._said: bytes | None = None  # by its policy, to other robots' ones, at last
         self._received: dict[tuple[str, str], Received] = {}  # for its policy, by robot and topic
         self._began_s = 0.0  # the first step
 
@@ -138,6 +141,8 @@ class GroundRobot:
             self._next_thought_s = now_s + self.settings.thinking_s
             if self.policy is None or not self._follows(self.policy, now_s):
                 self._think()
+            if self.policy is not None and self.policy.says != self._said:
+                self._said = self._post.policy = self.policy.says
 
     def outbox(self) -> list[tuple[str, bytes]]:
         """Messages to publish since the last call: (topic, data), at most one per topic."""
@@ -272,7 +277,8 @@ class GroundRobot:
 
         chosen = policy.choose(
             RobotView(
-                *(self.name, now_s, self._began_s, self.position, self._start),
+                *(self.name, self.team, now_s, self._began_s),
+                *(self.position, self._start, self.town.home),
                 speed_m_s=self._mean_speed_m_s,
                 frame=self.town.frame,
                 goal=self.book.current,

@@ -33,6 +33,7 @@ DEGREE_DIGITS: Final = 9
 CLAIMS_TOPIC: Final = "/claimed_goals"
 REACHABILITY_TOPIC: Final = "/reachability"
 OBJECTS_TOPIC: Final = "/object_map"
+POLICY_TOPIC: Final = "/policy"
 
 
 class ClaimedGoal(BaseModel):
@@ -76,13 +77,14 @@ class ExplorerPost:
 
     Attributes:
         frame: The frame of the robot's positions; messages are in degrees.
-        claims, way, objects: Changes since the last call of `collect`; None: none.
+        claims, way, objects, policy: Changes since the last call of `collect`; None: none.
     """
 
     frame: LocalFrame
     claims: list[GoalClaim] | None = None
     way: list[Point] | None = None
     objects: list[Point] | None = None
+    policy: bytes | None = None
     _stamps: dict[str, float] = field(default_factory=dict)
     _sent_cells: int = 0
 
@@ -117,7 +119,10 @@ class ExplorerPost:
         if self.objects is not None:
             objects = [SeenObject(kind="vehicle", **there(place)) for place in self.objects]
             add(OBJECTS_TOPIC, SightingsMessage, objects=tuple(objects))
-        self.claims = self.way = self.objects = None
+        if self.policy is not None:
+            self._stamp(POLICY_TOPIC, now_s)
+            messages.append((POLICY_TOPIC, self.policy))
+        self.claims = self.way = self.objects = self.policy = None
         return messages
 
     def _due(self, topic: str, now_s: float, interval_s: float) -> bool:

@@ -22,6 +22,9 @@ from mocha_link.sanitize import sanitize
 
 GROUP: Final = "sitl.robot_policies"
 
+MOST_SAID_BYTES: Final = 4096
+"""What a policy says to others is no longer than that."""
+
 _CLASS: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 _LONGEST: Final = 120  # letters of an error's text
 
@@ -51,10 +54,12 @@ class RobotView:
 
     Attributes:
         name: The robot's.
+        team: The names of all robots that explore, sorted; every robot has the team's file.
         now_s: The robot's clock.
         began_s: When it set off.
         position: Where it is.
         start: Where it set off.
+        home: Where UAVs take off, and the base station stands.
         speed_m_s: What it makes on a road, stops included.
         frame: Converts degrees, which messages have, into such places: `frame.to_local`.
         goal: The goal that it is on its way to; None: it has none.
@@ -65,10 +70,12 @@ class RobotView:
     """
 
     name: str
+    team: tuple[str, ...]
     now_s: float
     began_s: float
     position: Point
     start: Point
+    home: Point
     speed_m_s: float
     frame: LocalFrame
     goal: Point | None
@@ -90,6 +97,10 @@ class Drive:
 @runtime_checkable
 class RobotPolicy(Protocol):
     """Decides where one robot drives.
+
+    It may also have an attribute `says`: bytes for the other robots' policies, or None. Whenever
+    they have changed, they are published on `POLICY_TOPIC`, and others find them in
+    `RobotView.received`.
 
     Each robot has an object of its own for the whole run, which may keep what it likes. It decides
     by what it has seen: no clock, file or random number, so that a seed makes the same run again.
@@ -170,11 +181,13 @@ class GuardedRobotPolicy:
 
     Attributes:
         fault: What went wrong; None: nothing did.
+        says: What it had to say when it chose last, as `RobotPolicy` has it.
     """
 
     def __init__(self, policy: RobotPolicy) -> None:
         self._policy = policy
         self.fault: str | None = None
+        self.says: bytes | None = None
 
     def choose(self, view: RobotView) -> Drive | None:
         """As `RobotPolicy.choose`."""
@@ -182,15 +195,23 @@ class GuardedRobotPolicy:
             return None
         try:
             found = self._policy.choose(view)
-            check_choice(found)
+            said = getattr(self._policy, "says", None)
+            check_choice(found, said)
         except Exception as error:  # noqa: BLE001 - code of others
             self.fault = _text(error)
             return None
+        self.says = said
         return found
 
 
-def check_choice(found: object) -> None:
-    """Raises ValueError: it is neither None nor a place to drive to."""
+def check_choice(found: object, said: object) -> None:
+    """Whether a policy chose and said what it may.
+
+    Raises:
+        ValueError: it is neither None nor a place to drive to; or not None nor bytes to publish.
+    """
+    if said is not None and not (isinstance(said, bytes) and len(said) <= MOST_SAID_BYTES):
+        raise ValueError(f"says is {said!r:.60}, not at most {MOST_SAID_BYTES} bytes or None")
     if found is None:
         return
     if not isinstance(found, Drive):

@@ -22,7 +22,7 @@ class Robot:
 
     def view(self, now_s, way_m=20.0):
         return RobotView(
-            *("ugv01", now_s, 0.0, self.position, Point(0.0, 0.0)),
+            *("ugv01", ("ugv01",), now_s, 0.0, self.position, Point(0.0, 0.0), Point(0.0, 0.0)),
             speed_m_s=SPEED_M_S,
             frame=LocalFrame(Geodetic(0.0, 0.0)),
             goal=Point(60.0, 0.0),

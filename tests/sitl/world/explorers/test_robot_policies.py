@@ -14,7 +14,7 @@ from air_router.messages import MAP_TOPIC, POSE_TOPIC, PoseMessage
 from geo.frame import Point
 from sitl.experiment.campaign import running
 from sitl.experiment.plan_file import load_experiment
-from sitl.robot_policies import Drive, RobotPolicyError
+from sitl.robot_policies import POLICY_TOPIC, Drive, RobotPolicyError
 from sitl.robot_policies.template import PATIENCE_S, ComesBack
 from sitl.robot_policies.testing import check, views
 from sitl.world.explorers.exploration import Exploration
@@ -158,6 +158,36 @@ def test_a_robot_can_go_where_another_one_says_it_is():
     for now_s in range(1, 2000):
         one.step(float(now_s))
     assert math.dist(one.position, other.position) <= 2 * REACHED_M
+
+
+class Speaks:
+    says = None
+
+    def choose(self, view):
+        self.says = b"at %d" % (view.now_s // 20)
+
+
+class SpeaksTooLong:
+    says = bytes(5000)
+
+    def choose(self, view):
+        return None
+
+
+def test_what_a_policy_says_is_published_when_it_has_changed():
+    robot = robots("Speaks")["ugv01"]
+    said = []
+    for now_s in range(60):
+        robot.step(float(now_s))
+        said += [data for topic, data in robot.outbox() if topic == POLICY_TOPIC]
+    assert said == [b"at 0", b"at 1", b"at 2"]
+
+
+def test_a_policy_that_says_too_much_is_at_fault():
+    robot = driven("SpeaksTooLong", 10)["ugv01"]
+    assert "not at most 4096 bytes or None" in robot.policy.fault
+    with pytest.raises(AssertionError, match="not at most 4096 bytes"):
+        check(SpeaksTooLong)
 
 
 def test_an_experiment_has_its_faults_in_the_record(tmp_path):
