@@ -188,7 +188,8 @@ def run_with(
         if arguments.archive is not None and not interrupted:
             write_archive(arguments.archive, plan, records)
         journal.note("evaluated", runs=len(records))
-        _evaluate(experiment, records, folder, arguments, arguments.archive)
+        docs = None if interrupted else arguments.docs
+        _evaluate(experiment, records, folder, arguments, (docs, arguments.archive))
     if interrupted:
         return ExitCode.INTERRUPTED
     failed = campaign.failed or any(record.get("faults") for record in records)
@@ -212,7 +213,7 @@ def _from_archive(archive: Path, arguments: Options, work: Work) -> int:
     if arguments.verify is None:
         folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])
         folder.mkdir(parents=True, exist_ok=True)
-        _evaluate(experiment, records, folder, arguments, archive)
+        _evaluate(experiment, records, folder, arguments, (arguments.docs, archive))
         return ExitCode.DONE
     from sitl.experiment.analysis import Report, differences  # noqa: PLC0415 - only with SciPy
 
@@ -325,9 +326,12 @@ def _evaluate(
     records: Sequence[Record],
     folder: Path,
     arguments: Options,
-    archive: Path | None,
+    into: tuple[Path | None, Path | None],
 ) -> None:
-    """Write and print the results of runs, and put them into a document on request."""
+    """Write and print the results of runs.
+
+    `into`: a document to put them into, if any, and the archive of these runs that it names.
+    """
     from sitl.experiment.analysis import Report, fill  # noqa: PLC0415 - only with SciPy
 
     found = Report(experiment, records)
@@ -340,8 +344,9 @@ def _evaluate(
         sys.stdout.write(found.text + "\n")
         for claim in found.claims:
             sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.verdict}\n")
-    if arguments.docs is not None:
-        fill(arguments.docs, found, archive, figures)
+    docs, archive = into
+    if docs is not None:
+        fill(docs, found, archive, figures)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
 
 

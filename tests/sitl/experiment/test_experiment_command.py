@@ -98,6 +98,17 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+def test_a_stopped_experiment_leaves_the_document_as_it_is(sitl, tmp_path):
+    page, archive = tmp_path / "page.md", tmp_path / "small-runs.jsonl.xz"
+    page.write_text("<!-- begin small facts -->\nearlier\n<!-- end -->\n", encoding="utf-8")
+    told = page.read_text(encoding="utf-8")
+    words = ("--docs", str(page), "--archive", str(archive))
+    assert sitl(*words, pool=Here(most=5))[0] == 130
+    assert page.read_text(encoding="utf-8") == told
+    assert sitl(*words)[0] == 0
+    assert "12 runs" in page.read_text(encoding="utf-8")
+
+
 def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
     archive = tmp_path / "small-runs.jsonl.xz"
     code, pool = sitl("--archive", str(archive), pool=Here(most=5))
