@@ -90,7 +90,11 @@ def table(pairs: Sequence[Pair]) -> str:
     for key, name in MEASURES.items():
         found = ratio_of(key, pairs)
         interval = f"{found.value:.2f} ({found.low:.2f} to {found.high:.2f})"
-        lines.append(f"| {name} | {found.experiment:.3g} | {found.nodes:.3g} | {interval} |")
+        both = (
+            f"{mean:,.0f}" if mean >= 100 else f"{mean:.3g}"
+            for mean in (found.experiment, found.nodes)
+        )
+        lines.append(f"| {name} | {' | '.join(both)} | {interval} |")
     return "\n".join(lines)
 
 
