@@ -12,7 +12,7 @@ def test_500_robots_share_the_first_byte_of_headers_and_differ_in_the_second():
             header = Header.at(robot.robot_id, topic.topic_id, 0)
             headers[header.pack()] = name, topic.name
             assert team.by_ids(header.robot_id, header.topic_id) == (robot, topic)
-    assert len(headers) == 2 * 3 + 500 * 5
+    assert len(headers) == 2 * 3 + 500 * 6
     assert {len(raw) for raw in headers} == {6}
     assert team.pushed(team.robot("ugv07"), "ugv08") == {team.robot("ugv07").robot_id}
 
@@ -20,4 +20,4 @@ def test_500_robots_share_the_first_byte_of_headers_and_differ_in_the_second():
 def test_up_to_256_robots_are_a_team_as_a_file_has_it():
     team = fleet_of(1, 255, base=False, original=False).team
     assert [robot.robot_id for robot in team.robots.values()] == list(range(256))
-    assert {topic.topic_id for topics in team.kinds.values() for topic in topics} == set(range(5))
+    assert {topic.topic_id for topics in team.kinds.values() for topic in topics} == set(range(6))
