@@ -10,8 +10,8 @@ How robots follow it is our reading:
 
 * A robot looks for goals until it has to leave to be in time, then waits at the place.
 * The first place of all meetings is the team's home.
-* When all are there, the first of them says where they meet next: the nearest free goal, so that
-  places move as the team explores.
+* When all are there, the first of them publishes where they meet next: the nearest free goal, so
+  that places move as the team explores.
 * A meeting that has not come about `WAIT_S` after its time is given up, and its robots meet at home
   again.
 """
@@ -34,8 +34,8 @@ WAIT_S: Final = 120.0
 NEAR_M: Final = 6.0
 """A robot is at a place when it is so near; it stops within 5 m of where it is to drive."""
 
-SAYS_S: Final = 10.0
-"""So long the first robot stays when it has said where they meet next, for that to arrive."""
+STAYS_S: Final = 10.0
+"""So long the first robot stays when it has published where they meet next, for that to arrive."""
 
 Meeting = Mapping[int, float]
 """How long each robot explores since its last meeting, in seconds, by its number in the team."""
@@ -91,8 +91,8 @@ robot, of two robots each, after two minutes at least. The authors' program made
 5f544d73, equal weights, CBC, 30 s at most): optimal for three robots, feasible for more."""
 
 
-class _Said(BaseModel):
-    """What a robot tells the others.
+class _PlanMessage(BaseModel):
+    """What a robot publishes for the others.
 
     Attributes:
         there: The number of the meeting at whose place it is; None: it is at none.
@@ -110,7 +110,7 @@ class _Appointment:
 
     Attributes:
         number: Of the meeting in the plan.
-        members: The robots' names, sorted; the first says where they meet next.
+        members: The robots' names, sorted; the first decides where they meet next.
         place: Where they meet.
         due_s: When.
         leaves_s: When the first of them leaves, once all were there.
@@ -127,14 +127,14 @@ class Planned:
     """Meets other robots by the plan for its team; without one, it looks for goals only.
 
     Attributes:
-        says: For the others: at which meeting's place it is, and where meetings led by it lead to.
+        message: For the others: at which meeting's place it is, and where those who met meet next.
     """
 
     def __init__(self) -> None:
-        self.says: bytes | None = None
+        self.message: bytes | None = None
         self._plan: list[tuple[int, Meeting]] | None = None  # its own, to come; None: not begun
-        self._places: dict[tuple[str, ...], Point] = {}  # where members meet next, if it was said
-        self._said = _Said()
+        self._places: dict[tuple[str, ...], Point] = {}  # where members meet next, if they agreed
+        self._published = _PlanMessage()
         self._next: _Appointment | None = None
 
     def choose(self, view: RobotView) -> Drive | None:
@@ -145,8 +145,8 @@ class Planned:
             self._go_on(view)
         found = self._keep(view, self._next) if self._next else None
         there = self._next if found and math.dist(view.position, found.place) <= NEAR_M else None
-        self._said.there = there.number if there else None
-        self.says = self._said.model_dump_json().encode()
+        self._published.there = there.number if there else None
+        self.message = self._published.model_dump_json().encode()
         return found
 
     def _keep(self, view: RobotView, meeting: _Appointment) -> Drive | None:
@@ -162,7 +162,7 @@ class Planned:
             return None
         first = meeting.members[0]
         if first != view.name:
-            place = _said_by(view, first).next.get(meeting.number)
+            place = _message_of(view, first).next.get(meeting.number)
             if place is not None:
                 self._places[meeting.members] = Point(*place)
                 self._go_on(view)
@@ -170,14 +170,14 @@ class Planned:
         elif meeting.leaves_s == math.inf and self._all_there(view, meeting):
             chosen = view.goals[0] if view.goals else view.position
             self._places[meeting.members] = chosen
-            self._said.next[meeting.number] = chosen
-            meeting.leaves_s = view.now_s + SAYS_S
+            self._published.next[meeting.number] = chosen
+            meeting.leaves_s = view.now_s + STAYS_S
         return Drive(meeting.place)
 
     def _all_there(self, view: RobotView, meeting: _Appointment) -> bool:
-        others = (_said_by(view, name) for name in meeting.members if name != view.name)
+        others = (_message_of(view, name) for name in meeting.members if name != view.name)
         is_there = math.dist(view.position, meeting.place) <= NEAR_M
-        return is_there and all(said.there == meeting.number for said in others)
+        return is_there and all(other.there == meeting.number for other in others)
 
     def _go_on(self, view: RobotView) -> None:
         """The next appointment, if there is any."""
@@ -190,10 +190,12 @@ class Planned:
             self._next = _Appointment(number, members, place, due_s)
 
 
-def _said_by(view: RobotView, robot: str) -> _Said:
-    """What a robot has said last; nonsense counts as nothing."""
+def _message_of(view: RobotView, robot: str) -> _PlanMessage:
+    """The newest message of a robot; an invalid one counts as none."""
     received = view.received.get((robot, POLICY_TOPIC))
     try:
-        return _Said() if received is None else _Said.model_validate_json(received.data)
+        return (
+            _PlanMessage() if received is None else _PlanMessage.model_validate_json(received.data)
+        )
     except ValidationError:
-        return _Said()
+        return _PlanMessage()

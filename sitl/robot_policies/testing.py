@@ -95,7 +95,7 @@ def check(make: Callable[[], RobotPolicy]) -> list[Drive | None]:
 def _chosen(policy: RobotPolicy, view: RobotView) -> Drive | None:
     found = policy.choose(view)
     try:
-        check_choice(found, getattr(policy, "says", None))
+        check_choice(found, getattr(policy, "message", None))
     except ValueError as error:
         raise AssertionError(str(error)) from None
     return found

@@ -113,7 +113,7 @@ class GroundRobot:
         self._next_thought_s = self._chance.uniform(0, settings.thinking_s)
         self._decided_on: tuple[int, int] | None = None  # versions of book and knowledge
         self._errand: Drive | None = None  # what its policy has chosen
-        self._said: bytes | None = None  # by its policy, to other robots' ones, at last
+        self._message: bytes | None = None  # of its policy, published last
         self._received: dict[tuple[str, str], Received] = {}  # for its policy, by robot and topic
         self._began_s = 0.0  # the first step
 
@@ -141,8 +141,8 @@ class GroundRobot:
             self._next_thought_s = now_s + self.settings.thinking_s
             if self.policy is None or not self._follows(self.policy, now_s):
                 self._think()
-            if self.policy is not None and self.policy.says != self._said:
-                self._said = self._post.policy = self.policy.says
+            if self.policy is not None and self.policy.message != self._message:
+                self._message = self._post.policy = self.policy.message
 
     def outbox(self) -> list[tuple[str, bytes]]:
         """Messages to publish since the last call: (topic, data), at most one per topic."""

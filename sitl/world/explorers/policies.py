@@ -22,8 +22,8 @@ from mocha_link.sanitize import sanitize
 
 GROUP: Final = "sitl.robot_policies"
 
-MOST_SAID_BYTES: Final = 4096
-"""What a policy says to others is no longer than that."""
+MOST_MESSAGE_BYTES: Final = 4096
+"""The message of a policy to others is no longer than that."""
 
 _CLASS: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 _LONGEST: Final = 120  # letters of an error's text
@@ -98,7 +98,7 @@ class Drive:
 class RobotPolicy(Protocol):
     """Decides where one robot drives.
 
-    It may also have an attribute `says`: bytes for the other robots' policies, or None. Whenever
+    It may also have an attribute `message`: bytes for the other robots' policies, or None. Whenever
     they have changed, they are published on `POLICY_TOPIC`, and others find them in
     `RobotView.received`.
 
@@ -181,13 +181,13 @@ class GuardedRobotPolicy:
 
     Attributes:
         fault: What went wrong; None: nothing did.
-        says: What it had to say when it chose last, as `RobotPolicy` has it.
+        message: The policy's, when it chose last.
     """
 
     def __init__(self, policy: RobotPolicy) -> None:
         self._policy = policy
         self.fault: str | None = None
-        self.says: bytes | None = None
+        self.message: bytes | None = None
 
     def choose(self, view: RobotView) -> Drive | None:
         """As `RobotPolicy.choose`."""
@@ -195,23 +195,27 @@ class GuardedRobotPolicy:
             return None
         try:
             found = self._policy.choose(view)
-            said = getattr(self._policy, "says", None)
-            check_choice(found, said)
+            message = getattr(self._policy, "message", None)
+            check_choice(found, message)
         except Exception as error:  # noqa: BLE001 - code of others
             self.fault = _text(error)
             return None
-        self.says = said
+        self.message = message
         return found
 
 
-def check_choice(found: object, said: object) -> None:
-    """Whether a policy chose and said what it may.
+def check_choice(found: object, message: object) -> None:
+    """Whether a policy chose a place, and published a message, that are valid.
 
     Raises:
         ValueError: it is neither None nor a place to drive to; or not None nor bytes to publish.
     """
-    if said is not None and not (isinstance(said, bytes) and len(said) <= MOST_SAID_BYTES):
-        raise ValueError(f"says is {said!r:.60}, not at most {MOST_SAID_BYTES} bytes or None")
+    if message is not None and not (
+        isinstance(message, bytes) and len(message) <= MOST_MESSAGE_BYTES
+    ):
+        raise ValueError(
+            f"message is {message!r:.60}, not at most {MOST_MESSAGE_BYTES} bytes or None"
+        )
     if found is None:
         return
     if not isinstance(found, Drive):

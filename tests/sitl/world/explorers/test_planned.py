@@ -6,7 +6,7 @@ import pytest
 
 from geo.frame import Geodetic, LocalFrame, Point
 from sitl.robot_policies import POLICY_TOPIC, Drive, Received, RobotView
-from sitl.robot_policies.planned import PLANS, SAYS_S, WAIT_S, Planned
+from sitl.robot_policies.planned import PLANS, STAYS_S, WAIT_S, Planned
 from sitl.robot_policies.testing import check
 
 TEAM = ("a", "b", "c")
@@ -23,7 +23,7 @@ class Robots:
         self.positions = dict.fromkeys(names, GOAL)
         self.received = {}
 
-    def choose(self, name, now_s, *, heard=True):
+    def choose(self, name, now_s, *, receives=True):
         view = RobotView(
             *(name, TEAM, now_s, 0.0, self.positions[name], HOME, HOME),
             speed_m_s=SPEED_M_S,
@@ -31,10 +31,10 @@ class Robots:
             goal=None,
             goals=(GOAL,),
             way_m=lambda place: 0.0 if place == self.positions[name] else WAY_M,
-            received=MappingProxyType(self.received if heard else {}),
+            received=MappingProxyType(self.received if receives else {}),
         )
         chosen = self.policies[name].choose(view)
-        self.received[name, POLICY_TOPIC] = Received(self.policies[name].says, now_s)
+        self.received[name, POLICY_TOPIC] = Received(self.policies[name].message, now_s)
         return chosen
 
 
@@ -61,27 +61,27 @@ def test_those_who_meet_agree_on_the_next_place():
     for name in "ac":
         robots.choose(name, 0.0)
         robots.positions[name] = HOME
-    assert robots.choose("a", FIRST_S) == Drive(HOME)  # c has not said that it is there
+    assert robots.choose("a", FIRST_S) == Drive(HOME)  # c has not published that it is there
     assert robots.choose("c", FIRST_S) == Drive(HOME)
-    assert robots.choose("a", FIRST_S + 1) == Drive(HOME)  # it says where, and stays a while
+    assert robots.choose("a", FIRST_S + 1) == Drive(HOME)  # it publishes where, and stays a while
     assert robots.choose("c", FIRST_S + 2) is None
-    assert robots.choose("a", FIRST_S + 1 + SAYS_S) is None
+    assert robots.choose("a", FIRST_S + 1 + STAYS_S) is None
     again_s = 2 * FIRST_S + 20
     assert robots.choose("a", again_s) == robots.choose("c", again_s) == Drive(GOAL)
 
 
-def test_who_does_not_hear_of_the_place_meets_at_home_again_and_so_does_the_other_one_in_the_end():
+def test_without_the_message_both_meet_at_home_again_in_the_end():
     robots = Robots("a", "c")
     for name in "ac":
         robots.choose(name, 0.0)
         robots.positions[name] = HOME
         robots.choose(name, FIRST_S)
     robots.choose("a", FIRST_S + 1)
-    robots.choose("a", FIRST_S + 1 + SAYS_S)
+    robots.choose("a", FIRST_S + 1 + STAYS_S)
     late_s = FIRST_S + WAIT_S + 1
-    assert robots.choose("c", late_s, heard=False) is None
+    assert robots.choose("c", late_s, receives=False) is None
     robots.positions["c"] = GOAL
-    assert robots.choose("c", late_s + FIRST_S, heard=False) == Drive(HOME)
+    assert robots.choose("c", late_s + FIRST_S, receives=False) == Drive(HOME)
     second_s = 2 * FIRST_S + 20 + WAIT_S
     assert robots.choose("a", second_s - 20) == Drive(GOAL)
     assert robots.choose("a", second_s) is None  # in vain: the place is forgotten
@@ -100,7 +100,7 @@ def test_a_team_without_a_plan_looks_for_goals():
     assert Planned().choose(view) is None
 
 
-def test_nonsense_from_others_is_nothing_said():
+def test_an_invalid_message_counts_as_none():
     robots = Robots("a")
     robots.choose("a", 0.0)
     robots.positions["a"] = HOME

@@ -160,22 +160,22 @@ def test_a_robot_can_go_where_another_one_says_it_is():
     assert math.dist(one.position, other.position) <= 2 * REACHED_M
 
 
-class Speaks:
-    says = None
+class Publishes:
+    message = None
 
     def choose(self, view):
-        self.says = b"at %d" % (view.now_s // 20)
+        self.message = b"at %d" % (view.now_s // 20)
 
 
-class SpeaksTooLong:
-    says = bytes(5000)
+class PublishesTooMuch:
+    message = bytes(5000)
 
     def choose(self, view):
         return None
 
 
-def test_what_a_policy_says_is_published_when_it_has_changed():
-    robot = robots("Speaks")["ugv01"]
+def test_the_message_of_a_policy_is_published_when_it_has_changed():
+    robot = robots("Publishes")["ugv01"]
     said = []
     for now_s in range(60):
         robot.step(float(now_s))
@@ -183,11 +183,11 @@ def test_what_a_policy_says_is_published_when_it_has_changed():
     assert said == [b"at 0", b"at 1", b"at 2"]
 
 
-def test_a_policy_that_says_too_much_is_at_fault():
-    robot = driven("SpeaksTooLong", 10)["ugv01"]
+def test_a_policy_whose_message_is_too_long_is_at_fault():
+    robot = driven("PublishesTooMuch", 10)["ugv01"]
     assert "not at most 4096 bytes or None" in robot.policy.fault
     with pytest.raises(AssertionError, match="not at most 4096 bytes"):
-        check(SpeaksTooLong)
+        check(PublishesTooMuch)
 
 
 def test_an_experiment_has_its_faults_in_the_record(tmp_path):
