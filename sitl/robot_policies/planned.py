@@ -4,7 +4,7 @@ A. R. da Silva and L. Chaimowicz (Intermittent Rendezvous Plans with Mixed Integ
 for Large-Scale Multi-Robot Exploration, arXiv 2511.12237) plan which robots meet one after the
 other, and how long each of them explores before, by a mixed-integer program that keeps robots at
 work for as much of the mission as possible, in pieces of equal length. While robots explore, they
-follow the plan by a simple rule. `PLANS` are the results of the authors' own program.
+follow the plan by a simple rule. `PLANS` are solutions of the model in the authors' program.
 
 How robots follow it is our reading:
 
@@ -87,8 +87,9 @@ PLANS: Final[Mapping[int, tuple[Meeting, ...]]] = {
     ),
 }
 """The meetings of a quarter of an hour in order, by the number of robots: as many as two for each
-robot, of two robots each, after two minutes at least. The authors' program made them (commit
-5f544d73, equal weights, CBC, 30 s at most): optimal for three robots, feasible for more."""
+robot, of two robots each, after two minutes at least. They solve the model of the authors' program
+(commit 5f544d73, equal weights) by its solver (CBC, 30 s): optimal for three robots, feasible for
+more."""
 
 
 class _PlanMessage(BaseModel):
