@@ -7,14 +7,16 @@
 
 An experiment says when robots meet and what they publish; real nodes in processes, whose TCP
 connections share one channel, do the same in real time (`benchmarks.contention.replay`). The ratio
-is of geometric means over runs, with a 95 % interval. The machine should be idle: an event that
-is later than a tenth of a second is said, since latencies are of that order.
+is of geometric means over runs, with a 95 % interval. The machine should be idle: an event
+that is more than a tenth of a second late is reported: latencies are of that order.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import csv
+import io
 import json
 import math
 import sys
@@ -48,7 +50,7 @@ LEAST: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """A run by both: the row's label, its seed, and what each says."""
+    """A run by both: the row's label, its seed, and the measures of each."""
 
     label: str
     seed: int
@@ -99,19 +101,15 @@ def table(pairs: Sequence[Pair]) -> str:
 
 
 def csv_text(pairs: Sequence[Pair]) -> str:
-    """A line for each run, with what both say of every measure."""
-    heads = [
-        "row",
-        "seed",
-        *(f"{key} {who}" for key in MEASURES for who in ("experiment", "nodes")),
-    ]
-    lines = [heads]
+    """A line for each run, with every measure of both."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    heads = [f"{key} {which}" for key in MEASURES for which in ("experiment", "nodes")]
+    writer.writerow(["row", "seed", *heads])
     for pair in pairs:
-        both = [
-            f"{said[key] or 0:.6g}" for key in MEASURES for said in (pair.experiment, pair.nodes)
-        ]
-        lines.append([f'"{pair.label}"', str(pair.seed), *both])
-    return "".join(",".join(line) + "\n" for line in lines)
+        both = [one[key] or 0 for key in MEASURES for one in (pair.experiment, pair.nodes)]
+        writer.writerow([pair.label, pair.seed, *(f"{value:.6g}" for value in both)])
+    return text.getvalue()
 
 
 async def _replay_all(plans: Sequence[Planned], timeout_s: float | None) -> list[Replayed]:
@@ -120,13 +118,13 @@ async def _replay_all(plans: Sequence[Planned], timeout_s: float | None) -> list
         tasks = [
             group.create_task(replay(plan, start=start, timeout_s=timeout_s)) for plan in plans
         ]
-        progress = asyncio.create_task(_tell_progress())
+        progress = asyncio.create_task(_show_progress())
         await asyncio.gather(*tasks)
         progress.cancel()
     return [task.result() for task in tasks]
 
 
-async def _tell_progress() -> None:
+async def _show_progress() -> None:
     began_s = time.monotonic()
     while True:
         await asyncio.sleep(60)

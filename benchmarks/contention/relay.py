@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Self
 
 from benchmarks.contention.messages import Cutter, Piece
@@ -51,7 +52,7 @@ class _Exchange:
         requests: What has not crossed yet.
         ready_s: Since when the first of them waits; None: there is none.
         turn: Its place among those that wait; None: it does not.
-        came: Set when a request comes, or a reply, or the end of contact or connection.
+        changed: Set when a request comes, or a reply, or the end of contact or connection.
         replies: How many replies have come.
         reply_bytes: Their bytes.
         over: It is closed.
@@ -63,7 +64,7 @@ class _Exchange:
         self.requests: deque[Piece] = deque()
         self.ready_s: float | None = None
         self.turn: tuple[tuple[float, ...], int] | None = None
-        self.came = asyncio.Event()
+        self.changed = asyncio.Event()
         self.replies = 0
         self.reply_bytes = 0
         self.over = False
@@ -73,8 +74,8 @@ class _Exchange:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(limit_s):
                 while not condition():
-                    self.came.clear()
-                    await self.came.wait()
+                    self.changed.clear()
+                    await self.changed.wait()
 
 
 class ChannelRelay:
@@ -109,10 +110,7 @@ class ChannelRelay:
     async def __aenter__(self) -> Self:
         """Listen wherever nodes will dial."""
         self._servers = [
-            await asyncio.start_server(
-                lambda reader, writer, pair=pair: self._carry(pair, reader, writer),  # type: ignore[misc]
-                *pair.dialled,
-            )
+            await asyncio.start_server(partial(self._carry, pair), *pair.dialled)
             for pair in self._pairs
         ]
         self._grants = asyncio.create_task(self._grant())
@@ -155,7 +153,7 @@ class ChannelRelay:
         for exchange in own:
             self._waiting.discard(exchange)
             exchange.turn = None
-            exchange.came.set()
+            exchange.changed.set()
         loop = asyncio.get_running_loop()
         self._partings[pair] = loop.call_later(self._channel.patience_s, self._hang_up, pair)
 
@@ -173,17 +171,18 @@ class ChannelRelay:
             replies, server = await asyncio.open_connection(*pair.served)
             exchange = _Exchange(link, server)
             self._exchanges.add(exchange)
+            both = (
+                asyncio.create_task(self._take_requests(exchange, reader)),
+                asyncio.create_task(self._take_replies(exchange, replies, writer)),
+            )
             try:
-                async with asyncio.TaskGroup() as both:
-                    asked = both.create_task(self._take_requests(exchange, reader))
-                    answered = both.create_task(self._take_replies(exchange, replies, writer))
-                    for task, other in ((asked, answered), (answered, asked)):
-                        task.add_done_callback(lambda _, other=other: other.cancel())  # type: ignore[misc]
-            except* OSError:
-                pass  # either end hung up
+                await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)  # an end hung up
             finally:
+                for task in both:
+                    task.cancel()
+                await asyncio.gather(*both, return_exceptions=True)
                 exchange.over = True
-                exchange.came.set()
+                exchange.changed.set()
                 self._exchanges.discard(exchange)
                 self._waiting.discard(exchange)
                 server.close()
@@ -196,7 +195,7 @@ class ChannelRelay:
                 if piece.body is not None and needs_turn(piece.body):
                     exchange.requests.append(piece)
                     self._arm(exchange)
-                    exchange.came.set()
+                    exchange.changed.set()
                 else:
                     exchange.server.write(piece.raw)
 
@@ -209,7 +208,7 @@ class ChannelRelay:
             replies = [piece for piece in cutter.feed(data) if piece.body is not None]
             exchange.replies += len(replies)
             exchange.reply_bytes += sum(len(piece.raw) for piece in replies)
-            exchange.came.set()
+            exchange.changed.set()
 
     def _arm(self, exchange: _Exchange) -> None:
         """Have an exchange wait for the channel if it has something to send."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import sys
 import tempfile
@@ -47,7 +48,7 @@ class _Robots:
         self._processes: dict[str, asyncio.subprocess.Process] = {}
         self._pulling: set[tuple[str, str]] = set()
         self._again: set[tuple[str, str]] = set()  # when contact begins anew meanwhile
-        self._readers: list[asyncio.Task[None]] = []
+        self._readers: list[asyncio.Task[None]] = []  # end with an error when a node ends
 
     @property
     def pulling(self) -> int:
@@ -71,15 +72,22 @@ class _Robots:
             for name, process in self._processes.items()
         ]
 
+    def check(self) -> None:
+        """Raises RuntimeError: a node has ended, which is a fault of the run."""
+        for reader in self._readers:
+            if reader.done():
+                reader.result()
+
     async def end(self) -> None:
         """End all nodes."""
         for reader in self._readers:
             reader.cancel()
         for process in self._processes.values():
-            process.kill()
+            with contextlib.suppress(ProcessLookupError):  # it has ended
+                process.kill()
             await process.wait()
 
-    def tell(self, robot: str, *what: object) -> None:
+    def send(self, robot: str, *what: object) -> None:
         """Send a line to a robot's node."""
         stdin = self._processes[robot].stdin
         if stdin is None:
@@ -96,7 +104,7 @@ class _Robots:
 
     def _pull(self, robot: str, peer: str) -> None:
         self._pulling.add((robot, peer))
-        self.tell(robot, "pull", peer)
+        self.send(robot, "pull", peer)
 
     async def _listen(self, robot: str, process: asyncio.subprocess.Process) -> None:
         while True:
@@ -146,13 +154,15 @@ async def _perform(plan: Planned, relay: ChannelRelay, robots: _Robots) -> float
     for event in plan.events:
         await asyncio.sleep(max(event.at_s - relay.now_s, 0.0))
         late_s = max(late_s, relay.now_s - event.at_s)
+        robots.check()
         if isinstance(event, Publication):
-            robots.tell(event.robot, "publish", event.topic, event.data.hex())
+            robots.send(event.robot, "publish", event.topic, event.data.hex())
             continue
         relay.set_contact(event.a, event.b, up=event.up)
         if event.up:
             robots.meet(event.a, event.b)
     await asyncio.sleep(max(plan.settings.duration_s - relay.now_s, 0.0))
+    robots.check()
     return late_s
 
 

@@ -63,6 +63,12 @@ def test_contact_that_is_lost_cuts_what_is_on_the_air_and_then_ends_the_pull():
     assert not any(sent.complete for sent in found.transmissions)
 
 
+def test_a_node_that_ends_is_an_error_of_the_run():
+    wrong = Publication(0.5, "ugv01", "/no_topic_of_the_team", b"")
+    with pytest.raises(RuntimeError, match="a node has ended"):
+        asyncio.run(replay(plan(wrong, duration_s=3.0, ugvs=1)))
+
+
 def test_what_a_run_says_does_not_depend_on_when_the_channel_is_free():
     (task,) = tasks_of("table1", ["radius_m=30", "ugvs=3", "uavs=1"], range(1, 2))
     one = planned(task, 60.0)
