@@ -40,7 +40,7 @@ _AGAIN_S: Final = 10.0
 """What goes on is announced again so long after."""
 
 _STOOD_S, _OWN_LAG_S = 1.0, 1.0
-"""A standstill of so long is announced, within so long."""
+"""A standstill of so long by the companion's own clock is announced, within so long."""
 
 _ESCALATES_S: Final = 10.0
 _ALARM_S: Final = {"position": 2.0, "mode": 5.0, "satellites": 10.0}
@@ -467,7 +467,8 @@ def a_companion_that_stood_still_announces_it(case: Case) -> Iterator[Violation]
         first, last = case.at(stop.time_s), case.at(due_s)
         flies = due_s < case.time_s[-1] and case.flying[first : last + 1].all()
         over = any(on_s <= h.time_s <= due_s for h in told(SceneEventKind.ENDED))
-        if on_s - stop.time_s >= _STOOD_S and flies and not over:
+        stood_s = (on_s - stop.time_s) / case.evidence.speed
+        if stood_s >= _STOOD_S and flies and not over:
             yield from announces(
                 case, Incident(on_s, "it stood still before"), "stood still", due_s
             )

@@ -422,6 +422,13 @@ def test_one_that_stood_still_for_a_moment_or_for_good_needs_say_nothing(on_s):
     assert found(flight(happenings=still)) == set()
 
 
+@pytest.mark.parametrize(("speed", "wrong"), [(1.0, {"told"}), (5.0, set())])
+def test_a_companion_measures_its_standstill_by_its_own_clock(speed, wrong):
+    """Two seconds of a vehicle that is simulated five times as fast are 0.4 s of its own."""
+    still = (SceneEvent(69.0, SceneEventKind.STOPPED), SceneEvent(71.0, SceneEventKind.CONTINUED))
+    assert found(dataclasses.replace(flight(happenings=still), speed=speed)) == wrong
+
+
 @pytest.mark.parametrize("states", [track(land=False), FLOWN[:20]])
 def test_landed_at_home_is_said_of_nothing_else(states):
     assert "told" in found(flight(states, said=[(10.0, "landed at home")], code=1))
