@@ -196,7 +196,8 @@ class Runs:
         Args:
             weights: rows, and how often each counts.
             measure: of which.
-            ratio: means are those of logarithms.
+            ratio: means are those of logarithms; runs in which one of the rows measured 0 have
+                none, and are left out.
         """
         groups: dict[int, list[tuple[float, Row]]] = {}
         for weight, row in weights:
@@ -207,7 +208,7 @@ class Runs:
             sample: Numbers = np.zeros(len(numbers))
             for weight, row in group:
                 values = self.values(row, measure, numbers)
-                with np.errstate(divide="ignore"):
+                with np.errstate(divide="ignore", invalid="ignore"):  # 0 in one row, or in both
                     sample = sample + weight * (np.log(values) if ratio else values)
             samples.append(sample)
         return contrast(samples)

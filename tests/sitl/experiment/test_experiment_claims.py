@@ -98,6 +98,23 @@ def as_claimed(row):
     return 30 + 4 * ugvs + 0.6 * radius_m * (uavs == 1) + (20 if few else -4 * (uavs == 2))
 
 
+@pytest.mark.parametrize("nothing", [{4: (0.0, 3.0)}, {4: (0.0, 0.0)}])
+def test_a_ratio_leaves_out_runs_that_measured_nothing(tmp_path, nothing):
+    text = "name: pair\ntitle: t\nquestion: q\nseeds: 5\ncross:\n  uavs: [1, 2]\npaired: [uavs]\n"
+    experiment = load(tmp_path, text)
+
+    def measures(row, number):
+        one = 1.0 + number
+        values = nothing.get(number, (one, 2.0 * one))
+        return {"delivered_MB": values[row["uavs"] - 1]}
+
+    one, two = experiment.rows
+    runs = Runs(experiment, made(experiment, 5, measures))
+    effect = runs.effect([(1.0, two), (-1.0, one)], "delivered_MB", ratio=True)
+    assert math.exp(effect.value) == pytest.approx(2.0)
+    assert effect.freedom == 3.0
+
+
 def test_a_world_as_the_paper_claims_it_holds():
     found = claims.claims_of(
         *table(
