@@ -1,4 +1,4 @@
-"""Experiments: teams in towns, simulated thousands of times faster than real time."""
+"""Experiments: teams in towns, simulated hundreds of times faster than real time."""
 
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.plan import (
