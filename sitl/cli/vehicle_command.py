@@ -34,7 +34,7 @@ from sitl.process import (
     px4_ports,
     stop_signal,
 )
-from sitl.px4sim import BEHAVIOURS, USUAL, StartPosition, defaults
+from sitl.px4sim import BATTERY_MINUTES, BEHAVIOURS, USUAL, StartPosition, defaults
 from sitl.px4sim.motion import WindSettings
 
 PX4_HOME: Final = StartPosition(47.397742, 8.545594, 489.4)
@@ -174,8 +174,8 @@ def speed_and_parameters(speed_help: str) -> Decorator:
             "--battery-minutes",
             type=Parsed(number("a number above zero", MORE_THAN_0, ANY_FINITE)),
             metavar="M",
-            default=22.5,
-            help="endurance of a full battery, in minutes (default 22.5)",
+            default=BATTERY_MINUTES,
+            help=f"endurance of a full battery, in minutes (default {BATTERY_MINUTES:g})",
         ),
         option(
             "--param",

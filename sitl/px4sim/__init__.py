@@ -5,7 +5,7 @@ from sitl.px4sim.commands import DO_SET_MODE, CommandResult, Commands, Params
 from sitl.px4sim.estimation import FEWEST_SATELLITES
 from sitl.px4sim.failsafe import GROUND_STATION, missing_receivers, receivers_forbid_arming
 from sitl.px4sim.flight_modes import Sticks
-from sitl.px4sim.parameters import DEFAULTS, Parameters, defaults
+from sitl.px4sim.parameters import BATTERY_MINUTES, DEFAULTS, Parameters, defaults
 from sitl.px4sim.plan_store import (
     CAPACITY,
     Command,
@@ -22,6 +22,7 @@ from sitl.px4sim.used_params import unused_param_of_command, unused_param_of_ite
 from sitl.px4sim.versions import BEHAVIOURS, RECORDED, USUAL, Px4Behaviour
 
 __all__ = [
+    "BATTERY_MINUTES",
     "BEHAVIOURS",
     "CAPACITY",
     "DEFAULTS",

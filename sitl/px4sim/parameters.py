@@ -36,6 +36,10 @@ def _recorded() -> dict[str, int | float]:
 DEFAULTS: Final[Mapping[str, int | float]] = _recorded()
 """Of `RECORDED`."""
 
+BATTERY_MINUTES: Final = 22.5
+"""Endurance of a full battery of `sitl vehicle` and `sitl px4`, and of experiments that fly a
+mission in its own world: their flights are compared."""
+
 
 def defaults(behaviour: Px4Behaviour) -> dict[str, int | float]:
     """Those of a version of PX4, in its order."""

@@ -41,15 +41,13 @@ from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats
 from sitl.experiment.engine.meter import Goals, Measures, Meter
 from sitl.experiment.robots import MapPainter, Node, Uav
+from sitl.px4sim import BATTERY_MINUTES
 from sitl.team import make_world, roles_of
 from sitl.world import STEP_S, Step, Truth, load_world
 
 SPEED: Final = 10.0
 PX4_SPEED: Final = 5.0
 """Times real time, of the simulation in processes, and of one with a real PX4."""
-
-BATTERY_MIN: Final = 25.0
-"""What `sitl vehicle` flies with by default."""
 
 _NOWHERE: Final = np.zeros((0, 3))  # the world knows where robots are
 _ROUND_TRIP_S: Final = 0.01
@@ -122,7 +120,7 @@ class WorldRun:
         settings = RunSettings(
             town=path,
             airframe="px4",
-            battery=BATTERY_MIN,
+            battery=BATTERY_MINUTES,
             map_interval_s=MAP_INTERVAL_S - STEP_S / 2,  # checked at every step
         )
         flight_plan, router = FlightPlan.of(mission), Router(WaypointGraph(mission))

@@ -17,6 +17,7 @@ from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission
 from air_router.seek_policies import TargetList, policy_of
 from air_router.seek_policies.testing import SCENES
+from air_router.vehicle import Telemetry
 from geo.frame import Point
 from mocha_link.links.metrics import (
     ContactBegan,
@@ -26,6 +27,7 @@ from mocha_link.links.metrics import (
     SyncEnded,
     SyncStarted,
 )
+from sitl.cli.cli import main
 from sitl.experiment.campaign import running
 from sitl.experiment.engine import flights
 from sitl.experiment.engine.flights import WorldRun
@@ -231,6 +233,18 @@ def test_a_mission_is_flown_to_its_end(short):
     assert run.uav.flyer.landed
     assert all(size > 1_000 for size in arrived_bytes if size)
     assert sum(arrived_bytes) > 50_000
+
+
+def test_its_battery_is_that_of_the_simulated_vehicle(short, capsys):
+    """Flights by processes are compared with it, and come home when the battery says so."""
+    assert main(["vehicle", "--help"]) == 0
+    minutes = float(
+        re.search(r"battery, in minutes\s+\(default ([\d.]+)\)", capsys.readouterr().out)[1]
+    )
+    log, _, _ = short
+    flies = [each for _, each in log.of(Telemetry) if each.in_air]
+    for each in (flies[0], flies[len(flies) // 2], flies[-1]):
+        assert each.battery == pytest.approx(1.0 - each.time_s / (60.0 * minutes), abs=1e-4)
 
 
 def test_its_nodes_pull_ever_less_often_and_comm_ends_by_its_exchange(short):
