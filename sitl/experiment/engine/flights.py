@@ -26,7 +26,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from air_router.controller import Controller
+from air_router.controller import LAG_HOLD_S, Controller
 from air_router.controller.model import Announce, FlightSetup
 from air_router.errors import AirRouterError, UsageError
 from air_router.gossip import MAP_INTERVAL_S
@@ -216,7 +216,8 @@ def flown_in_processes(mission: Path, seed: int, policy: str, *, px4: bool = Fal
         px4: A real PX4 flies, which is found as `sitl px4` finds it without an option.
 
     Raises:
-        AirRouterError: it could not be flown.
+        AirRouterError: it could not be flown, or not undisturbed: on a busy machine a flight
+            program that stalls has its vehicle hold or come home, which is not the policy's doing.
     """
     command = [sys.executable, "-m", "air_router", "sim", str(mission), "--json"]
     command += ["--seed", str(seed), "--seek", policy]
@@ -241,7 +242,11 @@ def flown_in_processes(mission: Path, seed: int, policy: str, *, px4: bool = Fal
 
 
 def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float, str | None]:
-    """What a record and the world's report came to, how long it took, and its policy's fault."""
+    """What a record and the world's report came to, how long it took, and its policy's fault.
+
+    Raises:
+        AirRouterError: the flight program stalled so long that the vehicle held or came home.
+    """
     meter, arrived_bytes, now_s = Meter(EventQueue()), dict[str, int](), 0.0
     fault: str | None = None
     for entry in Log(record):
@@ -252,6 +257,11 @@ def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float, 
                 fault = fault_in(entry.value.text)
         elif entry.kind == "link":
             arrived_bytes[entry.value.peer] = entry.value.bytes_in
+    if meter.longest_lag_s >= LAG_HOLD_S:
+        raise AirRouterError(
+            f"the flight program stalled for {meter.longest_lag_s:.1f} s, so the vehicle held or "
+            "came home; make fewer runs at once (--jobs 1), or free the machine's processors"
+        )
     robots, goals = world["robots"], world["goals"]
     syncs = [each for robot in robots.values() for each in robot["syncs"].items()]
     there = [link["bytes_in"] for peer, link in syncs if peer not in robots]

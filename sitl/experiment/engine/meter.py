@@ -10,7 +10,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from air_router.controller.model import Action, Event, RobotPose, State, StateChanged
+from air_router.controller.model import (
+    Action,
+    CompanionLagged,
+    Event,
+    RobotPose,
+    State,
+    StateChanged,
+)
 from mocha_link.links import ContactBegan, ContactEnded, Direction, SyncEnded, SyncStarted
 from sitl.experiment import EventLog, EventQueue
 from sitl.experiment.engine.ages import mean_age_s
@@ -29,10 +36,15 @@ Measures = dict[str, float | None]
 
 
 class Meter(EventLog):
-    """Counts a controller's events and decisions, as they happen or from a flight's record."""
+    """Counts a controller's events and decisions, as they happen or from a flight's record.
+
+    Attributes:
+        longest_lag_s: The longest stall of the flight program since INIT began; 0: none.
+    """
 
     def __init__(self, queue: EventQueue) -> None:
         super().__init__(queue)
+        self.longest_lag_s = 0.0
         self._counts = dict.fromkeys(("searches", "found", "uav_contacts", "syncs"), 0)
         self._contact_s = 0.0
         self._since: dict[State, float] = {}  # when each state was entered last
@@ -70,6 +82,8 @@ class Meter(EventLog):
                 true_s = stamp_s - self._unix_less_s
                 if not poses or true_s > poses[-1][1]:
                     poses.append((now_s, true_s))
+            case CompanionLagged(lag_s=lag_s) if State.INIT in self._since:
+                self.longest_lag_s = max(self.longest_lag_s, lag_s)
             case StateChanged(source=source, target=target):
                 self._changed(now_s, source, target)
 
