@@ -8,7 +8,7 @@
     def test_contract(scene):
         check(Nearest, scene)
 
-`check` also returns the ranking, so a test can say more about a scene. A policy that passes may
+`check` also returns the ranking, so a test can check more of a scene. A policy that passes may
 still be a poor one; `sitl experiment` compares policies.
 """
 
@@ -36,16 +36,16 @@ class Scene:
     Attributes:
         name: What is special about it.
         robots: How many there are.
-        heard: Share of the robots that the UAV has poses of.
+        received: Share of the robots that the UAV has received poses of.
         paths: Whether these have published paths.
-        lost: Robots that were last heard half an hour ago.
+        lost: Robots that were last received half an hour ago.
         taken: Robots that another UAV seeks.
         walled: Places further east than this cannot be reached, in metres.
     """
 
     name: str
     robots: int = 5
-    heard: float = 1.0
+    received: float = 1.0
     paths: bool = False
     lost: int = 0
     taken: int = 0
@@ -65,7 +65,7 @@ class Scene:
         rng = random.Random(self.name)  # noqa: S311 - the same scene each time
         targets = TargetList(tuple(f"robot{number + 1:02d}" for number in range(self.robots)))
         for number, track in enumerate(targets.tracks.values()):
-            if number >= self.heard * self.robots:
+            if number >= self.received * self.robots:
                 continue
             at_s = self.now_s - (1800.0 if number < self.lost else rng.uniform(5.0, 400.0))
             place = Point(rng.uniform(-300.0, 300.0), rng.uniform(-300.0, 300.0))
@@ -102,8 +102,8 @@ class Scene:
 
 SCENES: Final = (
     Scene("one robot", robots=1),
-    Scene("nothing was heard", heard=0.0),
-    Scene("some were never heard", heard=0.5),
+    Scene("no robot was received", received=0.0),
+    Scene("some were never received", received=0.5),
     Scene("poses"),
     Scene("paths", paths=True),
     Scene("lost robots", robots=6, lost=2, paths=True),
@@ -111,7 +111,7 @@ SCENES: Final = (
     Scene("lost ones and robots of another UAV", robots=8, lost=2, taken=2, paths=True),
     Scene("no way to some", robots=6, walled=50.0, paths=True),
     Scene("no way to any", walled=-math.inf, paths=True),
-    Scene("many robots", robots=40, heard=0.8, paths=True),
+    Scene("many robots", robots=40, received=0.8, paths=True),
 )
 """What happens in flights and is easily forgotten."""
 

@@ -195,8 +195,8 @@ class CommandGate:
         """
         pending, context = self.pending, self._context
         requested = context.task.state is State.HOLD
-        unheard = context.inputs.silent or context.silent_s > 0.0
-        if isinstance(motion, HoldHere) and unheard and not requested:
+        not_received = context.inputs.silent or context.silent_s > 0.0
+        if isinstance(motion, HoldHere) and not_received and not requested:
             return MotionOutcome.MAY_BE_TAKEN
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return MotionOutcome.UNDER_WAY

@@ -113,7 +113,7 @@ class Search:
 
     @property
     def hovers(self) -> bool:
-        """Whether the policy also says where to hover while data are exchanged."""
+        """Whether the policy also chooses where to hover while data are exchanged."""
         return bool(getattr(self.policy, "hovers", False))
 
     @property

@@ -70,7 +70,7 @@ LINK_INTERVAL_S: Final = 2.0
 """Links are sampled so often: a vehicle of 5 m/s flies 10 m in it, over which a link lasts."""
 
 LINK_POSE_S: Final = 30.0
-"""A pose not older than this says where a robot is: it is off its path by less than `NOISE_M`."""
+"""A pose not older than this counts as current: it is off the path by less than `NOISE_M`."""
 
 MOST_LINK_SAMPLES: Final = 2000
 """So many of the latest are kept: more than an hour of one robot, and evaluated in milliseconds."""

@@ -28,7 +28,7 @@ class PoseVerdict(Enum):
     OLD = "no newer than the last pose"
     JUMPED = "the robot cannot have driven there"
     BACK = "accepted again after a jump"
-    BELIEVED = "news"
+    BELIEVED = "accepted"
 
 
 class Jump(NamedTuple):

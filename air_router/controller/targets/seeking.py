@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 from air_router.controller.targets.limits import EARLY_SHARE, MEETING_M, RECENT_POSE_S
 from air_router.controller.targets.link_log import LinkSample
 from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
+from air_router.controller.targets.target_list import NEVER_RECEIVED, SearchPlace, TargetList
 from geo.frame import Point
 from geo.grid import SemanticGrid
 
@@ -193,7 +193,7 @@ class Freshest:
         """Where to meet a robot, and the flight time; infinite: no way."""
         course = targets.course(robot)
         if course is None:
-            return SearchPlace(robot, None, NEVER_HEARD), context.flight_s(context.unseen)
+            return SearchPlace(robot, None, NEVER_RECEIVED), context.flight_s(context.unseen)
         along_m, flight_s = self._meet(course, context)
         words = _words(course, along_m, context)
         return SearchPlace(robot, course.place(along_m), words), flight_s

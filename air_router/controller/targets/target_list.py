@@ -28,7 +28,7 @@ from air_router.controller.targets.predicted_path import PredictedPath, ahead_of
 from geo.frame import Point
 from mocha_link.links import Direction
 
-NEVER_HEARD: Final = "never received; trying the waypoint passed longest ago"
+NEVER_RECEIVED: Final = "never received; trying the waypoint passed longest ago"
 """The reason for the search position of a robot that was never received."""
 
 
@@ -327,13 +327,13 @@ class TargetList:
             return SearchPlace(robot, path.points[-1], "where its path ends")
         if pose is not None:
             return SearchPlace(robot, pose.position, "its last known position, an old one")
-        return SearchPlace(robot, None, NEVER_HEARD)
+        return SearchPlace(robot, None, NEVER_RECEIVED)
 
     def _sought_by_others(self, now_s: float) -> set[str | None]:
         return {
             robot
-            for robot, heard_s in self._others.values()
-            if now_s - heard_s <= SOUGHT_BY_OTHER_S
+            for robot, received_s in self._others.values()
+            if now_s - received_s <= SOUGHT_BY_OTHER_S
         }
 
     def _is_lost(self, robot: str, now_s: float) -> bool:

@@ -12,7 +12,7 @@ from shapely import LineString
 from air_router.controller.targets.limits import MOST_STOPS, OFF_WAY_M, SPREAD, VAIN_SHARE
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import Rendezvous, SeekContext, with_reason
-from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
+from air_router.controller.targets.target_list import NEVER_RECEIVED, SearchPlace, TargetList
 from geo.frame import Point
 
 
@@ -85,7 +85,7 @@ class Tour(Rendezvous):
         """As `Policy.place`."""
         course = self._course(robot, targets)
         if course is None:
-            return SearchPlace(robot, None, NEVER_HEARD)
+            return SearchPlace(robot, None, NEVER_RECEIVED)
         *before, last = self._places(course, context)
         if len(course.points) == 1:
             why = "its last position"
@@ -114,7 +114,7 @@ class Tour(Rendezvous):
         return best_tour(stops, context)
 
     def _course(self, robot: str, targets: TargetList) -> PredictedPath | None:
-        """Where a robot will be, as far as this policy uses it; None: it was never heard."""
+        """Where a robot will be, as far as this policy uses it; None: it was never received."""
         return targets.course(robot)
 
     def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
@@ -128,12 +128,12 @@ class Tour(Rendezvous):
         """
         free, *_ = targets.groups(context.now_s)
         stops: list[TourStop] = []
-        unheard = False
+        never_received = False
         for robot in free:
             course = self._course(robot, targets)
-            if course is None and unheard:
+            if course is None and never_received:
                 continue
-            unheard |= course is None
+            never_received |= course is None
             places = (context.unseen,) if course is None else self._places(course, context)
             flight_s = context.straight_s(places[0])
             over_s = context.began_s if course is None else course.end_s
