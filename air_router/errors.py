@@ -8,7 +8,7 @@ from mocha_link.team import DocumentError
 
 
 class ExitCode(IntEnum):
-    """What a command of `air-router` tells the shell."""
+    """The exit codes of `air-router` commands."""
 
     DONE = 0
     ENDED_OTHERWISE = 1
@@ -28,7 +28,7 @@ class AirRouterError(Exception):
 
 
 class UsageError(AirRouterError):
-    """The command line asks for something that the mission does not have."""
+    """The command line requests something that the mission does not have."""
 
     exit_code = ExitCode.USAGE
 

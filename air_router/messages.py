@@ -1,4 +1,4 @@
-"""What robots tell each other, in JSON: where they are, where they go, what they see.
+"""Messages that robots publish, in JSON: where they are, where they go, what they see.
 
 Latitude and longitude, because robots need not share a local frame. Everything that comes from
 the network is bounded and checked here before it is used.
@@ -18,12 +18,12 @@ GOALS_TOPIC: Final = "/goals"
 ANSWERS_TOPIC: Final = "/answers"
 
 JSON_PACKAGE: Final = "json/"
-"""How the types of JSON begin in a team file; their topic's name says what they mean."""
+"""How the types of JSON begin in a team file; their meaning follows from the topic's name."""
 
 MESSAGE_LIMIT_BYTES: Final = 1 << 20
 
 MOST_POINTS: Final = 50
-"""So many can be asked for at once: each costs a look at the ways there and home."""
+"""Points in one request at most: for each, the ways there and home are checked."""
 
 FARTHEST_M: Final = 10_000.0
 """A place farther than this from the mission's origin is a mistake, and nothing is flown to there:
@@ -62,7 +62,7 @@ class GossipMessage(BaseModel):
 
     @classmethod
     def of(cls, **values: object) -> Self:
-        """Make a message of what a peer said in another form.
+        """Make a message of values that a peer sent in another form.
 
         Raises:
             MessageError: what is wrong with it.
@@ -109,11 +109,11 @@ class GoalsMessage(GossipMessage):
     """Points that a base station wants a UAV to fly to; docs/control.md.
 
     Attributes:
-        stamp_s: When it was said.
+        stamp_s: When it was published.
         id: Another one for other goals: the same is done once.
         points: (latitude, longitude), in order.
         hold_s: How long to hover at the last; None: as the mission says.
-        to: For which UAV; None: for every UAV that hears the sender.
+        to: For which UAV; None: for every UAV that receives the sender.
         until_s: Too late after that; None: never.
     """
 
@@ -128,7 +128,7 @@ class GoalsMessage(GossipMessage):
 
 
 class GoalsHead(GossipMessage):
-    """What an answer needs to know of goals, whatever else they say."""
+    """What an answer needs of goals, whatever else they contain."""
 
     id: GoalsId
     to: ForUav = None
@@ -141,7 +141,7 @@ class AnswerMessage(GossipMessage):
     to: Annotated[str, Field(max_length=255)]  # who sent the goals
     id: Annotated[str, Field(max_length=64)]  # of the goals, as it was sent
     accepted: bool
-    why: Annotated[str, Field(max_length=2_000)]  # in words
+    why: Annotated[str, Field(max_length=2_000)]  # as text
     code: Annotated[str, Field(max_length=64)] | None = None
 
 
@@ -156,7 +156,7 @@ class SeenObject(BaseModel):
 
 
 class SightingsMessage(GossipMessage):
-    """Everything that a robot has seen so far, so that the newest message says it all."""
+    """Everything that a robot has seen so far, so that the newest message is sufficient."""
 
     stamp_s: Stamp
     objects: Annotated[tuple[SeenObject, ...], Field(max_length=10_000)]

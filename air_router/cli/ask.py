@@ -78,11 +78,11 @@ def run(arguments: Options) -> int:
             if key not in {"ok", "id"}:
                 sys.stdout.write(f"{key:14} {json.dumps(value)}\n")
     else:
-        _tell(answer)
+        _print_reply(answer)
     return ExitCode.DONE if answer.get("accepted", True) is True else ExitCode.REFUSED
 
 
-def _tell(answer: dict[str, object]) -> None:
+def _print_reply(answer: dict[str, object]) -> None:
     verdict = "accepted" if answer["accepted"] is True else f"refused [{answer.get('code')}]"
     sys.stdout.write(f"{verdict}: {answer.get('why')}\n")
     points = answer.get("points")

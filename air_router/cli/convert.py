@@ -31,7 +31,7 @@ from air_router.files.missions import (
     feature_set_of,
     mission_text,
     plan_of,
-    tell_settings,
+    report_settings,
     with_zones,
 )
 from air_router.mission import is_mission, read_foreign, read_placed, validate
@@ -117,7 +117,7 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 @option("--force", is_flag=True, help="replace TO if it exists")
 @option("--json", is_flag=True, help="print one JSON object on stdout")
 def run(arguments: Options) -> int:
-    """Convert, and say what got lost."""
+    """Convert, and report what got lost."""
     source, target = arguments.source, arguments.target
     kind = _KINDS.get(target.suffix.lower())
     if kind is None:
@@ -148,7 +148,7 @@ def run(arguments: Options) -> int:
 
 
 class _Report:
-    """What was written, what got lost, and what else there is to say."""
+    """What was written, what got lost, and further notes."""
 
     def __init__(self, source: Path, target: Path) -> None:
         self.source, self.target = source, target  # of the conversion
@@ -222,7 +222,7 @@ def _mission(arguments: Options, kind: str, report: _Report) -> str | bytes:
     }
     if kind in _MAP_WRITERS:
         text = _MAP_WRITERS[kind](feature_set_of(placed))
-        tell_settings(placed.form, report.warnings, f"a {kind} file")
+        report_settings(placed.form, report.warnings, f"a {kind} file")
     elif kind == _YAML:
         _refuse_without_waypoints(placed, findings)
         text = mission_text(placed, arguments.target.parent)
@@ -251,7 +251,7 @@ def _refuse_without_waypoints(placed: PlacedForm, findings: Findings) -> None:
 
 def _zones(arguments: Options, kind: str, report: _Report) -> str | bytes:
     if kind not in _MAP_WRITERS and arguments.source.suffix.lower() == ".gpx":
-        raise UsageError("GPX does not say how high to fly: add --altitude M, above home")
+        raise UsageError("GPX has no altitude to fly at: add --altitude M, above home")
     if kind not in _MAP_WRITERS:
         raise UsageError(
             "zones alone are no mission: give the mission as FROM and these with --zones"

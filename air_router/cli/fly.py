@@ -87,7 +87,7 @@ def refusing() -> Iterator[None]:
 
 @refusing()
 def fly_mission(mission: Mission, arguments: Options, stem: str) -> FlightResult:
-    """Fly a mission to its end; the exceptions say why one did not start.
+    """Fly a mission to its end; the exceptions have the reason why one did not start.
 
     Args:
         mission: The mission.

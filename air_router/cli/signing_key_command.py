@@ -33,7 +33,7 @@ def run(arguments: Options) -> int:
     url = arguments.connect
     if url is None:
         if arguments.old or arguments.remove:
-            raise UsageError("--old and --remove are about a key on a PX4: say --connect URL")
+            raise UsageError("--old and --remove are about a key on a PX4: add --connect URL")
         SigningKey.generate().write(arguments.file)
         say(
             f"{arguments.file}: a new key, for your eyes only. Give it to PX4 over USB: air-router "
@@ -50,7 +50,7 @@ def run(arguments: Options) -> int:
     if not arguments.in_the_clear and (host := _network(url)):
         raise RefusedError(
             f"{url}: the key would cross the network to {host} in the clear; connect PX4 by USB, "
-            "or say --in-the-clear if only you can receive there"
+            "or add --in-the-clear if only you can receive there"
         )
     say("the key leaves in the clear: every receiver on this link has it")
     asyncio.run(provide(url, arguments.sysid, arguments.file, arguments.old))

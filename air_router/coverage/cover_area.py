@@ -105,7 +105,7 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     given = {"--home": terms.home, "--clearance": terms.clearance_m, "--zones": terms.zones or None}
     for option, value in given.items():
         if value is not None:
-            raise UsageError(f"{option} is the mission's to say; write it into {path}")
+            raise UsageError(f"{option} is set by the mission; write it into {path}")
     placed, findings = read_placed(path)
     if placed.home is None or placed.frame is None:
         validate(placed, findings)

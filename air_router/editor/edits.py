@@ -1,4 +1,4 @@
-"""What the page may ask to be changed: each kind of edit is one class.
+"""The edits that the page may request: each kind is one class.
 
 An edit is checked like anything that comes over a socket, and names itself by `do`. It changes a
 copy of the mission's data, of which the text is made; undo shows the text of before again. So a

@@ -160,7 +160,7 @@ class EditorServer:
                     raise EditError("a route leads from one waypoint's number to another's")
                 return {"route": session.route(start, end)}
             case _:
-                raise EditError("the page asks for something that is not known; load it again")
+                raise EditError("the page sent an unknown request; load it again")
         return {}
 
 

@@ -45,7 +45,7 @@ def degrees_text(value: float) -> str:
 
 
 def metres(value: float, decimals: int = METRE_DECIMALS) -> Digits:
-    """Metres, no finer than so many decimals, without zeros that say nothing."""
+    """Metres, no finer than so many decimals, without trailing zeros."""
     return Digits(value, decimals)
 
 

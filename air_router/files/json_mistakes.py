@@ -68,7 +68,7 @@ def _comment(error: JSONDecodeError, text: str, at: int) -> tuple[int, str] | No
 def _trailing_comma(error: JSONDecodeError, text: str, at: int) -> tuple[int, str] | None:
     before = len(text[:at].rstrip()) - 1
     after = text[_behind_blanks(text, at) :][:1]
-    if "trailing comma" in error.msg:  # as Python 3.13 and later say it
+    if "trailing comma" in error.msg:  # as Python 3.13 and later report it
         before = at
         after = text[_behind_blanks(text, at + 1) :][:1]
     if text[before : before + 1] == "," and after in {"]", "}"}:

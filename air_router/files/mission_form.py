@@ -1,4 +1,4 @@
-"""What a mission file says: keys, types, limits and defaults, in the file's own coordinates.
+"""The form of a mission file: keys, types, limits and defaults, in the file's own coordinates.
 
 Files of every format become this form; `PlacedForm` has where its parts are.
 """
@@ -29,7 +29,7 @@ WhenExplored = Literal["patrol", "hover", "home"]
 DEFAULT_WHEN_EXPLORED: Final[WhenExplored] = "patrol"
 
 Seconds = Annotated[float, Field(gt=0, le=86_400)]
-"""Limits hold for what files say; programs may go beyond."""
+"""Limits hold for values in files; programs may go beyond."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class PlannerSettings:
     Attributes:
         clearance_m: the least distance of the vehicle to zones and fence.
         tracking_margin_m: kept on top of it when planning, at least: what wind, position noise and
-            braking may take. Speed, wind and accuracy may ask for more (`mission.tracking`).
+            braking may take. Speed, wind and accuracy may require more (`mission.tracking`).
         wind_m_s: the mean wind that the mission is planned for, with the gusts that come with it.
         position_accuracy_m: the horizontal accuracy that it is planned for, as the satellite
             receiver reports it.

@@ -18,7 +18,7 @@ _ANY_WRITES: Final = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 class FileThereError(UsageError):
-    """There is such a file already, and the user did not say that it may go."""
+    """There is such a file already, and the user did not allow that it is overwritten."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""How far, how high and when a zone is kept away from, and the form in which files say it.
+"""How far, how high and when a zone is kept away from, and the form of that in files.
 
 The names are those of the mission file, which map programs may use as properties too.
 """

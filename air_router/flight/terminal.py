@@ -31,7 +31,7 @@ from mocha_link.errors import RequestError
 
 _STYLE: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
 _PLAIN: Final = "\x1b[0m"
-"""ANSI: yellow; bold red, and a bell. The line itself says "WARNING" or "ALARM"."""
+"""ANSI: yellow; bold red, and a bell. The line itself has "WARNING" or "ALARM"."""
 
 
 class StatusLine:

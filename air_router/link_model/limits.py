@@ -13,11 +13,11 @@ STEPS: Final = 16
 
 BUILDING_M: Final = 8.0
 VEGETATION_M: Final = 20.0
-"""After so many metres of a class a further one says less: e times less."""
+"""After so many metres of a class a further one counts less: e times less."""
 
 SAMPLE_WEIGHT: Final = 0.1
-"""A sample of a link says a tenth of an independent one: a link lasts for some 20 s, and is sampled
-every `LINK_INTERVAL_S`."""
+"""A sample of a link counts a tenth of an independent one: a link lasts for some 20 s, and is
+sampled every `LINK_INTERVAL_S`."""
 
 LEAST_UP_M: Final = 1.0
 """A vehicle on the ground is taken to be so high."""

@@ -4,11 +4,12 @@
 
 The features follow from where both are and, for the `SEMANTIC` model, from what the vehicle has
 mapped along the line between them: metres of building and of vegetation in two layers of height,
-since no map says how high anything is. Weights are those that are most probable by the measured
-links of this flight and a prior, which says that obstacles and distance weaken a link and little of
-how much. So the model is of use before the first measurement, and calibrated by what is measured.
+since maps have no heights. Weights are those that are most probable by the measured
+links of this flight and a prior, in which obstacles and distance weaken a link, with little
+certainty of how much. So the model is of use before the first measurement, and calibrated by what
+is measured.
 
-Samples of one robot follow one another closely and say much the same: each has the weight
+Successive samples of one robot are strongly correlated: each has the weight
 `SAMPLE_WEIGHT`, so that the model is not surer than it may be.
 """
 

@@ -92,7 +92,7 @@ def load_flown(
     mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
     if uav is None and len(mission.layers) > 1:
         names = " or ".join(f"--uav {layer.uav}" for layer in mission.layers)
-        raise UsageError(f"{path}: is for several UAVs; say which one this is: {names}")
+        raise UsageError(f"{path}: is for several UAVs; choose one: {names}")
     return mission
 
 
@@ -285,7 +285,7 @@ def read_foreign(path: Path, *, altitude_m: float | None) -> tuple[PlacedForm, F
     """
     suffix = path.suffix.lower()
     if altitude_m is not None and suffix != GPX:
-        raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
+        raise UsageError("--altitude is for a FROM in GPX; other missions have their own")
     begin = b"" if suffix in _OWN else _begin(path)
     if altitude_m is not None:
         form, findings = read_gpx_mission(read_gpx(bytes_within(path, MAX_BYTES), path), altitude_m)

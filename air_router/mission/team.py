@@ -76,11 +76,11 @@ def path_topic(team: Team, robot: str) -> Topic | None:
 
 def why_not_found(team: Team, robot: str) -> str:
     """Why a robot cannot be found by any of its topics, and the remedy."""
-    local = next((topic for topic in team.topics_of(robot) if _says(topic, LOCAL_POSES)), None)
+    local = next((topic for topic in team.topics_of(robot) if _is_of(topic, LOCAL_POSES)), None)
     if local is not None:
         return (
             f"'{robot}' is sought and reports its position in metres of a frame of its own "
-            f"({local.name}, {local.type}); say where on Earth that begins, with 'datum: "
+            f"({local.name}, {local.type}); write where on Earth that begins, with 'datum: "
             f"[latitude, longitude]' of {robot}"
         )
     return (
@@ -95,12 +95,12 @@ def _first(team: Team, robot: str, by_name: str, by_type: tuple[str, ...]) -> To
     for topic in team.topics_of(robot):
         if topic.name == by_name and topic.type.startswith(JSON_PACKAGE):
             return topic
-        if _says(topic, by_type) and (placed or topic.type == FIX):
+        if _is_of(topic, by_type) and (placed or topic.type == FIX):
             return topic
     return None
 
 
-def _says(topic: Topic, types: tuple[str, ...]) -> bool:
+def _is_of(topic: Topic, types: tuple[str, ...]) -> bool:
     return topic.type in types and _GOAL not in topic.name
 
 
@@ -132,7 +132,7 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
     if path is None and mission.seek:
         raise RefusedError(
             f"{mission.path}: seeks {', '.join(mission.seek)}, but names no team file; "
-            "add `team: team.yaml` to it or say --team FILE"
+            "add `team: team.yaml` to it or pass --team FILE"
         )
     if path is None:
         name = mission.uav or "uav"
@@ -152,7 +152,7 @@ def only_uav(team: Team) -> str:
     if len(uavs) != 1:
         raise RefusedError(
             f"{team.path}: has {len(uavs)} robots of kind {UAV_KIND}; "
-            "say which one flies, --uav NAME or `uav: NAME` in the mission"
+            "choose the one that flies, --uav NAME or `uav: NAME` in the mission"
         )
     return uavs[0]
 
@@ -229,7 +229,7 @@ def _only_one(form: MissionForm, team: Team, findings: Findings) -> str | None:
         return flying[0]
     advice = f"give the one that flies this mission the kind {UAV_KIND} in {team.path}"
     if flying and form.path.suffix.lower() == ".plan":
-        advice = f"say which one flies this plan: {' or '.join(f'--uav {n}' for n in flying)}"
+        advice = f"choose the one that flies this plan: {' or '.join(f'--uav {n}' for n in flying)}"
     elif flying:
         advice = "add 'uav' with the name of the robot that flies this mission"
     message = f"the team has {len(flying)} robots of kind {UAV_KIND}; {advice}"

@@ -26,7 +26,7 @@ GPS_ALTITUDE_M: Final = 10.0
 WRONG_ALTITUDE_M: Final = 50.0
 """No satellite receiver with a fix, and no geoid model, is wrong by this much."""
 LEAST_UNIX_S: Final = 1_704_067_200.0  # 2024: an earlier clock is wrong
-NO_REMOTE_CONTROL: Final = "no remote control is heard"
+NO_REMOTE_CONTROL: Final = "no remote control signal is received"
 """PX4's warning, in the words of `vehicle.px4`."""
 LEAST_DISK_B: Final = 50_000_000
 GOOD_DISK_B: Final = 500_000_000
@@ -134,12 +134,12 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
         found = f"the vehicle's home is {abs(up_m):.0f} m {side} where it stands"
         advice = "its plan would be off by as much: set home to its position (DO_SET_HOME)"
         return [Check("altitude", BAD, found, advice)]
-    told_m, found_m = mission.home_altitude_amsl_m, info.home_altitude_amsl_m
+    given_m, found_m = mission.home_altitude_amsl_m, info.home_altitude_amsl_m
     needed = len(mission.layers) > 1 or any(zone.band is not None for zone in mission.zones)
-    if told_m is None or found_m is None or not needed:
+    if given_m is None or found_m is None or not needed:
         return []
-    off_m = abs(found_m - told_m)
-    found = f"home at {found_m:.0f} m above the sea, {told_m:.0f} m in the mission"
+    off_m = abs(found_m - given_m)
+    found = f"home at {found_m:.0f} m above the sea, {given_m:.0f} m in the mission"
     advice = (
         "zones' limits above the sea, and the layers of several UAVs, are computed from it: "
         "correct 'altitude_amsl_m' of home"

@@ -84,7 +84,7 @@ def open_record(
 
 def no_folder(error: OSError) -> RefusedError:
     """The error for a folder given by the operator in which nothing can be recorded."""
-    advice = "name a folder that can be written to, --log-dir D, or say --no-record"
+    advice = "name a folder that can be written to, --log-dir D, or pass --no-record"
     return RefusedError(f"{error_text(error)}; {advice}")
 
 

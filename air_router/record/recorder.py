@@ -124,7 +124,7 @@ class Recorder(Closeable):
         self._file: RecordFile | None = None  # None: nothing is written
         if folder is not None:
             try:
-                self._file = open_record(folder, (stem, name), mission, self._tell)
+                self._file = open_record(folder, (stem, name), mission, self._on_trouble)
             except OSError as error:
                 if must:
                     raise no_folder(error) from None
@@ -275,8 +275,8 @@ class Recorder(Closeable):
             self._done_s[what] = now_s
         return due
 
-    def _tell(self, text: str) -> None:
-        """Called on the writing thread."""
+    def _on_trouble(self, text: str) -> None:
+        """Notify the flight; called on the writing thread."""
         try:
             self._trouble(text)
         except RuntimeError:  # the listener has ended

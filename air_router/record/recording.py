@@ -26,7 +26,7 @@ def default_folder() -> Path:
     try:
         home = Path(state) if state.startswith("/") else Path.home() / ".local" / "state"
     except RuntimeError:
-        raise UsageError("this user has no home folder; set HOME, or say --log-dir D") from None
+        raise UsageError("this user has no home folder; set HOME, or pass --log-dir D") from None
     return home / "air-router" / "flights"
 
 

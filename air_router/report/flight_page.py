@@ -152,7 +152,7 @@ def _robots(history: FlightHistory) -> Table:
             f"{len(spans)}, {clock(sum(spans))}",
             *(f"{way.count('complete')} of {len(way)}" for way in ways),
             size_words(sum(sync.bytes for sync in syncs)),
-            f"{max(ages_s):.0f} s" if ages_s else "never heard",
+            f"{max(ages_s):.0f} s" if ages_s else "never received",
             f"{share:.0%}" if share else "none known",
         )
         rows.append(Row(cells, robot_colour(history, name)))

@@ -1,7 +1,7 @@
 """ROS 2 actions: their goals, and the services and topics that an action is made of.
 
 A goal is a request to the flight, followed to its end. It is over when the flight leaves the state
-that it requested. What led out of it, a signal of the state machine, says whether it was reached.
+that it requested. Whether it was reached follows from the signal that led out of that state.
 """
 
 import base64
@@ -181,8 +181,8 @@ class ActionServer:
         name: Of the action, e.g. ``/titan/goto``.
         kind: Its type.
         spec: Of the states that fulfil it.
-        ask: Asks the flight for a goal's values.
-        hold: Asks the flight to hold: so goals are cancelled.
+        submit: Submits a goal's values to the flight.
+        hold: Requests a hold of the flight: so goals are cancelled.
         newest: The number of the flight's newest change of state.
         unix_s: The time.
     """
@@ -195,14 +195,14 @@ class ActionServer:
         kind: str,
         spec: GoalSpec,
         *,
-        ask: Callable[[Values], ControlReply],
+        submit: Callable[[Values], ControlReply],
         hold: Callable[[], ControlReply],
         newest: Callable[[], int],
         unix_s: Callable[[], float],
     ) -> None:
         self.goals = Goals(spec)
         self._graph, self._kind = graph, kind
-        self._ask, self._hold, self._newest, self._unix_s = ask, hold, newest, unix_s
+        self._submit, self._hold, self._newest, self._unix_s = submit, hold, newest, unix_s
         inside = f"{name}/_action"  # prefix of its services and topics
         self._feedback, self._statuses = f"{inside}/feedback", f"{inside}/status"
         self._results = f"{inside}/get_result"
@@ -244,7 +244,7 @@ class ActionServer:
         goal = self.goals.begin(request["goal_id"]["uuid"], now_s, self._newest())
         if goal is None:
             return {"accepted": False}
-        answer = self._ask(request["goal"])
+        answer = self._submit(request["goal"])
         if answer.accepted:
             goal.message = answer.why
         else:

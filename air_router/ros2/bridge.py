@@ -168,12 +168,12 @@ class Ros2Bridge:
         self._graph.subscribe(
             self._topic("~/ask"),
             TEXT,
-            lambda request: self._later("ask", partial(self._ask, request)),
+            lambda request: self._later("ask", partial(self._text_request, request)),
         )
         for verb in TRIGGERS:
             self._serve(f"/{self._name}/{verb}", messages.TRIGGER, partial(self._trigger, verb))
         self._serve(f"/{self._name}/altitude", messages.ALTITUDE, self._altitude)
-        for name, kind, course, ask in (
+        for name, kind, course, submit in (
             ("goto", messages.GOTO, actions.GOTO, self._goto),
             ("seek", messages.SEEK, actions.SEEK, self._seek),
         ):
@@ -183,7 +183,7 @@ class Ros2Bridge:
                 f"/{self._name}/{name}",
                 kind,
                 course,
-                ask=ask,
+                submit=submit,
                 hold=lambda: self._reply_of(self._client.hold),
                 newest=self._newest,
                 unix_s=self._unix_s,
@@ -214,7 +214,7 @@ class Ros2Bridge:
         except queue.Full:
             self._say(f"{what}: too many requests; this one is not answered")
 
-    def _ask(self, message: Values) -> None:
+    def _text_request(self, message: Values) -> None:
         """Take a request as text, as typed at the terminal: for programs without our services."""
         try:
             request = parse_command(message["data"]).model_dump(exclude_none=True)
@@ -242,10 +242,10 @@ class Ros2Bridge:
         return self._reply_of(partial(self._client.seek, goal["robot"]))
 
     @staticmethod
-    def _reply_of(ask: Callable[[], ControlReply]) -> ControlReply:
+    def _reply_of(request: Callable[[], ControlReply]) -> ControlReply:
         """The flight's answer; a refusal where it does not answer."""
         try:
-            return ask()
+            return request()
         except (ControlUnreachableError, ControlError) as error:
             return _refused(str(error))
 

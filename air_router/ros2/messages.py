@@ -4,7 +4,7 @@ Messages are made of the flight's answer to `view`. The frame `map` has its orig
 mission's frame has it, x east, y north, z metres above home; `<uav>/base_link` is the vehicle in
 it.
 
-A request and its reply travel as rmw_cyclonedds has them: before the message stands who asks, and
+A request and its reply travel as rmw_cyclonedds has them: before the message stand the client and
 the number of the request. Both are fields of the types here.
 """
 
@@ -34,9 +34,9 @@ FOLDER: Final = Path(__file__).parent / PACKAGE
 """A package for `colcon build`: other ROS programs need it to know the actions."""
 
 HEADER: Final = ("client", "number")
-"""The fields of `_ASKED`."""
+"""The fields of `_REQUEST_ID`."""
 
-_ASKED: Final = "uint64 client\nint64 number\n"
+_REQUEST_ID: Final = "uint64 client\nint64 number\n"
 _GOAL_ID: Final = "unique_identifier_msgs/UUID goal_id\n"
 
 _OK, _WARN, _ERROR, _STALE = range(4)
@@ -189,7 +189,7 @@ class Scene:
             if link["team_differs"]:
                 level, message = _WARN, "another team file: only topics that both define alike"
             elif link["signal"] is None:
-                level, message = _STALE, "the radio does not hear it"
+                level, message = _STALE, "the radio does not receive it"
             statuses.append(self._status(f"link {link['peer']}", level, message, link))
         return self._diagnostics(statuses, unix_s)
 
@@ -267,7 +267,10 @@ def spaces(texts: Mapping[str, str]) -> dict[str, str]:
 
 
 def _service(name: str, request: str, response: str) -> dict[str, str]:
-    return {f"{name}_Request": _ASKED + request, f"{name}_Response": _ASKED + response}
+    return {
+        f"{name}_Request": _REQUEST_ID + request,
+        f"{name}_Response": _REQUEST_ID + response,
+    }
 
 
 def _action(name: str) -> dict[str, str]:

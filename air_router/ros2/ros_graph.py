@@ -1,7 +1,7 @@
 """Topics and services among ROS 2 programs, as plain values: CycloneDDS and the ROS types.
 
-Services are those of rmw_cyclonedds: a request names who asks and its number, and the reply, which
-all clients receive, names them again. Other middlewares have services of their own.
+Services are those of rmw_cyclonedds: a request has its client and a number. The reply, which
+all clients receive, has both again. Other middlewares have services of their own.
 """
 
 import contextlib
@@ -62,7 +62,7 @@ class RosGraph:
         return self._dds.subscribe(topic, kind, _DEPTH, read)
 
     def serve(self, service: str, kind: str, take: Take) -> None:
-        """Hand over what clients of a service ask, from another thread; what cannot be read is not.
+        """Hand over requests to a service, from another thread; those that cannot be read are not.
 
         `kind`: of the service, e.g. ``std_srvs/Trigger``.
         """

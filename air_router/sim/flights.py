@@ -113,7 +113,7 @@ class StatusBlock:
         if self.live:
             self._write(self._erased() + self._block())
 
-    def say(self, name: str, text: str) -> None:
+    def print_line(self, name: str, text: str) -> None:
         """Print a line that stays."""
         line = f"{self._prefix(name)}{text}\n"
         self._write(self._erased() + line + self._block() if self.live else line)
@@ -153,8 +153,8 @@ class Flights:
         out: The terminal, stderr by default.
         keyboard: Where requests are typed, stdin by default; anything but a terminal is left alone.
         program: What takes the arguments.
-        overhear: Takes every line that one of them prints, and its UAV; a line that it accepts
-            (it answers True) is not printed.
+        take_line: Called with the UAV and each line that its flight prints; a line for which it
+            returns True is not printed.
     """
 
     def __init__(
@@ -164,12 +164,12 @@ class Flights:
         keyboard: TextIO | None = None,
         *,
         program: Sequence[str] = AIR_ROUTER,
-        overhear: Callable[[str, str], bool] = lambda _uav, _line: False,
+        take_line: Callable[[str, str], bool] = lambda _uav, _line: False,
     ) -> None:
         self._block = StatusBlock(tuple(commands), out)
         self._keyboard = keyboard if keyboard is not None else sys.stdin
         self._interrupted = False  # by a signal
-        self._overhear = overhear
+        self._take_line = take_line
         self.flights: list[FlightProcess] = []  # one for each vehicle
         with contextlib.ExitStack() as undo:
             self._selector = undo.enter_context(selectors.DefaultSelector())
@@ -186,9 +186,9 @@ class Flights:
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
                 stack.callback(signal.signal, number, signal.signal(number, self._on_signal))
             for flight in self.flights:
-                self._listen(flight.screen, partial(self._take_said, flight))
+                self._listen(flight.screen, partial(self._take_output, flight))
             if self._block.live and self._keyboard.isatty():
-                self._listen(self._keyboard, self._take_line)
+                self._listen(self._keyboard, self._take_typed)
             while self._more():
                 ready = self._selector.select(_LOOK_S)
                 for key, _ in ready:
@@ -223,7 +223,7 @@ class Flights:
                 os._exit(ExitCode.INTERRUPTED)
             self._interrupted = True
 
-    def _take_said(self, flight: FlightProcess) -> bool:
+    def _take_output(self, flight: FlightProcess) -> bool:
         try:
             chunk = os.read(flight.screen, _CHUNK)
         except OSError:  # a terminal whose other end is closed
@@ -232,8 +232,8 @@ class Flights:
         for line in whole:
             # What stands before the last carriage return was drawn over.
             text = line.rstrip(b"\r").rpartition(b"\r")[2].decode(errors="replace").rstrip()
-            if text and not self._overhear(flight.uav, text):
-                self._block.say(flight.uav, text)
+            if text and not self._take_line(flight.uav, text):
+                self._block.print_line(flight.uav, text)
         _, drawn, status = flight.pending.rpartition(b"\r")
         if drawn and status.strip():
             self._block.show(flight.uav, status.decode(errors="replace").rstrip())
@@ -241,7 +241,7 @@ class Flights:
             self._block.show(flight.uav, "ended")
         return bool(chunk)
 
-    def _take_line(self) -> bool:
+    def _take_typed(self) -> bool:
         """`home` goes to all, `titan home` to one."""
         line = line_of(self._keyboard)
         name, _, rest = line.strip().partition(" ")

@@ -121,7 +121,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
             from air_router.live import JointPage  # noqa: PLC0415 - an extra
         page = JointPage((layer.uav for layer in mission.layers), web)
 
-    def overhear(uav: str, line: str) -> bool:
+    def take_line(uav: str, line: str) -> bool:
         """Their own pages are for the joint page only."""
         address = None if page is None else PageAddress.in_line(line)
         if page is None or address is None:
@@ -138,7 +138,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: Options) -> i
             seat.uav: command_of(seat, index, world, arguments)
             for index, seat in enumerate(world.seats)
         }
-        flights = Flights(commands, overhear=overhear)
+        flights = Flights(commands, take_line=take_line)
         code = flights.run()
         report: dict[str, Any] = {
             "uavs": {flight.uav: flight.report for flight in flights.flights},

@@ -182,7 +182,7 @@ class SimWorld(Closeable):
     Attributes:
         seats: The vehicles, in the order of `layers`.
         team: The team file with the ports of this simulation.
-        pace: Where flights say how far they are, so that the world's clock waits for them; None
+        pace: Where flights report how far they are, so that the world's clock waits for them; None
             with a real PX4, which waits for no companion.
 
     Raises:

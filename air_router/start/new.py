@@ -29,7 +29,7 @@ examples:
 """
 
 ROVERS: Final = {"json": "rover_json.py", "ros1": "rover_ros1.py", "ros2": "rover_ros2.py"}
-"""What robots may speak, and the program of a rover that does."""
+"""The message formats that robots may use, and the program of a rover that does."""
 
 MOST_ROBOTS: Final = 20
 
@@ -39,7 +39,7 @@ _CORNERS = 4
 _RADIUS_M = 100.0
 _FENCE_M = 200.0
 _PATROL_M = 8.0
-_FIRST_DOMAIN = 7  # of DDS; robots do not hear each other's topics there
+_FIRST_DOMAIN = 7  # of DDS; robots do not receive each other's topics there
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 _altitude = number("an altitude between 2 and 500 m above home", 2.0, 500.0)
@@ -53,17 +53,17 @@ def _name(text: str) -> str:
 
 
 def _robots(text: str) -> dict[str, str]:
-    """Names, and what each speaks: "rover=ros2, scout"."""
+    """Names, and the message format of each: "rover=ros2, scout"."""
     found: dict[str, str] = {}
     for part in text.replace(",", " ").split():
         robot, _, kind = part.partition("=")
         kind = kind or "json"
         if kind not in ROVERS:
             known = ", ".join(ROVERS)
-            raise ValueError(f"{part}: a robot speaks one of {known}")
+            raise ValueError(f"{part}: the message format of a robot is one of {known}")
         if robot in ROVERS and found:
             *_, last = found
-            message = f"'{robot}' is no robot; what {last} speaks is written {last}={robot}"
+            message = f"'{robot}' is a message format; write {last}={robot}"
             raise ValueError(message)
         if robot.lower() in map(str.lower, found):
             raise ValueError(f"'{robot}' is named twice (whatever its case)")
@@ -93,12 +93,12 @@ class _Question:
     read: Callable[[str], Any]
     default: str | None = None
 
-    def prompted(self, ask: Callable[[str], str]) -> Any:
+    def prompted(self, prompt: Callable[[str], str]) -> Any:
         """The answer on a terminal; repeated until it is valid."""
         shown = "" if self.default is None else f" [{self.default}]"
         while True:
             try:
-                given = ask(f"{self.text}{shown} ").strip() or self.default
+                given = prompt(f"{self.text}{shown} ").strip() or self.default
             except EOFError:
                 raise UsageError("no answer; nothing was made") from None
             try:
@@ -144,14 +144,14 @@ _QUESTIONS = (
         "robots",
         "NAMES",
         "robots to seek, each with its message format json, ros1 or ros2 (default rover=json)",
-        "Robots that it seeks, and what they speak (json, ros1, ros2)?",
+        "Robots that it seeks, each with its message format (json, ros1, ros2)?",
         _robots,
         "rover=json",
     ),
 )
 
 
-_FOLDER, *_ASKED = _QUESTIONS
+_FOLDER, *_OPTIONS = _QUESTIONS
 
 
 @command(
@@ -169,11 +169,11 @@ _FOLDER, *_ASKED = _QUESTIONS
 @together(
     *(
         option(f"--{each.key}", type=Parsed(each.read), metavar=each.metavar, help=each.help)
-        for each in _ASKED
+        for each in _OPTIONS
     )
 )
 def run(arguments: Options) -> int:
-    """Ask, write, and say how to go on."""
+    """Prompt, write, and print how to go on."""
     answers = _answered(arguments, input if sys.stdin.isatty() else None)
     folder, uav, kinds = answers["folder"], answers["uav"], answers["robots"]
     if uav.lower() in map(str.lower, kinds):
@@ -190,11 +190,11 @@ def run(arguments: Options) -> int:
         print(folder / file)
     for note in load_mission(folder / "mission.yaml").notes:
         say(f"note: {note}")
-    _say_next(folder, answers["home"], kinds)
+    _print_next(folder, answers["home"], kinds)
     return ExitCode.DONE
 
 
-def _answered(arguments: Options, ask: Callable[[str], str] | None) -> dict[str, Any]:
+def _answered(arguments: Options, prompt: Callable[[str], str] | None) -> dict[str, Any]:
     """Every answer: as an option, else from the terminal if there is one, else its default.
 
     Raises:
@@ -203,17 +203,17 @@ def _answered(arguments: Options, ask: Callable[[str], str] | None) -> dict[str,
     answers = {}
     for question in _QUESTIONS:
         value = getattr(arguments, question.key)
-        if value is None and ask is not None:
-            value = question.prompted(ask)
+        if value is None and prompt is not None:
+            value = question.prompted(prompt)
         elif value is None and question.default is None:
-            raise UsageError(f"say --{question.key}, or answer on a terminal: {question.text}")
+            raise UsageError(f"pass --{question.key}, or answer on a terminal: {question.text}")
         elif value is None:
             value = question.read(str(question.default))
         answers[question.key] = value
     return answers
 
 
-def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
+def _print_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
     mission, frame = shlex.quote(str(folder / "mission.yaml")), LocalFrame(at)
     places = first_places(len(kinds))
     endpoints = {robot: f"ipc:///tmp/{robot}" for robot in kinds}
@@ -255,7 +255,7 @@ def texts_of(
         home: Where the vehicle takes off.
         altitude_m: Where it cruises, above home.
         uav: Its name.
-        robots: What each robot speaks, by name: a key of `ROVERS`.
+        robots: The message format of each robot, by name: a key of `ROVERS`.
     """
     places = first_places(len(robots))
     kinds = dict.fromkeys(robots.values())

@@ -54,7 +54,7 @@ _MOST_AROUND_M: Final = 10_000.0
 _FORBIDDEN: Final = {
     "openstreetmap.org": "https://operations.osmfoundation.org/policies/tiles/",
 }
-"""Servers whose terms forbid copies for use without them, and where they say so."""
+"""Servers whose terms forbid copies for use without them, and where the terms are."""
 
 _MB: Final = 1_000_000
 _CHUNK: Final = 64 * 1024
@@ -118,7 +118,7 @@ class TileFetcher:
         per_second: Requests per second, at most.
         contact: Where the server's operator reaches the user; goes along with every request.
         pause: Lets so many seconds pass.
-        most_bytes: So many are kept of what it answers, in one run.
+        most_bytes: So many are kept of its replies, in one run.
     """
 
     template: str
@@ -126,7 +126,7 @@ class TileFetcher:
     contact: str = ""
     pause: Callable[[float], None] = time.sleep
     most_bytes: float = MOST_MB * _MB
-    _asked_s: float = field(default=-math.inf, init=False)  # monotonic
+    _requested_s: float = field(default=-math.inf, init=False)  # monotonic
 
     def __post_init__(self) -> None:
         missing = [mark for mark in ("{z}", "{x}", "{y}") if mark not in self.template]
@@ -151,8 +151,8 @@ class TileFetcher:
         """
         where = f"tile {key.zoom}/{key.column}/{key.row}"
         for _ in range(_TRIES):
-            self.pause(max(0.0, self._asked_s + 1 / self.per_second - time.monotonic()))
-            self._asked_s = time.monotonic()
+            self.pause(max(0.0, self._requested_s + 1 / self.per_second - time.monotonic()))
+            self._requested_s = time.monotonic()
             try:
                 data = self._requested(key)
             except urllib.error.HTTPError as error:
@@ -233,7 +233,7 @@ def fetch(
                 raise _stopped(
                     f"tile {count + 1} of {len(area)}",
                     f"more than {fetcher.most_bytes / _MB:g} MB have come; choose fewer zoom "
-                    "levels, or say --most-mb",
+                    "levels, or raise --most-mb",
                 )
             file.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (*place, data))
             suffix = (picture_kind(data) or "").removeprefix("image/").replace("jpeg", "jpg")
@@ -327,7 +327,7 @@ def zooms_of(text: str) -> range:
     except ValueError:
         zooms = range(0)
     if not zooms or zooms[-1] > HIGHEST_ZOOM:
-        raise UsageError(f"'{text}' is not zoom levels of 0 to {HIGHEST_ZOOM}; write 15-19, say")
+        raise UsageError(f"'{text}' is not zoom levels of 0 to {HIGHEST_ZOOM}; write it like 15-19")
     return zooms
 
 
@@ -424,7 +424,7 @@ def _stopped(where: str, why: str) -> FetchError:
     help=f"stop after this many megabytes (default {MOST_MB:g})",
 )
 def run(arguments: Options) -> int:
-    """Fetch, and say how far it is."""
+    """Fetch, and print the progress."""
     if not 0 < arguments.per_second <= _FASTEST:
         raise UsageError(f"--per-second is more than 0 and at most {_FASTEST:g}")
     if not 0 <= arguments.around <= _MOST_AROUND_M:
@@ -446,7 +446,7 @@ def run(arguments: Options) -> int:
     count = len(area)
     if count > arguments.most:
         raise UsageError(
-            f"these are {count} tiles; choose smaller bounds or fewer zoom levels, or say "
+            f"these are {count} tiles; choose smaller bounds or fewer zoom levels, or pass "
             f"--most {count}"
         )
     fetcher = TileFetcher(

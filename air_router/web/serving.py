@@ -197,7 +197,7 @@ class PageAddress:
     Attributes:
         host: A name or an IP address, as URLs have it.
         port: Where it is served.
-        token: What the page asks for; None if only its own machine reaches it.
+        token: What the page requires; None if only its own machine reaches it.
     """
 
     host: str

@@ -153,7 +153,7 @@ class Site:
         self._app.add_routes([web.get(path, partial(self._talk, talk))])
 
     def add_values(self, path: str, values: Callable[[], dict[str, Any]]) -> None:
-        """Serve as JSON what `values` gives when a page asks; before the serving begins."""
+        """Serve as JSON what `values` gives when a page requests it; before the serving begins."""
 
         async def answer(request: web.Request) -> web.Response:
             del request

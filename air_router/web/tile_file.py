@@ -200,7 +200,7 @@ def _tile(file: sqlite3.Connection, zoom: int, column: int, tms_row: int) -> Any
 
 
 def picture_kind(data: Any) -> str | None:
-    """The media type of a picture after its first bytes; files mix them, whatever they say."""
+    """The media type of a picture by its first bytes; files mix them, whatever their metadata."""
     if not isinstance(data, bytes):
         return None
     if data.startswith(b"\x89PNG\r\n\x1a\n"):

@@ -31,7 +31,7 @@ def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
     for name in ("vehicle", "state", "place", "GPS", "disk", "plan"):
         assert lines[name]["verdict"] == "ok", lines[name]
     assert lines["health"]["found"] == "ready to arm, with warnings"
-    assert lines["health"]["advice"] == "no remote control is heard"  # none is simulated
+    assert lines["health"]["advice"] == "no remote control signal is received"  # none is simulated
     assert lines["vehicle"]["found"] == "quadrotor, PX4 1.18.0, system 1"
     assert "read back, equal, can be flown" in lines["plan"]["found"]
     assert "no node answers now" in lines["team"]["found"]

@@ -1,4 +1,4 @@
-// What a click on the map does: select, add a waypoint, draw a zone or the fence, ask for a route.
+// What a click on the map does: select, add a waypoint, draw a zone or the fence, request a route.
 
 import { same } from "./store.js";
 

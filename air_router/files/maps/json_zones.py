@@ -310,7 +310,7 @@ class _Reader(GeometryReader):
         value = self.number_within(keys, "an altitude", -1e6, 1e9, in_text=True)
         written = self.at(*reference_keys)
         if written is None:
-            message = "an altitude that does not say from where it counts: read as without limit"
+            message = "an altitude without its reference: read as without limit"
             self.feature.note(keys, message, "no-reference")
             return None
         reference = self.choice(reference_keys, "an altitude's reference", REFERENCES)

@@ -2,8 +2,8 @@
 
 Zones are polygons with holes, in folders and multi-geometries, and points with a radius. A polygon
 that is extruded down to the ground ends at its altitude; any other has no altitude limit. What KML
-cannot say (clearances, lower limits, schedules) is in `ExtendedData`, with the names of the mission
-file, and is read back from there; circles that we write are polygons around them.
+has no element for (clearances, lower limits, schedules) is in `ExtendedData`, with the names of
+the mission file, and is read back from there; circles that we write are polygons around them.
 """
 
 import json

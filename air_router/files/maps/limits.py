@@ -1,4 +1,4 @@
-"""What files say of a zone's altitudes, and beside that of its clearance and hours.
+"""The altitude limits of zones in files, and beside them clearances and hours.
 
 Map programs have properties with the names of the mission file. Aviation writes limits in feet and
 flight levels, above the sea or the ground below: OpenAir as text, openAIP and the FAA as properties
@@ -113,7 +113,7 @@ def limit_in_text(
 ) -> AltitudeLimit | None:
     """A limit like `3500ft MSL`, `FL95`, `1000 AGL`, `SFC` or `UNL`; None: without limit.
 
-    Unit and datum are those of a text that does not say them: as OpenAir has it, or "" for none.
+    Unit and datum are those of a text without them: as OpenAir has it, or "" for none.
 
     Raises:
         ValueError: the message has what is uncertain, and how the zone is read.
@@ -223,7 +223,7 @@ def _leaves(properties: Any, way: Keys) -> Iterator[tuple[Keys, str, Any]]:
 
 @lru_cache(maxsize=4096)
 def may_be_limit(name: str) -> bool:
-    """Whether a property's name speaks of altitudes."""
+    """Whether a property's name may mean an altitude limit."""
     return not LIMIT_NAMES.isdisjoint(part.lower() for part in _WORD.findall(name))
 
 

@@ -134,7 +134,7 @@ class _Reader:
             self._no_command(line, number)
 
     def _no_command(self, line: str, number: int) -> None:
-        """A line of an unknown kind: wrong, if it may say where the airspace lies."""
+        """A line of an unknown kind: wrong, if it may define where the airspace lies."""
         message = f"'{line.strip()[:40]}' is no OpenAir command"
         if _PLACE.search(line) or line.lstrip()[:1].upper() in ("D", "V"):
             self._wrong((number, 1), message)
@@ -282,7 +282,7 @@ class _Airspace:
     def __init__(self, place: Place, kind: str) -> None:
         self.place, self.kind = place, kind  # line and column; class
         self.values: dict[str, tuple[str, Place]] = {}  # value and place, by command
-        self.contradicted: set[str] = set()  # commands that say one thing, then another
+        self.contradicted: set[str] = set()  # commands that were given twice, and differ
         self.corners: list[Geodetic] = []  # of its outline so far
         self.circles: list[MapCircle] = []  # each an area of its own
         self.turns: list[MapCircle] = []  # of arcs that end where they begin

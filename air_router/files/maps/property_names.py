@@ -1,6 +1,6 @@
-"""Under which names files of zones say what: one table for GeoJSON, ED-269 and ED-318.
+"""The property names in files of zones: one table for GeoJSON, ED-269 and ED-318.
 
-All three are JSON, and say the same of a zone under other names. Authorities publish the last two
+All three are JSON, and have the same of a zone under other names. Authorities publish the last two
 for whole countries, and not always well: ENAIRE nests what a zone is called and its limits in an
 object of the properties, others write the terms of ED-269 as properties of GeoJSON. KML has the
 properties of map programs as extended data.

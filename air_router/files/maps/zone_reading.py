@@ -35,7 +35,7 @@ class ZoneReading:
         self.source: DocumentSource = PlacedSource(path)
         self.kind = features.kind
         self.zones: list[MapArea] = []
-        self._findings: list[ZoneFeature] = []  # features of which there is something to say
+        self._findings: list[ZoneFeature] = []  # features with something to report
         self._read(features, choice or ZoneChoice())
 
     def _read(self, read: ZoneFeatures, choice: "ZoneChoice") -> None:

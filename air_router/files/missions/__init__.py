@@ -9,8 +9,8 @@ from air_router.files.missions.qgc_read import read_plan
 from air_router.files.missions.qgc_write import (
     ConversionWarnings,
     plan_of,
+    report_settings,
     simple_item,
-    tell_settings,
     with_zones,
 )
 from air_router.files.missions.waypoint_file import read_old_fence, read_waypoints
@@ -33,7 +33,7 @@ __all__ = [
     "read_old_fence",
     "read_plan",
     "read_waypoints",
+    "report_settings",
     "simple_item",
-    "tell_settings",
     "with_zones",
 ]

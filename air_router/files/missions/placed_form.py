@@ -66,7 +66,7 @@ class Uav:
     Attributes:
         name: In the team.
         keys: Where it stands in the file.
-        form: What the file says of it.
+        form: Its part of the file.
         home: Where it takes off and lands; None: at the mission's home.
     """
 
@@ -86,7 +86,7 @@ class PlacedForm:
     """A form, and where its parts are.
 
     Attributes:
-        form: What the file says.
+        form: The content of the file.
         frame: The mission's local frame; None: the file does not say where it is, and nothing is
             placed.
         home: Where the vehicle takes off and lands; None: it could not be read.

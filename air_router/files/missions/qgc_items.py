@@ -145,8 +145,8 @@ class ItemsReader(PlanValues):
         inner: Keys = (*keys, "TransectStyleComplexItem", "Items")
         if not isinstance(self.at(*inner), list):
             message = (
-                f"{shown(kind)} stays in the plan's file and is not flown: the file does not say "
-                "on which way"
+                f"{shown(kind)} stays in the plan's file and is not flown: the file does not "
+                "contain its path"
             )
             self.findings.note((*keys, "complexItemType"), message, NOT_FLOWN)
             return

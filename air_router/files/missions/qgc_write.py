@@ -1,4 +1,4 @@
-"""Writes a mission as a QGroundControl plan, as far as a plan can say it.
+"""Writes a mission as a QGroundControl plan, as far as a plan can contain it.
 
 A plan's fence knows polygons and circles that are kept to or kept out of, at every altitude and at
 all times. Other zones of a mission become larger, never smaller, and are reported as losses.
@@ -76,7 +76,7 @@ def plan_of(placed: PlacedForm, warnings: ConversionWarnings) -> dict[str, Any]:
     rally_points = [
         [*_rounded(frame.to_geodetic(spot.position)), 0.0] for spot in placed.rally_points
     ]
-    tell_settings(placed.form, warnings, "a plan")
+    report_settings(placed.form, warnings, "a plan")
     return {
         "fileType": "Plan",
         "geoFence": {**{kind: fence[kind] + zones[kind] for kind in sorted(fence)}, "version": 2},
@@ -191,7 +191,7 @@ _ONLY_OURS: Final = (
 )
 
 
-def tell_settings(form: MissionForm, warnings: ConversionWarnings, where: str) -> None:
+def report_settings(form: MissionForm, warnings: ConversionWarnings, where: str) -> None:
     """Note the settings of a mission that only a mission file has."""
     for what in _ONLY_OURS:
         if getattr(form, what) != MissionForm.model_fields[what].get_default():

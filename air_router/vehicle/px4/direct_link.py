@@ -131,21 +131,21 @@ def opened(url: str) -> Channel:
     if not host or not port.isdecimal() or not 1 <= int(port) <= 65535:
         raise ValueError(f"write {kind}://HOST:PORT, with a port from 1 to 65535")
     if kind == "udpout":
-        spoken = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            spoken.connect((host, int(port)))
+            connection.connect((host, int(port)))
         except OSError:
-            spoken.close()
+            connection.close()
             raise
     elif kind == "tcpout":
-        spoken = socket.create_connection((host, int(port)), TCP_CONNECT_S)
-        spoken.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection = socket.create_connection((host, int(port)), TCP_CONNECT_S)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     else:
         raise ValueError(
             "a signed link is udpin://, udpout://, tcpout://, serial:// or serial_flowcontrol://"
         )
-    spoken.setblocking(False)
-    return spoken
+    connection.setblocking(False)
+    return connection
 
 
 def _serial(end: str, *, flow_control: bool) -> Channel:

@@ -297,7 +297,7 @@ class Identity:
         how = "" if apart_s is None else f" (their clocks are {apart_s:.0f} s apart)"
         return WrongVehicle(
             time_s,
-            f"two autopilots answer with the same system id{how}: what they say is mixed up",
+            f"two autopilots answer with the same system id{how}: their messages are mixed up",
             twins=True,
         )
 

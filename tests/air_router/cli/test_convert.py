@@ -18,7 +18,7 @@ from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_form import MissionForm
 from air_router.files.missions.placed_form import place
 from air_router.files.missions.qgc_read import read_plan
-from air_router.files.missions.qgc_write import ConversionWarnings, plan_of, tell_settings
+from air_router.files.missions.qgc_write import ConversionWarnings, plan_of, report_settings
 from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.mission.loading import load_mission, read_placed
@@ -169,7 +169,7 @@ def test_a_setting_is_in_the_plan_or_told():
     for key in MissionForm.model_fields:
         form = MissionForm.model_construct(**{key: object()})
         warnings = ConversionWarnings()
-        tell_settings(form, warnings, "a plan")
+        report_settings(form, warnings, "a plan")
         assert [loss.what for loss in warnings.entries] == ([] if key in IN_A_PLAN else [key])
 
 

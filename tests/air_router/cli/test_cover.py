@@ -199,7 +199,7 @@ def test_pictures(capsys, tmp_path):
         (("{area}", *WIDE, "--altitude", "30", "--home", "0,0"), "km from home; correct one"),
         (("{area}", *WIDE, "--altitude", "30", "--home", "-75.2,39.94"), "km from home; correct"),
         (("{area}", *WIDE, "--altitude", "30", "--out", "survey.plan"), "ends with .yaml"),
-        (("{area}", *WIDE, "--mission", str(PLAN), "--home", "1,2"), "the mission's to say"),
+        (("{area}", *WIDE, "--mission", str(PLAN), "--home", "1,2"), "is set by the mission"),
         (("{nothing}", *WIDE), "has no fence"),
     ],
 )

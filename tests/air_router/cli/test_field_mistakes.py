@@ -144,7 +144,7 @@ COMMANDS = [
     ("new yard --home 47.3977;8.5456", 2, "; write 47.3977,8.5456"),
     ("new yard --home 47.3977 8.5456", 2, "with a comma and no blank"),
     ("new yard --home 0,0", 0, "latitude 0, longitude 0 is in the Atlantic; enter the place"),
-    ("new yard --home 47.39,8.54 --robots rover,ros2", 2, "what rover speaks is written rover="),
+    ("new yard --home 47.39,8.54 --robots rover,ros2", 2, "is a message format; write rover="),
     ("new yard --home 47.39,8.54 --robots Rover,rover", 2, "'rover' is named twice (whatever its"),
     ("new yard --home 47.39,8.54 --altitude 30m", 2, "in the one of the key's name: 30"),
 ]  # fmt: skip

@@ -26,7 +26,7 @@ def test_a_key_is_made_once_and_not_shown(key, capsys):
 @pytest.mark.parametrize("words", [["--old", "old.key"], ["--remove"]])
 def test_what_is_about_a_vehicle_needs_one(tmp_path, capsys, words):
     assert main(["signing-key", str(tmp_path / "uav.key"), *words]) == 2
-    assert "say --connect URL" in capsys.readouterr().err
+    assert "add --connect URL" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
 
 

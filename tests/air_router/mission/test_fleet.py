@@ -160,7 +160,7 @@ def test_uav_and_uavs_contradict_each_other(tmp_path):
 def test_a_name_that_is_not_flown_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"is flown by atlas and titan, not by 'io'"):
         load_mission(write(tmp_path), uav="io")
-    with pytest.raises(UsageError, match=r"say which one this is: --uav atlas or --uav titan"):
+    with pytest.raises(UsageError, match=r"choose one: --uav atlas or --uav titan"):
         load_flown(write(tmp_path), None)
     assert load_flown(write(tmp_path), "atlas").uav == "atlas"
 

@@ -90,6 +90,6 @@ def test_a_plan_is_told_what_it_can_do(tmp_path, capsys):
     written(tmp_path, BASE, "kind: walker", "kind: aerial_robot")
     path = str(shutil.copy(PLAN, tmp_path))
     assert main(["check", path]) == 3
-    assert "say which one flies this plan: --uav titan or --uav oi" in capsys.readouterr().err
+    assert "choose the one that flies this plan: --uav titan or --uav oi" in capsys.readouterr().err
     assert main(["check", path, "--uav", "base"]) == 3
     assert "'base' is of kind base_station" in capsys.readouterr().err

@@ -429,7 +429,7 @@ def test_a_user_without_a_home_is_told_what_to_say(monkeypatch):
 
     monkeypatch.delenv("XDG_STATE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", none)
-    with pytest.raises(UsageError, match="set HOME, or say --log-dir D"):
+    with pytest.raises(UsageError, match="set HOME, or pass --log-dir D"):
         default_folder()
 
 

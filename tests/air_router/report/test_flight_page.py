@@ -151,7 +151,7 @@ def test_what_was_said_and_done_is_in_tables(text):
     robots = page.sections["Robots"]
     at = robots.index("io")
     assert robots[at : at + 8] == ["io", "0", "1, 0:07", "1 of 1", "1 of 2", "94 kB", "53 s", "38%"]
-    assert robots[robots.index("phantom") + 6] == "never heard"
+    assert robots[robots.index("phantom") + 6] == "never received"
     assert page.sections["Why the mission waited"][4:] == [
         *("GPS has no fix", "INPUT_MISSING", "2", "4.5 s"),
         *("zones are being changed", "ZONE_UPDATE", "1", "0.5 s"),

@@ -116,7 +116,7 @@ def test_the_block_is_drawn_anew_below_the_news(monkeypatch):
     block = StatusBlock(("titan", "io"), screen)
     block.show("titan", "READY")
     block.show("io", "x" * 100)
-    block.say("io", "found")
+    block.print_line("io", "found")
     block.end()
     drawn = screen.getvalue()
     assert drawn.startswith("titan  READY\r\x1b[Jtitan  READY\nio     xxx")
@@ -128,7 +128,7 @@ def test_without_a_terminal_news_are_printed_and_nothing_is_drawn_over():
     screen = Screen()
     block = StatusBlock(("titan", "io"), screen)
     block.show("titan", "READY")
-    block.say("titan", "found")
+    block.print_line("titan", "found")
     block.end()
     assert screen.getvalue() == "titan  found\n"
 

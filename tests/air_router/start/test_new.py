@@ -70,7 +70,7 @@ def test_nothing_is_overwritten_or_made_of_wrong_answers(tmp_path, monkeypatch, 
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: False))
     folder = tmp_path / "made"
     assert main(["new", str(folder)]) == 2
-    assert "say --home" in capsys.readouterr().err
+    assert "pass --home" in capsys.readouterr().err
     for words in (["--robots", "a=ros3"], ["--robots", "a,a"], ["--altitude", "1"]):
         assert main(["new", str(folder), "--home", HOME, *words]) == 2
     assert main(["new", str(folder), "--home", HOME, "--uav", "rover"]) == 2
