@@ -37,7 +37,7 @@ def test_random_bytes_are_refused_and_nothing_else_happens(data):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"latitude_deg": 91}, "latitude_deg"),
         ({"longitude_deg": "east"}, "longitude_deg"),
@@ -45,9 +45,9 @@ def test_random_bytes_are_refused_and_nothing_else_happens(data):
         ({"stamp_s": -1}, "stamp_s"),
     ],
 )
-def test_impossible_values_are_named(change, said):
+def test_impossible_values_are_named(change, message):
     fields = {"stamp_s": 1.0, "latitude_deg": 0.0, "longitude_deg": 0.0, **change}
-    with pytest.raises(MessageError, match=said):
+    with pytest.raises(MessageError, match=message):
         PoseMessage.decode(json.dumps(fields).encode())
 
 

@@ -100,7 +100,7 @@ class Vague(InTurn):
         (object, "has no foresees"),
     ],
 )
-def test_what_breaks_the_contract_is_said(policy, why):
+def test_what_breaks_the_contract_is_reported(policy, why):
     def all_scenes():
         for scene in SCENES:
             check(policy, scene)

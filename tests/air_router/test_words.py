@@ -3,7 +3,7 @@
 from air_router.words import duration_text, progress_text
 
 
-def test_progress_says_how_long_the_rest_takes():
+def test_progress_has_how_long_the_rest_takes():
     assert "left" not in progress_text(0, 8, "runs", 0.0)
     assert "left" not in progress_text(8, 8, "runs", 7.0)
     shown = "[######..................] 2 of 8 runs, about 21 s left"

@@ -1,4 +1,4 @@
-"""MBTiles files for tests: every tile has one colour, which says where it lies."""
+"""MBTiles files for tests: every tile has one colour, which encodes where it lies."""
 
 import contextlib
 import io

@@ -157,7 +157,7 @@ def gridded(seed):
 
 
 def places(chance, count, step=None):
-    """Random places, on a grid of so many metres if that is asked for."""
+    """Random places, on a grid of so many metres if that is given."""
     if step is None:
         return [Point(chance.uniform(-95, 95), chance.uniform(-95, 95)) for _ in range(count)]
     return [

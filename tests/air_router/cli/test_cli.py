@@ -21,7 +21,7 @@ def run(capsys, *arguments):
     return code, captured.out, captured.err
 
 
-def test_check_says_what_to_expect(capsys):
+def test_check_prints_what_to_expect(capsys):
     code, out, err = run(capsys, "check", PENNOVATION)
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == (
@@ -106,7 +106,7 @@ def test_plan_between_any_places(capsys):
     assert json.loads(out)["legs"][-1]["node"] == 0
 
 
-def test_plan_says_why_there_is_no_route(capsys):
+def test_plan_prints_why_there_is_no_route(capsys):
     inside = "39.9415,-75.2005"  # zone 2
     code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", inside)
     assert (code, out) == (1, "")

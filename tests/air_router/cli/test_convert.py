@@ -1,4 +1,4 @@
-"""`air-router convert`: every way from one format to another, and what it says about it."""
+"""`air-router convert`: every way from one format to another, and what it reports about it."""
 
 import json
 import os
@@ -141,11 +141,12 @@ def test_zones_alone_become_maps(tmp_path, name, kind):
         assert kind != "geojson" or type(zone.shape) is type(other.shape)
 
 
-def test_what_a_plan_cannot_say_is_told(tmp_path, capsys):
+def test_what_a_plan_cannot_contain_is_reported(tmp_path, capsys):
     assert convert(FILES / "town.yaml", tmp_path / "town.plan", "--json") == ExitCode.DONE
-    told = report(capsys)
-    assert (told["waypoints"], told["fences"], told["zones"], told["rally_points"]) == (3, 2, 3, 1)
-    assert {(loss["what"], loss["code"]) for loss in told["not_carried_over"]} == {
+    printed = report(capsys)
+    counts = [printed[key] for key in ("waypoints", "fences", "zones", "rally_points")]
+    assert counts == [3, 2, 3, 1]
+    assert {(loss["what"], loss["code"]) for loss in printed["not_carried_over"]} == {
         ("no-fly zone 'yard'", "holes-closed"),
         ("no-fly zone 'yard'", "clearance-lost"),
         ("no-fly zone 'mast & \"wires\" <1>'", "altitudes-lost"),
@@ -154,8 +155,8 @@ def test_what_a_plan_cannot_say_is_told(tmp_path, capsys):
         ("names of zones", "names-lost"),
         ("timers", "settings-lost"),
     }
-    assert (told["written"], told["problems"]) == (True, [])
-    assert "town.plan" in told["to"]
+    assert (printed["written"], printed["problems"]) == (True, [])
+    assert "town.plan" in printed["to"]
 
 
 IN_A_PLAN = {
@@ -164,7 +165,7 @@ IN_A_PLAN = {
 }
 
 
-def test_a_setting_is_in_the_plan_or_told():
+def test_a_setting_is_in_the_plan_or_reported():
     """A new key of mission files must not get lost in silence."""
     for key in MissionForm.model_fields:
         form = MissionForm.model_construct(**{key: object()})
@@ -173,12 +174,12 @@ def test_a_setting_is_in_the_plan_or_told():
         assert [loss.what for loss in warnings.entries] == ([] if key in IN_A_PLAN else [key])
 
 
-def test_what_stays_in_the_plan_is_told(tmp_path, capsys):
+def test_what_stays_in_the_plan_is_reported(tmp_path, capsys):
     assert convert(FILES / "survey.plan", tmp_path / "town.yaml", "--json") == ExitCode.DONE
-    told = report(capsys)
-    assert {loss["code"] for loss in told["not_carried_over"]} == {"item-lost"}
-    assert len(told["not_carried_over"]) == 6
-    assert "survey-waypoints" in {note["code"] for note in told["notes"]}
+    printed = report(capsys)
+    assert {loss["code"] for loss in printed["not_carried_over"]} == {"item-lost"}
+    assert len(printed["not_carried_over"]) == 6
+    assert "survey-waypoints" in {note["code"] for note in printed["notes"]}
 
 
 def test_the_report_for_people(tmp_path, capsys):
@@ -225,7 +226,7 @@ def test_zones_are_added_to_a_plan_that_has_no_list_for_them(tmp_path, lost, nul
     assert len(json.loads(target.read_text(encoding="utf-8"))["geoFence"]["circles"]) == 1
 
 
-def test_a_mission_that_cannot_be_flown_is_converted_and_that_is_said(tmp_path, capsys):
+def test_a_mission_that_cannot_be_flown_is_converted_and_that_is_reported(tmp_path, capsys):
     text = (FILES / "town.yaml").read_text().replace("[47.0005, 8.0]", "[47.0012, 8.0012]")
     (tmp_path / "bad.yaml").write_text(text)
     assert convert(tmp_path / "bad.yaml", tmp_path / "bad.plan", "--json") == ExitCode.DONE
@@ -329,7 +330,7 @@ def test_a_track_becomes_waypoints_where_it_turns(tmp_path):
     ],
 )
 def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
-    arguments, code, words = case
+    arguments, code, message = case
     for name in ("town.yaml", "zones.kml", "walk.gpx"):
         (tmp_path / name).write_bytes((FILES / name).read_bytes())
     for name, corners in (("far", [[8, 47], [8, 97]]), ("bad", "8,47 8,48")):
@@ -342,18 +343,18 @@ def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
     monkeypatch.chdir(tmp_path)
     assert convert(*arguments) == code
     out, err = capsys.readouterr()
-    assert (out, words in err) == ("", True), err
+    assert (out, message in err) == ("", True), err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
     assert (tmp_path / "there.kml").read_text() == "mine"
     assert (tmp_path / "flight.mcap").read_text() == "a record"
     assert (tmp_path / "town.yaml").read_bytes() == (FILES / "town.yaml").read_bytes()
 
 
-def test_an_invalid_file_is_told_to_scripts(tmp_path, capsys):
+def test_an_invalid_file_is_reported_to_scripts(tmp_path, capsys):
     (tmp_path / "bad.plan").write_text('{"fileType": "Plan", "version": 1}')
     assert convert(tmp_path / "bad.plan", tmp_path / "x.yaml", "--json") == ExitCode.INVALID_FILE
-    told = report(capsys)
-    assert (told["written"], told["problems"][0]["code"]) == (False, "missing-key")
+    printed = report(capsys)
+    assert (printed["written"], printed["problems"][0]["code"]) == (False, "missing-key")
 
 
 def test_zones_all_over_the_earth(tmp_path):
@@ -433,7 +434,7 @@ def test_a_file_that_appears_meanwhile_stays(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["new.txt"]
 
 
-def test_a_folder_that_is_not_there_is_told_by_the_file_that_was_asked_for(tmp_path):
+def test_the_error_of_a_missing_folder_names_the_requested_file(tmp_path):
     target = tmp_path / "none" / "new.txt"
     with pytest.raises(FileNotFoundError) as caught:
         write_whole(target, "mine", replace=False)

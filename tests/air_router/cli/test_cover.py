@@ -186,7 +186,7 @@ def test_pictures(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("{area}", "--camera", "box"), "no camera 'box'"),
         (("{area}", *WIDE), "--altitude M"),
@@ -203,7 +203,7 @@ def test_pictures(capsys, tmp_path):
         (("{nothing}", *WIDE), "has no fence"),
     ],
 )
-def test_wrong_usage_says_so(capsys, tmp_path, arguments, told):
+def test_wrong_usage_is_reported(capsys, tmp_path, arguments, message):
     nothing = tmp_path / "open.yaml"
     nothing.write_text(
         "home: [39.9412, -75.1992]\naltitude_m: 30\nfence: null\nno_fly_zones: []\nwaypoints: []\n"
@@ -211,11 +211,11 @@ def test_wrong_usage_says_so(capsys, tmp_path, arguments, told):
     names = {"area": geojson(tmp_path), "nothing": nothing}
     code, out, err = run(capsys, "cover", *(a.format(**names) for a in arguments))
     assert (code, out) == (2, "")
-    assert told in err
+    assert message in err
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"),
+    ("name", "text", "message"),
     [
         ("a.geojson", '{"type": "FeatureCollection", "features": []}', "no polygon"),
         ("a.yaml", "polygon: [[1, 2], [3, 4]]\n", "[zone-"),
@@ -226,13 +226,13 @@ def test_wrong_usage_says_so(capsys, tmp_path, arguments, told):
         ("none.kml", None, "[unreadable]"),
     ],
 )
-def test_files_that_are_no_area(capsys, tmp_path, name, text, told):
+def test_files_that_are_no_area(capsys, tmp_path, name, text, message):
     path = tmp_path / name
     if text is not None:
         path.write_text(text)
     code, out, err = run(capsys, "cover", path, *WIDE, "--altitude", "30")
     assert (code, out) == (3, "")
-    assert told in err
+    assert message in err
     assert err.startswith(f"{path}:")
 
 

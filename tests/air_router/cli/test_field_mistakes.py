@@ -1,6 +1,6 @@
-"""Mistakes that people make in the field: each gets one answer that says what to do.
+"""Mistakes that people make in the field: each gets one message with what to do.
 
-A mistake that is refused is told on stderr, one that is only noted among what `check` prints.
+A mistake that is refused is printed on stderr, one that is only noted among what `check` prints.
 """
 
 import re
@@ -60,7 +60,7 @@ FILES = {
 }
 FILES["twins.yaml"] = re.sub(r"\bio\b", "Europa", FILES["twins.yaml"])
 
-PLACES = [  # what is changed into what; the exit code; what is said
+PLACES = [  # what is changed into what; the exit code; the message
     ("home:", "coordinates: local\nframe: {origin: [39.9, -75.2]}\nhome:", 3, "for degrees leave"),
     (FIRST, "[50, 20]", 3, "pairs in metres need 'coordinates: local'"),
     (FIRST, "[-75.2001338, 39.9422294]", 3, "latitude comes first: [39.9422294, -75.2001338]"),
@@ -151,8 +151,8 @@ COMMANDS = [
 
 
 @pytest.fixture
-def said(tmp_path, monkeypatch, capsys):
-    """Runs a command in a folder with a mission; its exit code, and all that it says."""
+def printed(tmp_path, monkeypatch, capsys):
+    """Runs a command in a folder with a mission; its exit code, and all that it prints."""
     for name in ("mission.yaml", "team.yaml", "world.yaml"):
         shutil.copy(ROOT / "missions" / "pennovation" / name, tmp_path)
     for name, text in FILES.items():
@@ -176,19 +176,19 @@ CHANGES = [*PLACES, *SETTINGS, *OTHER_KEYS, *(("null", f"null\n{new}", 3, w) for
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "wanted", "words"), CHANGES, ids=[row[3][:40] for row in CHANGES]
+    ("before", "after", "wanted", "message"), CHANGES, ids=[row[3][:40] for row in CHANGES]
 )
-def test_a_mistake_in_a_mission_is_answered(said, before, after, wanted, words):
+def test_a_mistake_in_a_mission_is_answered(printed, before, after, wanted, message):
     assert before in MISSION
     Path("field.yaml").write_text(MISSION.replace(before, after, 1), encoding="utf-8")
-    code, text = said("check field.yaml")
-    assert (code, words in text) == (wanted, True), text
+    code, text = printed("check field.yaml")
+    assert (code, message in text) == (wanted, True), text
 
 
-@pytest.mark.parametrize(("line", "wanted", "words"), COMMANDS, ids=[row[0] for row in COMMANDS])
-def test_a_mistake_on_the_command_line_is_answered(said, line, wanted, words):
-    code, text = said(line)
-    assert (code, words in text) == (wanted, True), text
+@pytest.mark.parametrize(("line", "wanted", "message"), COMMANDS, ids=[row[0] for row in COMMANDS])
+def test_a_mistake_on_the_command_line_is_answered(printed, line, wanted, message):
+    code, text = printed(line)
+    assert (code, message in text) == (wanted, True), text
 
 
 @pytest.mark.parametrize("name", ["team", "mission"])
@@ -200,17 +200,17 @@ def test_a_file_of_another_kind_is_no_world(name):
     assert f"this is a {name} file; a mission's 'world' names the file" in problem.message
 
 
-def test_a_ring_may_repeat_its_first_corner(said):
+def test_a_ring_may_repeat_its_first_corner(printed):
     fence = "fence: [[39.9, -75.3], [40, -75.3], [40, -75.1], [39.9, -75.1], [39.9, -75.3]]"
     Path("field.yaml").write_text(MISSION.replace("fence: null", fence), encoding="utf-8")
-    assert said("check field.yaml")[0] == 0
+    assert printed("check field.yaml")[0] == 0
 
 
-def test_what_is_too_near_for_a_speed_in_other_units_names_the_unit(said):
+def test_what_is_too_near_for_a_speed_in_other_units_names_the_unit(printed):
     """The margin of 40 m/s makes every place too near; the speed is why."""
     text = (ROOT / "missions" / "pennovation" / "mission.yaml").read_text(encoding="utf-8")
     Path("field.yaml").write_text(text.replace("speed_m_s: 3.5", "speed_m_s: 40"), encoding="utf-8")
-    code, words = said("check field.yaml")
+    code, message = printed("check field.yaml")
     assert code == 3
-    assert "waypoint-too-near" in words
-    assert "given in km/h? then write 11.1" in words
+    assert "waypoint-too-near" in message
+    assert "given in km/h? then write 11.1" in message

@@ -42,7 +42,7 @@ MARKET = """
 
 @pytest.fixture
 def resumed(tmp_path, monkeypatch):
-    """Goes on with a flight that its record, if there is one, tells of; gives the mission."""
+    """Goes on with a flight, by its record if there is one; gives the mission."""
 
     def go_on(active, *options, duration_s=1200.0, began_ago=BEGAN_AGO, recorded=True, uav="titan"):
         text = PENNOVATION.read_text(encoding="utf-8")
@@ -93,7 +93,7 @@ def test_a_flight_is_gone_on_with_among_the_zones_that_it_began_with(resumed, ho
     assert mission.latest_start == before.latest_start  # and it is home by then
 
 
-def test_a_flight_that_must_be_over_by_now_says_nothing_of_the_zones_of_now(resumed):
+def test_a_flight_that_must_be_over_by_now_reports_nothing_of_the_zones_of_now(resumed):
     before, mission = resumed(until_now(), began_ago=timedelta(hours=3))
     assert mission.window.start > before.window.start
     assert "market" not in {zone.name for zone in mission.airspace.zones}

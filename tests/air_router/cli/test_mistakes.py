@@ -13,7 +13,7 @@ from air_router.cli.cli import main
 ROOT = Path(__file__).parents[3]
 HOME = "[39.9421523, -75.1997644]"
 
-IN_FILES = [  # what is changed in the mission, the command, what is said
+IN_FILES = [  # what is changed in the mission, the command, the message
     ("", "check nope.yaml", "nope.yaml:1:1: cannot read the file: No such file"),
     ("", "check .", ".:1:1: cannot read the file: Is a directory"),
     ("", "check team.yaml", "team.yaml:15:1: this is a team file: name the mission"),
@@ -61,7 +61,7 @@ IN_USAGE = [
     ("fly mission.yaml --foxglove web", "web is not [HOST:]PORT"),
     ("convert mission.yaml there.mcap", "a flight's record (.mcap) becomes"),
 ]
-IN_WORLDS = [  # what is changed in the world file, the command, what is said
+IN_WORLDS = [  # what is changed in the world file, the command, the message
     ("callisto|calisto", "check mission.yaml", "world.yaml:113:5: no ground robot 'calisto'"),
     ("callisto|calisto", "sim mission.yaml", "world.yaml:113:5: no ground robot 'calisto'"),
     ("", "sim mission.yaml --rover mul=ipc:///tmp/mul", "use one of callisto, europa, io"),
@@ -84,8 +84,8 @@ OF_THE_MACHINE = [
 
 
 @pytest.fixture
-def said(tmp_path, monkeypatch, capsys):
-    """Runs a command in a folder with a mission; its exit code, and what it says."""
+def printed(tmp_path, monkeypatch, capsys):
+    """Runs a command in a folder with a mission; its exit code, and what it prints."""
     pennovation, data = ROOT / "missions" / "pennovation", ROOT / "tests" / "data"
     shutil.copytree(pennovation, tmp_path, dirs_exist_ok=True)
     shutil.copy(data / "files" / "walk.gpx", tmp_path)
@@ -112,56 +112,56 @@ def said(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    ("change", "line", "words"), IN_FILES, ids=[row[2][-30:] for row in IN_FILES]
+    ("change", "line", "message"), IN_FILES, ids=[row[2][-30:] for row in IN_FILES]
 )
-def test_mistakes_in_files_end_with_3(said, tmp_path, change, line, words):
+def test_mistakes_in_files_end_with_3(printed, tmp_path, change, line, message):
     old, _, new = change.partition("|")
     path = tmp_path / "mission.yaml"
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    code, err = said(line)
-    assert (code, words in err) == (3, True), err
+    code, err = printed(line)
+    assert (code, message in err) == (3, True), err
     assert len(err.splitlines()) <= 2, err
 
 
-@pytest.mark.parametrize(("change", "line", "words"), IN_WORLDS, ids=["check", "sim", "rover"])
+@pytest.mark.parametrize(("change", "line", "message"), IN_WORLDS, ids=["check", "sim", "rover"])
 def test_mistakes_in_what_is_simulated_end_with_3_before_anything_starts(
-    said, tmp_path, change, line, words
+    printed, tmp_path, change, line, message
 ):
     old, _, new = change.partition("|")
     path = tmp_path / "world.yaml"
     path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1))
-    code, err = said(line)
-    assert (code, words in err) == (3, True), err
+    code, err = printed(line)
+    assert (code, message in err) == (3, True), err
     assert len(err.splitlines()) == 1, err
 
 
-@pytest.mark.parametrize(("line", "words"), IN_USAGE, ids=[row[1][:30] for row in IN_USAGE])
-def test_wrong_usage_ends_with_2(said, tmp_path, line, words):
-    code, err = said(line)
-    assert (code, words in err) == (2, True), err
+@pytest.mark.parametrize(("line", "message"), IN_USAGE, ids=[row[1][:30] for row in IN_USAGE])
+def test_wrong_usage_ends_with_2(printed, tmp_path, line, message):
+    code, err = printed(line)
+    assert (code, message in err) == (2, True), err
     assert (tmp_path / "there.kml").read_text() == "mine"
 
 
 @pytest.mark.parametrize(
-    ("line", "wanted", "words"), OF_THE_MACHINE, ids=[row[0][-30:] for row in OF_THE_MACHINE]
+    ("line", "wanted", "message"), OF_THE_MACHINE, ids=[row[0][-30:] for row in OF_THE_MACHINE]
 )
-def test_what_the_machine_does_not_have_is_named(said, line, wanted, words):
+def test_what_the_machine_does_not_have_is_named(printed, line, wanted, message):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         pair = ROOT / "missions" / "pair" / "mission.yaml"
-        code, err = said(line.format(taken=taken.getsockname()[1], pair=pair))
-    assert (code, words in err) == (wanted, True), err
+        code, err = printed(line.format(taken=taken.getsockname()[1], pair=pair))
+    assert (code, message in err) == (wanted, True), err
 
 
-def test_a_robot_that_is_not_in_the_team_is_no_node(said):
-    code, err = said("node team.yaml --robot ugv9", mocha_link.cli.cli.main)
+def test_a_robot_that_is_not_in_the_team_is_no_node(printed):
+    code, err = printed("node team.yaml --robot ugv9", mocha_link.cli.cli.main)
     assert code == 2
     assert "no robot 'ugv9' in team.yaml; use one of callisto, europa, io, titan" in err
 
 
-def test_a_serial_device_of_others_names_the_group(said, monkeypatch):
+def test_a_serial_device_of_others_names_the_group(printed, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
-    code, err = said("preflight mission.yaml --connect serial:///dev/null:57600")
+    code, err = printed("preflight mission.yaml --connect serial:///dev/null:57600")
     assert code == 4
     assert "no permission for /dev/null): `sudo usermod -aG root $USER`, then log in again" in err

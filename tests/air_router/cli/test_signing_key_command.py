@@ -17,15 +17,15 @@ def key(tmp_path, capsys):
 def test_a_key_is_made_once_and_not_shown(key, capsys):
     secret = SigningKey.read(key).secret
     assert main(["signing-key", str(key)]) == 3
-    said = capsys.readouterr()
-    assert "is kept" in said.err
-    assert secret.hex() not in said.out + said.err
+    printed = capsys.readouterr()
+    assert "is kept" in printed.err
+    assert secret.hex() not in printed.out + printed.err
     assert SigningKey.read(key).secret == secret
 
 
-@pytest.mark.parametrize("words", [["--old", "old.key"], ["--remove"]])
-def test_what_is_about_a_vehicle_needs_one(tmp_path, capsys, words):
-    assert main(["signing-key", str(tmp_path / "uav.key"), *words]) == 2
+@pytest.mark.parametrize("arguments", [["--old", "old.key"], ["--remove"]])
+def test_what_is_about_a_vehicle_needs_one(tmp_path, capsys, arguments):
+    assert main(["signing-key", str(tmp_path / "uav.key"), *arguments]) == 2
     assert "add --connect URL" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
 
@@ -47,15 +47,15 @@ def test_a_vehicle_is_not_given_what_is_no_key(tmp_path, capsys):
     assert "this is no signing key" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [["--remove", "--old", "KEY"]])
-def test_a_key_is_removed_with_itself(key, capsys, words):
-    words = [str(key) if word == "KEY" else word for word in words]
-    assert main(["signing-key", str(key), "--connect", "serial:///dev/none:57600", *words]) == 2
+@pytest.mark.parametrize("arguments", [["--remove", "--old", "KEY"]])
+def test_a_key_is_removed_with_itself(key, capsys, arguments):
+    arguments = [str(key) if argument == "KEY" else argument for argument in arguments]
+    assert main(["signing-key", str(key), "--connect", "serial:///dev/none:57600", *arguments]) == 2
     assert "needs no --old" in capsys.readouterr().err
 
 
 def test_a_serial_line_that_is_not_there_is_one_clear_error(key, tmp_path, capsys):
     url = f"serial://{tmp_path}/tty:57600"
-    words = ["--old", str(key), "--connect", url]
-    assert main(["signing-key", str(key), *words]) == 4
+    arguments = ["--old", str(key), "--connect", url]
+    assert main(["signing-key", str(key), *arguments]) == 4
     assert "is not there" in capsys.readouterr().err

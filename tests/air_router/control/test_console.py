@@ -25,7 +25,7 @@ def terminal():
     ],
     ids=["words", "of a Latin-1 terminal, then Ctrl-D"],
 )
-def test_typed_words_are_requests_and_nonsense_is_answered(terminal, typed, nonsense):
+def test_typed_requests_are_submitted_and_nonsense_is_answered(terminal, typed, nonsense):
     typist, keyboard = terminal
     requests, complaints, faults = [], [], []
 
@@ -62,13 +62,13 @@ def test_a_pipe_that_is_not_read_keeps_nothing_waiting():
     with os.fdopen(read, "rb") as reader, os.fdopen(write, "w") as pipe:
         status = StatusLine(pipe)
         lines = [f"line {number} {'x' * 60}" for number in range(2_000)]
-        saying = threading.Thread(
+        writer = threading.Thread(
             target=lambda: [status.print_line(line) for line in lines], daemon=True
         )
-        saying.start()
-        saying.join(20.0)
-        waits, first = saying.is_alive(), reader.read(8)
-        while saying.is_alive():
+        writer.start()
+        writer.join(20.0)
+        waits, first = writer.is_alive(), reader.read(8)
+        while writer.is_alive():
             reader.read()
     assert (waits, first) == (False, b"line 0 x")
 

@@ -1,4 +1,4 @@
-"""Requests of other programs: a live flight in this process, asked over ZeroMQ from a thread."""
+"""Requests of other programs, over ZeroMQ from a thread, to a live flight in this process."""
 
 import asyncio
 import dataclasses
@@ -109,8 +109,8 @@ def served(airborne, request):
 
 @pytest.fixture
 def client(served):
-    with ControlClient(served.endpoint, by="a test", timeout_s=30) as asking:
-        yield asking
+    with ControlClient(served.endpoint, by="a test", timeout_s=30) as client:
+        yield client
 
 
 def place(flight, point):
@@ -140,7 +140,7 @@ def test_every_verb_of_the_client(served, client):
     assert {"position", "battery", "in_charge", "time_left_s", "goal"} <= situation.keys()
 
 
-def test_what_cannot_be_asked_is_an_error_and_the_client_goes_on(client):
+def test_an_unknown_request_is_an_error_and_the_client_goes_on(client):
     for values in (
         {"request": "dance"},
         {"request": "hold", "robot": "io"},
@@ -151,7 +151,7 @@ def test_what_cannot_be_asked_is_an_error_and_the_client_goes_on(client):
     assert client.hold().accepted
 
 
-def test_ways_are_not_planned_without_end_but_a_hold_is_always_heard(served, client):
+def test_ways_are_not_planned_without_end_but_a_hold_is_always_received(served, client):
     point = place(served.flight, Point(75.0, -150.0))
     now_s = 0.0
     served.clock = lambda: now_s
@@ -265,8 +265,8 @@ def test_the_usual_endpoint_is_for_its_user_only(served):
     path = Path(served.endpoint.removeprefix("ipc://"))
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
-    with ControlClient(timeout_s=30) as asking:
-        assert asking.hold().accepted
+    with ControlClient(timeout_s=30) as client:
+        assert client.hold().accepted
 
 
 def test_an_endpoint_that_others_reach_is_refused():
@@ -344,22 +344,22 @@ def test_ask_as_a_command(served, capsys):
     assert "is a flight running there" in capsys.readouterr().err
 
 
-def test_who_asks_for_a_reload_is_told_what_came_of_it(served, client, capsys):
+def test_the_result_of_a_reload_is_reported_to_its_client(served, client, capsys):
     port = served.endpoint.rpartition(":")[2]
     reading = ReloadReport()
     for good, code in ((True, ExitCode.DONE), (False, ExitCode.REFUSED)):
         read = ReloadReport(under_way=False, good=good, why=f"read, and {good}")
         served.readings = [reading, reading, read]
         assert main(["ask", port, "reload"]) == code
-        word = "accepted" if good else "refused [not-reloaded]"
-        assert capsys.readouterr().out == f"{word}: read, and {good}\n"
+        verdict = "accepted" if good else "refused [not-reloaded]"
+        assert capsys.readouterr().out == f"{verdict}: read, and {good}\n"
     served.readings = [reading, reading]
     answer = client.reload(wait_s=0.0)
     assert (answer.accepted, answer.why) == (True, reading.why)
     assert client.status()["reload"] == dataclasses.asdict(reading)
 
 
-def test_who_answers_but_is_no_flight_is_told_as_such():
+def test_a_server_that_is_no_flight_is_reported_as_such():
     with zmq.Context() as context, context.socket(zmq.ROUTER) as intruder:
         endpoint = bind(intruder, "tcp://127.0.0.1:*")
 
@@ -389,20 +389,20 @@ def test_what_the_docs_show_is_done(served, capsys):
     assert len(commands) == 3
     for command in commands:
         assert main(command.split()) == ExitCode.DONE
-    asked, answered = re.findall(
+    request, reply = re.findall(
         r"^    (\{\"(?:request|ok)\".*?\})$", page, re.MULTILINE | re.DOTALL
     )
     with zmq.Context() as context, context.socket(zmq.REQ) as plain:
         plain.setsockopt(zmq.LINGER, 0)
         connect(plain, served.endpoint)
-        plain.send_string(asked)
+        plain.send_string(request)
         assert plain.poll(5000)
-        assert json.loads(plain.recv()) == json.loads(answered)
+        assert json.loads(plain.recv()) == json.loads(reply)
     verbs = set(re.findall(r"`([a-z]+)`", page))
     assert set(MODELS) <= verbs
 
 
-def test_words_and_who_asks(pennovation):
+def test_requests_as_text_and_their_clients(pennovation):
     frame = pennovation.frame
     request = parse_command("goto 39.9415,-75.1990 39.9420,-75.1995").for_mission(frame)
     assert isinstance(request, GoTo)

@@ -71,7 +71,7 @@ def serving(node, carried_out):
 
 @pytest.fixture
 def planner(node):
-    """A plain REQ socket; `ask` returns the answer and the frames behind it."""
+    """A plain REQ socket; `request` returns the answer and the frames behind it."""
     carried_out = []
     with (
         serving(node, carried_out) as endpoint,
@@ -81,14 +81,14 @@ def planner(node):
         socket.linger = 0
         socket.connect(endpoint)
 
-        def ask(*data, **values):
+        def request(*data, **values):
             socket.send_multipart([json.dumps(values).encode(), *data])
             assert socket.poll(60_000), "no answer"
             answer, *frames = socket.recv_multipart()
             return json.loads(answer), frames
 
-        ask.carried_out, ask.endpoint = carried_out, endpoint
-        yield ask
+        request.carried_out, request.endpoint = carried_out, endpoint
+        yield request
 
 
 def test_publish_latest_links_and_a_request_at_one_socket(planner, node):
@@ -160,15 +160,15 @@ def test_the_schema_of_requests_is_current_and_names_every_verb():
     assert set(json_schema()["discriminator"]["mapping"]) == set(MODELS)
 
 
-def test_every_request_in_words_is_one_of_the_union():
+def test_every_request_as_text_is_one_of_the_union():
     typed = {"resume": "resume upload", "seek": "seek io", "goto": "goto 39.9,-75.1"}
     typed |= {"altitude": "altitude 45"}
     for verb, model in MODELS.items():
         assert type(parse_command(typed.get(verb, verb))) is model
 
 
-@pytest.mark.parametrize("words", [["fly", "m.yaml", "--control"], ["sim", "m.yaml", "--control"]])
-def test_control_alone_is_at_the_usual_endpoint(words, monkeypatch, tmp_path):
+@pytest.mark.parametrize("verb", ["fly", "sim"])
+def test_control_alone_is_at_the_usual_endpoint(verb, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    options = options_of(context_of(PROGRAM, words))
+    options = options_of(context_of(PROGRAM, [verb, "m.yaml", "--control"]))
     assert options.control == f"ipc://{tmp_path}/mocha-link/{CONTROL_NAME}"

@@ -32,7 +32,7 @@ def test_all_in_the_table_make_sense():
 
 
 @pytest.mark.parametrize("text", ["sony", "13.2x8.8", "0x8.8/10", "200x45deg", "13x8/0", "x"])
-def test_what_is_no_camera_names_the_ways_to_say_one(text):
+def test_what_is_no_camera_names_the_ways_to_write_one(text):
     with pytest.raises(UsageError, match=r"SENSOR_WIDTHxHEIGHT/FOCAL.*sony-rx100m2"):
         camera_of(text)
 

@@ -71,7 +71,7 @@ def any_edit(chance, shown):
 @pytest.mark.parametrize("seed", range(4))
 def test_after_any_edits_all_is_as_if_the_text_were_read_anew(session, seed):
     chance = random.Random(seed)
-    told = json.loads(json.dumps(session.view()))
+    shown_there = json.loads(json.dumps(session.view()))
     for _ in range(STEPS):
         before, data = session.view(), copy.deepcopy(session.editable.document.data)
         editable = session.editable
@@ -83,14 +83,14 @@ def test_after_any_edits_all_is_as_if_the_text_were_read_anew(session, seed):
         whole = view(read.parts, MissionAnalysis.of(read))
         shown = session.view()
         assert {name: shown[name] for name in whole} == whole, edit
-        told = taken(told, json.loads(json.dumps(changes_of(before, shown))))
-        assert told == json.loads(json.dumps(shown)), edit
+        shown_there = taken(shown_there, json.loads(json.dumps(changes_of(before, shown))))
+        assert shown_there == json.loads(json.dumps(shown)), edit
 
 
-def taken(state, news):
-    """A state as a page has it that was told what is new."""
+def taken(state, update):
+    """The state of a page after an update."""
     state = {**state}
-    for name, value in news.items():
+    for name, value in update.items():
         if isinstance(state[name], list):
             entries = dict(enumerate(state[name])) | {int(i): new for i, new in value["at"].items()}
             state[name] = [entries[index] for index in range(value["length"])]
@@ -99,15 +99,15 @@ def taken(state, news):
     return state
 
 
-def test_of_a_moved_waypoint_the_pages_are_told_no_more_than_that(session):
+def test_a_moved_waypoint_is_all_that_pages_are_sent(session):
     before = session.view()
     at = before["places"][5]["at"]
     session.edit(edits.Move(do="move", keys=("waypoints", 4, "position"), to=(at[0] + 1e-6, at[1])))
-    news = changes_of(before, session.view())
-    assert set(news["places"]["at"]) == {5}
-    assert set(news["legs"]["at"]) == {4, 5}
-    assert "areas" not in news
-    assert "problems" not in news
+    update = changes_of(before, session.view())
+    assert set(update["places"]["at"]) == {5}
+    assert set(update["legs"]["at"]) == {4, 5}
+    assert "areas" not in update
+    assert "problems" not in update
 
 
 def test_another_altitude_leaves_the_paths_as_they_are(session):

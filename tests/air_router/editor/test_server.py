@@ -66,7 +66,7 @@ async def until(socket, kind, number=None):
             return message
 
 
-async def ask(socket, number, what, **more):
+async def request(socket, number, what, **more):
     await socket.send_json({"ask": what, "id": number, **more})
     return await until(socket, ("done", "refused"), number)
 
@@ -124,7 +124,7 @@ def test_nothing_else_can_be_had(path):
 
 
 @pytest.mark.parametrize("line", ["/ HTTP/1.1", f"/{'a' * 9000} HTTP/1.1", "/\xff HTTP/1.1"])
-def test_what_is_no_request_is_refused_without_a_word_in_the_log(path, caplog, line):
+def test_what_is_no_request_is_refused_without_a_line_in_the_log(path, caplog, line):
     async def talk(page):
         host, port = page.address.split("/")[2].split(":")
         reader, writer = await asyncio.open_connection(host, int(port))
@@ -216,17 +216,17 @@ def test_connections_that_are_held_keep_no_page_of_this_machine_out(path, monkey
     async def talk(page):
         port, held = URL(page.address).port, []
         async with page.socket() as socket:  # a page that is open, for longer than all of them
-            assert (await ask(socket, 1, "undo"))["id"] == 1
-            for request in (b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+            assert (await request(socket, 1, "undo"))["id"] == 1
+            for raw in (b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"):
                 for _ in range(12):
                     reader, writer = await asyncio.open_connection("127.0.0.1", port)
                     held.append(writer)
-                    writer.write(request)
-                    if request:  # answered, and kept alive
+                    writer.write(raw)
+                    if raw:  # answered, and kept alive
                         assert b"200 OK" in await reader.readline()
                 answer, _ = await page.get("")
                 assert answer.status == HTTPStatus.OK
-            assert (await ask(socket, 2, "undo"))["id"] == 2
+            assert (await request(socket, 2, "undo"))["id"] == 2
         for writer in held:
             writer.close()
 
@@ -265,7 +265,7 @@ def test_many_connections_at_once_do_not_take_the_descriptors(path, monkeypatch,
     assert caplog.text == ""
 
 
-def test_a_connection_that_asks_for_nothing_is_closed(path, monkeypatch):
+def test_a_connection_that_requests_nothing_is_closed(path, monkeypatch):
     monkeypatch.setattr(guard, "REQUEST_S", 0.05)
 
     async def talk(page):
@@ -275,30 +275,30 @@ def test_a_connection_that_asks_for_nothing_is_closed(path, monkeypatch):
             with contextlib.suppress(ConnectionError):
                 assert await reader.read() == b""
             writer.close()
-        async with page.socket() as socket:  # one that has asked stays
+        async with page.socket() as socket:  # one that has requested something stays
             await asyncio.sleep(0.1)
-            assert (await ask(socket, 1, "undo"))["id"] == 1
+            assert (await request(socket, 1, "undo"))["id"] == 1
 
     visit(path, talk)
 
 
-def test_an_edit_is_told_to_every_page_and_saved(path):
+def test_an_edit_is_sent_to_every_page_and_saved(path):
     before = path.read_text()
 
     async def talk(page):
         async with page.socket() as one, page.socket() as other:
             state = await until(one, ("state",))
             await until(other, ("state",))
-            answer = await ask(one, 1, "edit", edit=MOVE, revision=state["revision"])
+            answer = await request(one, 1, "edit", edit=MOVE, revision=state["revision"])
             assert answer["type"] == "done"
-            told = await until(other, ("state",))
-            assert told["revision"] == state["revision"] + 1
-            assert told["dirty"]
-            stale = await ask(other, 5, "edit", edit=MOVE, revision=state["revision"])
+            update = await until(other, ("state",))
+            assert update["revision"] == state["revision"] + 1
+            assert update["dirty"]
+            stale = await request(other, 5, "edit", edit=MOVE, revision=state["revision"])
             assert (stale["type"], stale["kind"]) == ("refused", "stale")
-            answer = await ask(one, 2, "route", start=1, end=34)
+            answer = await request(one, 2, "route", start=1, end=34)
             assert answer["route"]["length_m"] > 100
-            assert (await ask(one, 3, "save"))["type"] == "done"
+            assert (await request(one, 3, "save"))["type"] == "done"
             assert not (await until(other, ("state",)))["dirty"]
 
     visit(path, talk)
@@ -307,39 +307,40 @@ def test_an_edit_is_told_to_every_page_and_saved(path):
     )
 
 
-def test_a_page_that_news_have_passed_by_gets_the_whole(path):
+def test_a_page_that_missed_updates_gets_the_whole(path):
     async def talk(page):
         async with page.socket() as one:
             first = await until(one, ("state",))
-            await ask(one, 1, "edit", edit=MOVE)
-            await ask(one, 2, "edit", edit={"do": "remove", "keys": ["waypoints", 7, "position"]})
-            whole = (await ask(one, 3, "state"))["state"]
+            await request(one, 1, "edit", edit=MOVE)
+            removal = {"do": "remove", "keys": ["waypoints", 7, "position"]}
+            await request(one, 2, "edit", edit=removal)
+            whole = (await request(one, 3, "state"))["state"]
             assert (first["revision"], whole["revision"]) == (1, 3)
             assert len(whole["places"]) == len(first["places"]) - 1
             async with page.socket() as other:
                 assert await until(other, ("state",)) == whole
-            await ask(one, 4, "undo")
+            await request(one, 4, "undo")
             async with page.socket() as other:
-                news = {**MOVE, "to": [FREE[0] + 1e-5, FREE[1]]}
+                move = {**MOVE, "to": [FREE[0] + 1e-5, FREE[1]]}
                 await until(other, ("state",))
-                await ask(one, 5, "edit", edit=news)
+                await request(one, 5, "edit", edit=move)
                 assert (await until(other, ("state",)))["since"] == 4
 
     visit(path, talk)
 
 
-def test_saving_a_draft_or_over_others_work_is_asked_first(path):
+def test_saving_a_draft_or_over_others_work_is_confirmed_first(path):
     async def talk(page):
         async with page.socket() as socket:
             inside = {**MOVE, "to": [39.94248, -75.20055]}
-            assert (await ask(socket, 1, "edit", edit=inside))["type"] == "done"
-            assert (await ask(socket, 2, "save"))["kind"] == "unconfirmed"
+            assert (await request(socket, 1, "edit", edit=inside))["type"] == "done"
+            assert (await request(socket, 2, "save"))["kind"] == "unconfirmed"
             path.write_text(path.read_text() + "# by hand\n")
             assert (await until(socket, ("disk",)))["changed"] in (False, True)
-            assert (await ask(socket, 3, "save", confirmed=True))["kind"] == "changed"
-            assert (await ask(socket, 4, "undo"))["type"] == "done"
-            assert (await ask(socket, 5, "reload"))["type"] == "done"
-            assert (await ask(socket, 6, "undo"))["kind"] == "edit"
+            assert (await request(socket, 3, "save", confirmed=True))["kind"] == "changed"
+            assert (await request(socket, 4, "undo"))["type"] == "done"
+            assert (await request(socket, 5, "reload"))["type"] == "done"
+            assert (await request(socket, 6, "undo"))["kind"] == "edit"
 
     visit(path, talk)
     assert path.read_text().endswith("# by hand\n")
@@ -365,7 +366,8 @@ def test_hostile_messages_cost_their_sender_an_answer(path):
             ):
                 await socket.send_str(text)
                 assert (await until(socket, ("refused", "done")))["type"] in ("refused", "done")
-            assert (await ask(socket, 9, "route", start=0, end=99999))["route"].keys() == {"reason"}
+            answer = await request(socket, 9, "route", start=0, end=99999)
+            assert answer["route"].keys() == {"reason"}
             await socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
             while (message := await socket.receive()).type is aiohttp.WSMsgType.TEXT:
                 pass
@@ -383,10 +385,10 @@ def test_hostile_messages_cost_their_sender_an_answer(path):
 def test_a_fault_of_ours_costs_no_work(path, monkeypatch, caplog):
     async def talk(page):
         async with page.socket() as socket:
-            await ask(socket, 1, "edit", edit=MOVE)
+            await request(socket, 1, "edit", edit=MOVE)
             monkeypatch.setattr(EditSession, "undo", lambda _: 1 / 0)
-            assert (await ask(socket, 2, "undo"))["kind"] == "fault"
-            assert (await ask(socket, 3, "save"))["type"] == "done"
+            assert (await request(socket, 2, "undo"))["kind"] == "fault"
+            assert (await request(socket, 3, "save"))["type"] == "done"
 
     visit(path, talk)
     assert "ZeroDivisionError" in caplog.text
@@ -429,11 +431,11 @@ def test_tiles_lie_under_the_map_and_what_is_not_there_is_an_empty_picture(path,
 
 
 def test_tiles_need_the_token_and_a_slow_one_keeps_no_other_waiting(path, tiles, monkeypatch):
-    asked, go_on = threading.Event(), threading.Event()
+    requested, go_on = threading.Event(), threading.Event()
     read = TileFile.tile
 
     def wait(*place):
-        asked.set()
+        requested.set()
         assert go_on.wait(LIMIT_S)
         return read(*place)
 
@@ -448,7 +450,7 @@ def test_tiles_need_the_token_and_a_slow_one_keeps_no_other_waiting(path, tiles,
         cookies = {cookie_of(URL(page.address).port): "secret"}
         async with asyncio.TaskGroup() as tasks:
             tile = tasks.create_task(page.get(target, cookies=cookies))
-            await asyncio.to_thread(asked.wait, LIMIT_S)
+            await asyncio.to_thread(requested.wait, LIMIT_S)
             answer, _ = await page.get("", cookies=cookies)
             assert answer.status == HTTPStatus.OK
             assert not tile.done()
@@ -458,7 +460,7 @@ def test_tiles_need_the_token_and_a_slow_one_keeps_no_other_waiting(path, tiles,
     visit(path, talk, host="0.0.0.0", token="secret", backdrop=backdrop)  # noqa: S106
 
 
-def test_a_taken_port_is_said(path):
+def test_a_taken_port_is_reported(path):
     async def talk(page):
         port = int(page.address.rstrip("/").rpartition(":")[2])
         taken = EditorServer(EditSession(MissionFile(path)), Web(port=port)).serving(print)

@@ -1,4 +1,4 @@
-"""Settings and outlines that are changed on the page: what was asked for, and nothing else."""
+"""Settings and outlines that are changed on the page: what was requested, and nothing else."""
 
 import json
 

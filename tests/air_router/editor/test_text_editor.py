@@ -1,4 +1,4 @@
-"""Whatever is done to a mission, in any order: what was asked for happens, the rest stays.
+"""Whatever is done to a mission, in any order: what was requested happens, the rest stays.
 
 Every line of a YAML file that an edit is not about is there afterwards byte for byte, and every
 line that is a comment, in the same order.

@@ -1,4 +1,4 @@
-"""A text that is no JSON is explained in our words, at its place."""
+"""A text that is no JSON is explained in plain text, at its place."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ def fault(text):
     return problem
 
 
-NO_JSON = [  # what is changed into what, at the mark (§) is the place, what is said
+NO_JSON = [  # what is changed into what, at the mark (§) is the place, the message
     ("47.4]]]}}]", "47.4]]]}}§,]", "a comma before ']'; remove it"),
     ("true}", "true§, }", "a comma before '}'; remove it"),
     ("47.4]]]", "47.4§,\n ]]]", "a comma before ']'; remove it"),
@@ -64,13 +64,13 @@ NO_JSON = [  # what is changed into what, at the mark (§) is the place, what is
 ]
 
 
-@pytest.mark.parametrize(("before", "after", "words"), [row for row in NO_JSON if row[2]])
-def test_what_is_no_json_is_explained_at_its_place(before, after, words):
+@pytest.mark.parametrize(("before", "after", "message"), [row for row in NO_JSON if row[2]])
+def test_what_is_no_json_is_explained_at_its_place(before, after, message):
     begin, _, end = GOOD.replace(before, after, 1).partition("§")
     problem = fault(begin + end)
     place = (begin.count("\n") + 1, len(begin.rpartition("\n")[2]) + 1)
     assert (problem.line, problem.column) == place
-    assert words in problem.message
+    assert message in problem.message
 
 
 WHOLE = [
@@ -83,10 +83,10 @@ WHOLE = [
 ]
 
 
-@pytest.mark.parametrize(("text", "words"), WHOLE)
-def test_a_file_that_is_none_is_explained(text, words):
+@pytest.mark.parametrize(("text", "message"), WHOLE)
+def test_a_file_that_is_none_is_explained(text, message):
     problem = fault(text)
-    assert words in f"{problem.line}:{problem.column}: {problem.message}"
+    assert message in f"{problem.line}:{problem.column}: {problem.message}"
 
 
 def test_decimal_commas_are_no_other_place():

@@ -1,4 +1,4 @@
-"""What is wrong with a file of zones is told with its place, a code, and what to do."""
+"""What is wrong with a file of zones is reported with its place, a code, and what to do."""
 
 import json
 from pathlib import Path
@@ -267,7 +267,7 @@ MALFORMED = {
         ),
     ],
 }
-"""By the file's name: a text with a mark (§) where the problem is, its code, what is said."""
+"""By the file's name: a text with a mark (§) where the problem is, its code, the message."""
 
 ROWS = [(name, *row) for name, rows in MALFORMED.items() for row in rows]
 
@@ -281,12 +281,12 @@ def problems(folder, name, text):
         return error.problems
 
 
-@pytest.mark.parametrize(("name", "marked", "code", "words"), ROWS)
-def test_a_malformed_file_gets_its_own_error(tmp_path, name, marked, code, words):
+@pytest.mark.parametrize(("name", "marked", "code", "message"), ROWS)
+def test_a_malformed_file_gets_its_own_error(tmp_path, name, marked, code, message):
     before, mark, after = marked.partition("§")
     assert mark
     first = problems(tmp_path, name, before + after)[0]
-    assert (first.code, words in first.message) == (code, True), str(first)
+    assert (first.code, message in first.message) == (code, True), str(first)
     place = (before.count("\n") + 1, len(before.rpartition("\n")[2]) + 1)
     assert (first.line, first.column) == place, str(first)
     assert first.path == tmp_path / name

@@ -1,4 +1,4 @@
-"""Texts are edited where their data change: what was asked for is there, and nothing else."""
+"""Texts are edited where their data change: what was requested is there, and nothing else."""
 
 import copy
 import json
@@ -147,7 +147,7 @@ WAYS = st.sampled_from(["number", "insert", "remove", "key"])
 
 @settings(max_examples=60)
 @given(way=WAYS, data=missions, draw=st.data(), pick=st.randoms(use_true_random=False))
-def test_yaml_says_what_was_asked_for_and_keeps_its_remarks(way, data, draw, pick):
+def test_yaml_has_the_requested_data_and_keeps_its_comments(way, data, draw, pick):
     text = Writer(draw.draw).text(data)
     new = changed(data, pick, way)
     after = rewritten(text, loaded(text), new)
@@ -200,7 +200,7 @@ def test_numbers_look_like_those_they_replace(old, value, decimals, new):
 
 
 @given(st.text(min_size=1, max_size=20))
-def test_words_are_read_back_as_they_are(text):
+def test_texts_are_read_back_as_they_are(text):
     if any(0xD800 <= ord(letter) <= 0xDFFF for letter in text):
         return
     for before in (

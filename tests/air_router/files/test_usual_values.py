@@ -80,7 +80,7 @@ def test_a_band_holds_what_is_usual_and_a_unit_leads_into_it(band):
         assert unit.in_ours(abs(band.high) * 2) < abs(band.high) * 2
 
 
-SLIPS = [  # what is changed, what is said, at the mark (§)
+SLIPS = [  # what is changed, the message, at the mark (§)
     ("altitude_m: 30", "altitude_m: §400", "is 400 m", "the sea? then write 100 (in feet: 122)"),
     ("altitude_m: 30", "altitude_m: §1200", "is 1200 m", "given in feet? then write 366"),
     ("altitude_m: 30", "altitude_m: §1.5", "is 1.5 m", "correct it if it is not meant"),
@@ -130,13 +130,13 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("before", "after", "words"), REFUSED)
-def test_a_number_that_cannot_be_meant_is_refused_with_its_likely_unit(before, after, words):
+@pytest.mark.parametrize(("before", "after", "message"), REFUSED)
+def test_a_number_that_cannot_be_meant_is_refused_with_its_likely_unit(before, after, message):
     text = FILE.replace(before, after)
     _, findings = read_mission(Document.from_text(text, Path("mission.yaml")))
     (problem,) = findings.problems
     assert problem.code == "out-of-range"
-    assert words in problem.message
+    assert message in problem.message
     assert not findings.notes
 
 
@@ -186,22 +186,22 @@ WORLDS_REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("text", "words"), WORLD_NOTES)
-def test_a_world_file_has_bands_too(tmp_path, capsys, text, words):
+@pytest.mark.parametrize(("text", "message"), WORLD_NOTES)
+def test_a_world_file_has_bands_too(tmp_path, capsys, text, message):
     shutil.copytree(PENNOVATION, tmp_path, dirs_exist_ok=True)
     (tmp_path / "world.yaml").write_text(text, encoding="utf-8")
     assert main(["check", str(tmp_path / "mission.yaml")]) == 0
     (note,) = (line for line in capsys.readouterr().out.splitlines() if "unusual-value" in line)
     assert "world.yaml:1:" in note
-    assert words in note
+    assert message in note
 
 
-@pytest.mark.parametrize(("text", "words"), WORLDS_REFUSED)
-def test_what_a_world_file_cannot_mean_is_explained(tmp_path, text, words):
+@pytest.mark.parametrize(("text", "message"), WORLDS_REFUSED)
+def test_what_a_world_file_cannot_mean_is_explained(tmp_path, text, message):
     (tmp_path / "world.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(DocumentError) as caught:
         load_world(tmp_path / "world.yaml", load_mission(PENNOVATION / "mission.yaml"), ["io"], 1)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 OPTIONED = [
@@ -212,11 +212,11 @@ OPTIONED = [
 ]
 
 
-@pytest.mark.parametrize(("line", "words"), OPTIONED)
-def test_options_of_the_same_kind_are_noted(tmp_path, monkeypatch, capsys, line, words):
+@pytest.mark.parametrize(("line", "message"), OPTIONED)
+def test_options_of_the_same_kind_are_noted(tmp_path, monkeypatch, capsys, line, message):
     monkeypatch.chdir(tmp_path)
     mission = ROOT / "missions" / "urban" / "mission.yaml"
     walk = ROOT / "tests" / "data" / "files" / "walk.gpx"
     main(line.format(m=mission, walk=walk).split())
     (note,) = (text for text in capsys.readouterr().err.splitlines() if text.startswith("note: -"))
-    assert words in note
+    assert message in note

@@ -54,7 +54,7 @@ class Rig(WholeFlight):
     def plan(self, *steps):
         """What happens, one thing after the other: when, and what is done then.
 
-        When: the vehicle's clock in seconds, words that were printed, or a condition.
+        When: the vehicle's clock in seconds, text that was printed, or a condition.
         """
         left = list(steps)
 
@@ -184,7 +184,7 @@ def test_when_the_hours_of_its_zones_are_over_it_comes_home(rig, pennovation, re
     assert replay_record([*Log(flight.recorder.path)]).difference is None
 
 
-def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):
+def test_a_vehicle_that_answers_and_sends_no_position_is_none(rig, monkeypatch):
     async def mute():
         pass
 
@@ -228,7 +228,7 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
     assert not {"reposition", "hold", "land"} & set(vehicle.verbs)
 
 
-def test_a_failsafe_is_told_from_a_pilot(rig):
+def test_a_failsafe_is_distinguished_from_a_pilot(rig):
     flight = rig(duration_s=None)
     flight.plan((150.0, flight.becomes(FlightMode.LAND, failsafe=True)))
     result = flight.run()
@@ -289,17 +289,17 @@ def test_what_fails_before_take_off_ends_the_flight_with_its_reason(rig, verb, e
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"armed": True}, "is armed"),
         ({"position": Point(40.0, 0.0)}, "40 m from the mission's home"),
     ],
 )
-def test_a_vehicle_that_is_not_ready_is_refused_before_anything_is_uploaded(rig, change, said):
+def test_a_vehicle_that_is_not_ready_is_refused_before_anything_is_uploaded(rig, change, message):
     flight = rig()
     for name, value in change.items():
         setattr(flight.vehicle.airframe, name, value)
-    with pytest.raises(RefusedError, match=said):
+    with pytest.raises(RefusedError, match=message):
         flight.run()
     assert "upload" not in flight.vehicle.verbs
     assert flight.vehicle.verbs[-1] == "close"
@@ -343,7 +343,7 @@ def test_a_flight_that_is_under_way_is_found_and_left_alone(rig):
 
 
 @pytest.mark.parametrize("resume", [False, True])
-def test_another_type_of_vehicle_in_the_air_is_refused_and_asked_nothing(rig, resume):
+def test_another_type_of_vehicle_in_the_air_is_refused_and_not_queried(rig, resume):
     flight = rig(resume=resume)
     in_flight(flight)
     flight.vehicle.kind = Airframe(22)
@@ -366,11 +366,11 @@ def test_a_type_that_changes_while_it_is_made_ready_ends_that(rig):
     flight = rig()
     vehicle = flight.vehicle
     why = Airframe(1).why_not_flown
-    told = []
+    reported = []
 
     def other_type():
-        if not told and "upload" not in vehicle.verbs:
-            told.append(vehicle.callback(WrongVehicle(vehicle.airframe.now_s, why)))
+        if not reported and "upload" not in vehicle.verbs:
+            reported.append(vehicle.callback(WrongVehicle(vehicle.airframe.now_s, why)))
 
     vehicle.on_step = other_type
     result = flight.run()
@@ -388,7 +388,7 @@ def test_another_mission_s_flight_is_not_resumed(rig):
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
-def test_a_flight_that_lost_its_companion_goes_on_when_asked(rig, mode):
+def test_a_flight_that_lost_its_companion_goes_on_when_requested(rig, mode):
     flight = rig(resume=True)
     in_flight(flight, mode)
     result = flight.run()
@@ -412,14 +412,14 @@ def test_on_the_ground_there_is_nothing_to_resume(rig):
         flight.run()
 
 
-def test_a_pilot_who_takes_over_lands_it_and_is_told_so_in_the_ground_station(rig):
+def test_a_pilot_who_takes_over_lands_it_and_that_is_announced_in_the_ground_station(rig):
     flight = rig(duration_s=None)
     flight.plan((150.0, flight.becomes(FlightMode.LAND)))
     result = flight.run()
     assert (result.outcome, result.exit_code) == ("pilot", ExitCode.PILOT_TOOK_OVER)
     assert not {"hold", "land"} & set(flight.vehicle.verbs)
-    words = f"air_router: hands off: the pilot chose Land mode. {IN_YOUR_HANDS}"
-    assert (words, Severity.WARNING) in flight.vehicle.announced
+    text = f"air_router: hands off: the pilot chose Land mode. {IN_YOUR_HANDS}"
+    assert (text, Severity.WARNING) in flight.vehicle.announced
     assert "hands off" in flight.out.getvalue()
 
 
@@ -439,23 +439,23 @@ def test_lines_that_come_again_and_again_are_counted_but_for_warnings(rig):
     flight = rig(duration_s=None)
     why = "no multicopter with PX4 is on the link (a plane)"
 
-    def asks(words):
-        return lambda: flight.flight.commands.execute(parse_command(words), "a test")
+    def requests(text):
+        return lambda: flight.flight.commands.execute(parse_command(text), "a test")
 
-    def hears(event):
+    def receives(event):
         return lambda: flight.vehicle.callback(event)
 
-    tried = [(130.0 + t, hears(PlanTried(130.0 + t, "a station"))) for t in range(3)]
-    same = [(150.0 + t, hears(PlanCompared(150.0 + t))) for t in range(8)]
-    tried += [*same[:6], (155.5, asks("explore")), *same[6:]]
-    others = [(180.0 + t, hears(WrongVehicle(180.0 + t, (why, None)[t % 2]))) for t in range(6)]
+    tried = [(130.0 + t, receives(PlanTried(130.0 + t, "a station"))) for t in range(3)]
+    same = [(150.0 + t, receives(PlanCompared(150.0 + t))) for t in range(8)]
+    tried += [*same[:6], (155.5, requests("explore")), *same[6:]]
+    others = [(180.0 + t, receives(WrongVehicle(180.0 + t, (why, None)[t % 2]))) for t in range(6)]
     flight.plan(*tried, *others, (200.0, flight.becomes(FlightMode.LAND)))
     flight.run()
     lines = [line[11:].strip() for line in flight.out.getvalue().splitlines()]
     assert len([line for line in lines if line.startswith("WARNING: a station tries")]) == 3
-    told = [line.partition("the plan on board")[0] for line in lines if "is equivalent" in line]
-    # After the answer the line is told in full once more: it may be news.
-    assert told == ["", "again 5 times: ", "", "again: "]
+    reported = [line.partition("the plan on board")[0] for line in lines if "is equivalent" in line]
+    # After the reply the line is printed in full once more.
+    assert reported == ["", "again 5 times: ", "", "again: "]
     answer = next(number for number, line in enumerate(lines) if line.startswith("a test: "))
     assert lines[answer - 1].startswith("again 5 times: the plan on board is")
     assert len([line for line in lines if line.startswith(f"ALARM: {why}")]) == 3
@@ -488,20 +488,20 @@ def test_ctrl_c_twice_leaves_at_once(rig, monkeypatch):
     assert "hold" not in verbs
 
 
-def test_what_the_vehicle_says_while_it_is_left_is_not_listened_to(rig):
+def test_telemetry_while_the_link_is_closed_is_ignored(rig):
     flight = rig()
     vehicle = flight.vehicle
-    told = []
+    sent = []
     close = vehicle.close
 
     async def talk_and_close():
         vehicle.callback(vehicle.airframe.telemetry())  # Alone.publish_telemetry() would object
-        told.append(True)
+        sent.append(True)
         await close()
 
     vehicle.close = talk_and_close
     assert flight.run().outcome == "done"
-    assert told
+    assert sent
 
 
 def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
@@ -578,7 +578,7 @@ def test_a_fault_in_a_decision_ends_the_flight_and_holds_the_vehicle(rig):
 
 
 @pytest.mark.parametrize(("chosen", "holds"), [(None, True), (FlightMode.POSITION, False)])
-def test_ctrl_c_while_it_is_told_to_take_off_holds_it_unless_the_pilot_has_it(rig, chosen, holds):
+def test_ctrl_c_while_take_off_is_commanded_holds_it_unless_the_pilot_has_it(rig, chosen, holds):
     flight = rig()
     airframe = flight.vehicle.airframe
 
@@ -592,11 +592,11 @@ def test_ctrl_c_while_it_is_told_to_take_off_holds_it_unless_the_pilot_has_it(ri
     assert ("hold" in flight.vehicle.verbs) is holds
 
 
-@pytest.mark.parametrize("unheard", ["all", "mode"])
-def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unheard):
+@pytest.mark.parametrize("lost", ["all", "mode"])
+def test_a_vehicle_that_may_have_been_taken_in_silence_is_left_as_it_is(rig, lost):
     flight = rig(duration_s=None)
     airframe = flight.vehicle.airframe
-    told = airframe.telemetry
+    telemetry = airframe.telemetry
 
     def lose_all():
         flight.vehicle.running.cancel()
@@ -610,11 +610,11 @@ def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unhear
     def lose_the_mode():
         began_s, airframe.mode = airframe.now_s, FlightMode.POSITION
         airframe.telemetry = lambda: dataclasses.replace(
-            told(), mode=FlightMode.MISSION, ages=Ages(mode_s=airframe.now_s - began_s)
+            telemetry(), mode=FlightMode.MISSION, ages=Ages(mode_s=airframe.now_s - began_s)
         )
         flight.plan((began_s + 6.0, sends(signal.SIGINT)))
 
-    flight.plan((130.0, lose_all if unheard == "all" else lose_the_mode))
+    flight.plan((130.0, lose_all if lost == "all" else lose_the_mode))
     flight.run()
     assert "hold" not in flight.vehicle.verbs
     assert "the flight mode was not received. Pilot: take over" in flight.out.getvalue()
@@ -695,7 +695,7 @@ def sends_a_hold(flight, then):
     return round((seen["held_s"] - seen["at_s"]) / STEP_S)
 
 
-def ask_for_it(flight):
+def request_it(flight):
     flight.flight.commands.submit(HoldNow())
 
 
@@ -703,7 +703,7 @@ def replace_the_fence(flight):  # hands off, and a hold before
     flight.vehicle.callback(PlanReplaced(flight.vehicle.airframe.now_s, only_fence=True))
 
 
-@pytest.mark.parametrize("why", [ask_for_it, replace_the_fence])
+@pytest.mark.parametrize("why", [request_it, replace_the_fence])
 def test_a_hold_does_not_wait_for_an_unconfirmed_jump(rig, why):
     flight = rig(duration_s=None)
     assert sends_a_hold(flight, lambda: why(flight)) <= 1

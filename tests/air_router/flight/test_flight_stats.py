@@ -151,11 +151,11 @@ def test_a_flight_that_was_stopped_as_it_took_off_is_refused():
     assert ending_of(stopped) == ("refused: the plan was replaced", ExitCode.REFUSED)
 
 
-def test_the_table_says_what_exploring_robots_have_found_if_they_look_for_anything(stats):
+def test_the_table_has_what_exploring_robots_have_found_if_they_look_for_anything(stats):
     report = stats.report("done", unix_s=0.0)
     found = [{"goal": "v1", "robot": "io", "at_s": 5.0}]
-    told = table({**report, "world": {"goals": {"total": 15, "found": found}}})
-    assert "vehicles found by robots that explore: 1 of 15\n" in told
+    printed = table({**report, "world": {"goals": {"total": 15, "found": found}}})
+    assert "vehicles found by robots that explore: 1 of 15\n" in printed
     assert "explore" not in table({**report, "world": {"goals": {"total": 0, "found": []}}})
 
 

@@ -1,4 +1,4 @@
-"""The event loop's own lag: what of it is told, and how often."""
+"""The event loop's own lag: what of it is reported, and how often."""
 
 import pytest
 
@@ -11,8 +11,8 @@ from air_router.flight.limits import (
 )
 
 
-def told(watch, late_s, *, turns, from_s=0.0):
-    """What is told of so many turns that come so late."""
+def reported(watch, late_s, *, turns, from_s=0.0):
+    """What is reported of so many turns that come so late."""
     found = []
     for turn in range(1, turns + 1):
         lagged = watch.take(late_s, from_s + turn * (LAG_CHECK_S + late_s))
@@ -20,24 +20,24 @@ def told(watch, late_s, *, turns, from_s=0.0):
     return found
 
 
-def test_an_idle_program_says_nothing():
-    assert told(LagWatch(), 0.002, turns=10_000) == []
+def test_an_idle_program_reports_nothing():
+    assert reported(LagWatch(), 0.002, turns=10_000) == []
 
 
-def test_one_that_stood_still_says_so_at_once_and_not_again_for_a_while():
+def test_a_standstill_is_reported_at_once_and_not_again_for_a_while():
     watch = LagWatch()
     assert [watch.take(0.7, 10.0).lag_s, watch.take(0.7, 12.0)] == [0.7, None]
     assert watch.take(0.7, 10.0 + LAG_REPEATED_S).lag_s == 0.7
 
 
-def test_one_that_stood_still_for_long_says_so_each_time():
+def test_a_long_standstill_is_reported_each_time():
     watch = LagWatch()
     assert [watch.take(s, 10.0 + n).lag_s for n, s in enumerate((2.0, 15.0, 60.0))] == [2, 15, 60]
 
 
 @pytest.mark.parametrize(("late_s", "starved"), [(0.02, False), (0.2, True)])
-def test_one_that_is_starved_says_so_now_and_then(late_s, starved):
-    found = told(LagWatch(), late_s, turns=400)
+def test_starvation_is_reported_now_and_then(late_s, starved):
+    found = reported(LagWatch(), late_s, turns=400)
     lasts_s = 400 * (LAG_CHECK_S + late_s)
     assert len(found) == (pytest.approx(lasts_s / LAG_REPEATED_S, abs=1.0) if starved else 0)
     assert all(LAG_STARVED_S <= lag_s <= LAG_STARVED_WITHIN_S for lag_s in found)

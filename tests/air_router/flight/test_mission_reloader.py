@@ -77,7 +77,7 @@ def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_wit
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "error", "said"),
+    ("old", "new", "error", "message"),
     [
         ("\nno_fly_zones:", "\nno_fly_zones: [", DocumentError, "mission.yaml:"),
         ("speed_m_s: 3.5", "speed_m_s: 4.5", NotReloadedError, "speed m changed as well"),
@@ -87,10 +87,10 @@ def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_wit
         ("init_s: 180", "init_s: x", DocumentError, "init_s"),
     ],
 )
-def test_what_changes_nothing(file, old, new, error, said):
+def test_what_changes_nothing(file, old, new, error, message):
     mission = load_mission(file)
     edit(file, old, new)
-    with pytest.raises(error, match=said.replace(".", r"\.")):
+    with pytest.raises(error, match=message.replace(".", r"\.")):
         changed_areas(mission)
 
 
@@ -212,15 +212,15 @@ class Field(WholeFlight):
         mission = load_mission(file, duration_s=90.0, in_flight=resume)
         super().__init__(mission, vehicle_class, folder, arm=not resume, resume=resume)
 
-    def reload(self, asks):
+    def reload(self, edits):
         """Fly; under way something is done to the file, and it is read again."""
-        asked = []
+        requested = []
 
         def on_step():
             home_m = abs(self.vehicle.airframe.position[0]) + abs(self.vehicle.airframe.position[1])
-            if not asked and home_m > 30.0:
-                asked.append(True)
-                asks()
+            if not requested and home_m > 30.0:
+                requested.append(True)
+                edits()
                 self.flight.commands.submit(Reload())
 
         self.vehicle.on_step = on_step
@@ -241,21 +241,21 @@ def test_reloaded_in_flight_the_new_fence_goes_on_board_and_the_mission_on(field
     assert field.vehicle.verbs.count("renew") == 1
     assert field.vehicle.plan == FlightPlan.of(load_mission(file))
     assert field.vehicle.plan.fence != FlightPlan.of(before).fence
-    said = field.out.getvalue()
-    assert "the operator: accepted: the mission file is read again" in said
-    assert "zones changed: 'crane' is new" in said
-    assert "the changed fence is on board" in said
+    printed = field.out.getvalue()
+    assert "the operator: accepted: the mission file is read again" in printed
+    assert "zones changed: 'crane' is new" in printed
+    assert "the changed fence is on board" in printed
     assert result.report["closest_approach_m"] >= 5.0
 
 
-def test_an_error_in_the_file_is_told_and_changes_nothing(field, file):
+def test_an_error_in_the_file_is_reported_and_changes_nothing(field, file):
     result = field.reload(lambda: file.write_text("name: [", encoding="utf-8"))
     assert result.outcome == "done"
     assert "renew" not in field.vehicle.verbs
     assert "not reloaded: " in field.out.getvalue()
 
 
-def test_a_fault_in_reading_it_is_told_and_the_flight_goes_on(field, file, monkeypatch):
+def test_a_fault_in_reading_it_is_reported_and_the_flight_goes_on(field, file, monkeypatch):
     def broken(mission, on_board, all_zones):
         raise ZeroDivisionError(str(mission.path))
 
@@ -268,7 +268,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
     async def script():
         mission, events, gates = load_mission(file), [], [threading.Event(), threading.Event()]
         reads = iter(gates)
-        said, began = [], asyncio.Event()
+        printed, began = [], asyncio.Event()
         loop = asyncio.get_running_loop()
 
         def read(mission, on_board, all_zones):
@@ -280,7 +280,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rereading, "_read", read)
             controller = SimpleNamespace(mission=mission, all_zones=False)
-            reader = rereading.MissionReloader(controller, None, events.append, said.append)
+            reader = rereading.MissionReloader(controller, None, events.append, printed.append)
             first = asyncio.ensure_future(reader.work(ReadAgain()))
             assert reader.latest == ReloadReport()
             await began.wait()
@@ -289,51 +289,51 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
                 gate.set()
             await first
             assert reader.latest == ReloadReport(under_way=False, why="not reloaded: as they were")
-        return said, events
+        return printed, events
 
     assert asyncio.run(script()) == (["not reloaded: as they were"] * 2, [])
 
 
 @pytest.mark.parametrize(
-    ("back", "said"),
+    ("back", "message"),
     [
         (None, "; the one before is"),
         (NotConfirmedError("silent"), "; and the one before is not back"),
     ],
 )
-def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, said):
+def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, message):
     field.vehicle.failures["renew"] = [PlanRefusedError("the fence was not taken: TIMEOUT")]
     field.vehicle.failures["renew"] += [back] if back else []
     before = FlightPlan.of(load_mission(file))
     result = field.reload(lambda: add_zone(file))
     assert result.report["came_home_because"] == "the changed fence is not on board"
     assert field.vehicle.plan == before
-    assert f"TIMEOUT{said}" in field.out.getvalue()
+    assert f"TIMEOUT{message}" in field.out.getvalue()
     assert field.vehicle.verbs.count("renew") == 2
 
 
 def test_what_did_not_get_on_board_is_put_there_when_it_is_reloaded_once_more(field, file):
     refused = PlanRefusedError("the fence was not taken: TIMEOUT")
-    vehicle, said, asked = field.vehicle, field.out.getvalue, []
+    vehicle, printed, requested = field.vehicle, field.out.getvalue, []
     vehicle.failures["renew"] = [refused]
 
     def again():
-        if not asked and "is not on board" in said():
-            asked.append(field.flight.commands.submit(Reload()))
+        if not requested and "is not on board" in printed():
+            requested.append(field.flight.commands.submit(Reload()))
 
     def draw():
         add_zone(file)
         step = vehicle.on_step
         vehicle.on_step = lambda: (step(), again())
 
-    assert field.reload(draw).outcome == "done", said()
+    assert field.reload(draw).outcome == "done", printed()
     assert vehicle.verbs.count("renew") == 3
     assert vehicle.plan == FlightPlan.of(load_mission(file))
-    assert "zones changed: to those that are not on board yet" in said()
-    assert "the changed fence is on board" in said()
+    assert "zones changed: to those that are not on board yet" in printed()
+    assert "the changed fence is on board" in printed()
 
 
-def test_of_two_uploads_only_what_became_of_the_newest_is_told(pennovation):
+def test_of_two_uploads_only_the_result_of_the_newest_is_reported(pennovation):
     """The first was not waited for any more, and its list still goes over a poor link."""
 
     class SlowLink:

@@ -47,9 +47,9 @@ def first(mission, pretend_vehicle, tmp_path):
     """A flight whose companion was interrupted once it had visited a waypoint."""
     rig = Rig(mission, pretend_vehicle, tmp_path)
     controller, airframe = rig.flight.controller, rig.vehicle.airframe
-    told = airframe.telemetry
+    telemetry = airframe.telemetry
     airframe.telemetry = lambda: dataclasses.replace(
-        told(), altitude_amsl_m=HOME_AMSL_M + airframe.altitude_m
+        telemetry(), altitude_amsl_m=HOME_AMSL_M + airframe.altitude_m
     )
     rig.plan((lambda: controller.exploration.mark()[0] == 1, sends(signal.SIGINT)))
     rig.run()
@@ -61,14 +61,14 @@ def telemetry(rig, later_s=0.0):
     return dataclasses.replace(airframe.telemetry(), time_s=airframe.now_s + later_s)
 
 
-def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, mission, tmp_path):
+def test_the_record_has_since_when_it_flies_and_what_is_explored(first, mission, tmp_path):
     known = partial(flown_before, mission, INFO, folder=tmp_path, unix=lambda: 0.0)
-    flown, home_amsl_m, words = known(telemetry(first, later_s=10.0))
+    flown, home_amsl_m, text = known(telemetry(first, later_s=10.0))
     assert flown == first.flight.controller.flown
     assert home_amsl_m == pytest.approx(HOME_AMSL_M)
     assert (flown.visited, flown.left_out) == (1, ())
     assert flown.airborne_s < first.vehicle.airframe.now_s - 5.0
-    assert f"1 of {len(mission.waypoints)} waypoints explored (by its record" in words
+    assert f"1 of {len(mission.waypoints)} waypoints explored (by its record" in text
 
 
 @pytest.mark.parametrize(
@@ -82,10 +82,10 @@ def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, missio
 )
 def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, later_s, changes):
     mission = dataclasses.replace(mission, **changes)
-    _, _, words = flown_before(
+    _, _, text = flown_before(
         mission, INFO, telemetry(first, later_s), folder=tmp_path, unix=lambda: 0.0
     )
-    assert "by its record" not in words
+    assert "by its record" not in text
 
 
 @pytest.mark.parametrize(("later_s", "by_record"), [(-5.0, True), (20.0, False)])
@@ -95,28 +95,28 @@ def test_the_record_of_a_flight_before_this_one_is_left_alone(
     """The vehicle was not switched off between the two, and the companion of this one left none."""
     took_off_s = first.flight.controller.flown.airborne_s + later_s
     info = dataclasses.replace(INFO, took_off_s=took_off_s)
-    flown, home_amsl_m, words = flown_before(
+    flown, home_amsl_m, text = flown_before(
         mission, info, telemetry(first, later_s=30.0), folder=tmp_path, unix=lambda: 0.0
     )
-    assert ("by its record" in words) is by_record
+    assert ("by its record" in text) is by_record
     assert (home_amsl_m is not None) is by_record
     assert by_record or flown.airborne_s == took_off_s
 
 
 @pytest.mark.parametrize("node", [0, 1, 4, 37])
-def test_without_a_record_the_vehicle_is_asked_since_when_and_no_waypoint_is_explored(
+def test_without_a_record_the_vehicle_is_queried_since_when_and_no_waypoint_is_explored(
     mission, node
 ):
     """It may be on its way to any item to seek a robot, or home: that is no progress."""
     item = FlightPlan.of(mission).item_of(node)
-    heard = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
-    flown, _, words = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), heard)
+    received = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
+    flown, _, text = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), received)
     assert flown == FlownBefore(50.0)
-    assert words.startswith(f"in the air for 150 s, 0 of {len(mission.waypoints)} waypoints")
-    assert "without a record all waypoints are explored again" in words
-    flown, _, words = flown_before(mission, INFO, heard)
+    assert text.startswith(f"in the air for 150 s, 0 of {len(mission.waypoints)} waypoints")
+    assert "without a record all waypoints are explored again" in text
+    flown, _, text = flown_before(mission, INFO, received)
     assert flown == FlownBefore(0.0)
-    assert "so counted from when it was switched on" in words
+    assert "so counted from when it was switched on" in text
 
 
 @pytest.fixture
@@ -145,9 +145,9 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
     assert legs[0].node == mission.waypoints[1].number
     home_s = next(e.t for e in entries if getattr(e.value, "text", "").startswith("coming home"))
     assert home_s == pytest.approx(flown.airborne_s + DURATION_S, abs=1.0)
-    said = second.out.getvalue()
-    assert "in flight: " in said
-    assert re.search(r"battery +30%", said)  # not good, and said
+    printed = second.out.getvalue()
+    assert "in flight: " in printed
+    assert re.search(r"battery +30%", printed)  # not good, and printed
     assert airframe.mode is FlightMode.LAND
     assert second.vehicle.home_amsl_m == pytest.approx(HOME_AMSL_M)
 
@@ -161,15 +161,15 @@ def test_what_can_be_recorded_no_more_is_resumed_by_its_record_all_the_same(
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr(recorder, "open_record", read_only)
-    said = []
-    made = recorder.Recorder(tmp_path, "mission.yaml", must=False, trouble=said.append)
-    assert said == [f"{tmp_path}: Read-only file system; the flight is not recorded"]
+    printed = []
+    made = recorder.Recorder(tmp_path, "mission.yaml", must=False, trouble=printed.append)
+    assert printed == [f"{tmp_path}: Read-only file system; the flight is not recorded"]
     (tmp_path / "newest.mcap").symlink_to(tmp_path / "gone.mcap")
     assert (made.path, made.folder) == (None, tmp_path)
-    _, _, words = flown_before(
+    _, _, text = flown_before(
         mission, INFO, telemetry(first), folder=made.folder, own=made.path, unix=lambda: 0.0
     )
-    assert "by its record" in words
+    assert "by its record" in text
 
 
 def test_a_plan_that_is_replaced_while_the_flight_is_looked_at_is_not_flown(second):

@@ -29,12 +29,12 @@ def seeking(flight):
     return [a.robot for a in flight.actions if isinstance(a, Seeking)]
 
 
-def said_by(flight, other, seen=0):
-    """Give a flight what another one told the team since; returns how much that is now."""
-    told = seeking(other)
-    for robot in told[seen:]:
+def receive_from(flight, other, seen=0):
+    """Give a flight what another one published since; returns how much that is now."""
+    published = seeking(other)
+    for robot in published[seen:]:
         flight.give(RobotSought(other.name, robot, flight.now_s))
-    return len(told)
+    return len(published)
 
 
 def test_a_vehicle_that_only_searches_searches_at_once_and_never_explores(pretend):
@@ -58,7 +58,7 @@ def test_one_that_only_searches_goes_to_the_next_robot_when_it_does_not_meet_one
     assert seeking(flight) == ["callisto", "europa"]
 
 
-def test_one_that_only_searches_hovers_when_no_robot_can_be_sought_and_asks_again(airborne):
+def test_one_that_only_searches_hovers_when_no_robot_can_be_sought_and_tries_again(airborne):
     flight = airborne(explore=False, seek=())
     flight.fly_until(lambda: flight.now_s > 150.0)
     assert flight.controller.state is State.SEARCH
@@ -74,7 +74,7 @@ def test_resumed_it_searches_on(airborne):
     assert flight.controller.state is State.SEARCH
 
 
-def test_the_team_is_told_whom_it_seeks_and_when_it_does_no_longer(pretend):
+def test_it_publishes_whom_it_seeks_and_when_it_does_no_longer(pretend):
     flight = pretend()
     flight.robots = {"callisto": CORNERS["callisto"]}
     flight.take_off()
@@ -121,24 +121,27 @@ def test_one_that_hovers_over_a_robot_already_keeps_it(airborne):
     )
 
 
-def test_the_same_word_again_or_one_that_leaves_no_other_robot_changes_nothing(airborne):
+def test_the_same_message_again_or_one_that_leaves_no_other_robot_changes_nothing(airborne):
     flight = airborne(explore=False, seek=("io",))
     for stamp_s in range(5):
         flight.give(RobotSought("atlas", "io", stamp_s))
     assert flight.states == [State.SEARCH]
 
 
-def test_two_that_hear_each_other_never_seek_the_same_robot_for_longer_than_a_word_takes(pretend):
+def test_two_in_range_never_seek_the_same_robot_for_longer_than_a_message_takes(pretend):
     atlas, titan = (pretend(explore=False, name=name) for name in ("atlas", "titan"))
     for flight in (atlas, titan):
         flight.robots = dict(CORNERS)
         flight.take_off()
-    heard, together_s = [0, 0], 0
+    received, together_s = [0, 0], 0
     met = {"atlas": set(), "titan": set()}
     for _ in range(2500):
         atlas.step()
         titan.step()
-        heard = [said_by(titan, atlas, heard[0]), said_by(atlas, titan, heard[1])]
+        received = [
+            receive_from(titan, atlas, received[0]),
+            receive_from(atlas, titan, received[1]),
+        ]
         for name, flight in (("atlas", atlas), ("titan", titan)):
             if flight.controller.state is State.COMM:
                 met[name].add(flight.controller.context.task.robot)
@@ -153,7 +156,7 @@ def test_two_that_hear_each_other_never_seek_the_same_robot_for_longer_than_a_wo
 
 
 @pytest.mark.parametrize("robot", ["io", None])
-def test_whom_another_uav_seeks_is_news_while_it_is_fresh(pennovation, robot):
+def test_whom_another_uav_seeks_is_an_event_while_it_is_fresh(pennovation, robot):
     reader = TeamMessageDecoder(pennovation.frame)
     data = SeekMessage(stamp_s=1000.0, robot=robot).encode()
     read = {"peer": "io", "data": data}
@@ -185,7 +188,7 @@ def gossip_of(pennovation):
 def test_whom_we_seek_is_published_at_once_and_again_before_it_is_forgotten(gossip_of):
     gossip = gossip_of("pair")
 
-    def told():
+    def sought():
         message = gossip.node.latest("titan", "/seek")
         return None if message is None else SeekMessage.decode(message.data).robot
 
@@ -193,19 +196,19 @@ def test_whom_we_seek_is_published_at_once_and_again_before_it_is_forgotten(goss
         return gossip.node.latest("titan", "/seek").header
 
     gossip.publish_telemetry(Telemetry(5.0, Point(0.0, 0.0), 0.0))
-    assert told() is None, "no robot was sought yet"
+    assert sought() is None, "no robot was sought yet"
     gossip.publish_sought("io", 10.0)
-    assert told() == "io"
+    assert sought() == "io"
     first = published()
     gossip.publish_telemetry(Telemetry(9.0 + SEEK_INTERVAL_S, Point(0.0, 0.0), 0.0))
     assert published() == first
     gossip.publish_telemetry(Telemetry(10.0 + SEEK_INTERVAL_S, Point(0.0, 0.0), 0.0))
-    assert (told(), published() == first) == ("io", False)
+    assert (sought(), published() == first) == ("io", False)
     gossip.publish_sought(None, 50.0)
-    assert told() is None
+    assert sought() is None
 
 
-def test_a_team_without_the_topic_is_told_nothing(gossip_of):
+def test_in_a_team_without_the_topic_nothing_is_published(gossip_of):
     gossip = gossip_of("pennovation")
     gossip.publish_sought("io", 10.0)
     assert gossip.node.latest("titan", "/map") is None

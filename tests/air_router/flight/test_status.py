@@ -27,19 +27,19 @@ class Clock:
         return self.now_s
 
 
-def test_on_a_terminal_the_line_is_drawn_over_and_news_stay():
+def test_on_a_terminal_the_line_is_drawn_over_and_permanent_lines_stay():
     out, clock = Terminal(), Clock()
     status = StatusLine(out, clock)
     status.show(lambda: "a long line")
     status.show(lambda: "not yet")
     clock.now_s = 1.0
     status.show(lambda: "short")
-    status.print_line("news")
+    status.print_line("landed")
     status.show(lambda: "again")
     status.end()
     assert "not yet" not in out.getvalue()
     assert out.getvalue().split("\r")[1:3] == ["a long line", "short      "]
-    assert "news\n" in out.getvalue()
+    assert "landed\n" in out.getvalue()
     assert out.getvalue().endswith("again\n")
 
 
@@ -61,7 +61,7 @@ def test_without_a_terminal_a_line_now_and_then():
     assert out.getvalue() == "line 0\nline 10\n"
 
 
-def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
+def test_the_line_has_state_target_time_left_next_node_and_links(pretend):
     flight = pretend()
     flight.robots = {"io": flight.mission.waypoints[26].position}
     flight.take_off()
@@ -88,7 +88,7 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
     assert line.endswith("| io -61 dBm")
 
 
-def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(airborne):
+def test_the_line_and_the_page_show_the_wind_and_a_home_that_was_moved(airborne):
     flight = airborne()
     moved = HomeMove(0.0, 0.0, -25.0)
     shown = dataclasses.replace(flight.telemetry(), wind_m_s=(6.0, 0.0), home_moved=moved)
@@ -103,7 +103,7 @@ def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(airborne)
     assert (vehicle["wind"], vehicle["home_moved"]) == ("6 m/s from west", True)
 
 
-def test_the_line_and_the_status_say_what_the_mission_waits_for(airborne):
+def test_the_line_and_the_status_show_what_the_mission_waits_for(airborne):
     flight = airborne()
     assert situation(flight.mission.frame, flight.controller.status(), None)["waiting"] is None
     flight.fix = False

@@ -85,7 +85,7 @@ def event_of(events):
     return found
 
 
-def heard(topic, data):
+def received(topic, data):
     return Message("io", topic, Header(2, 0, 10, 0), Priority.HIGH, data, 10.0, 10.0)
 
 
@@ -98,27 +98,27 @@ def path(frame, way):
     return PathMessage(stamp_s=9.0, points=tuple(map(frame.to_geodetic, way))).encode()
 
 
-def test_a_pose_and_a_path_are_news(event_of, pennovation):
+def test_a_pose_and_a_path_are_events(event_of, pennovation):
     place = Point(30.0, -20.0)
     message = pose(pennovation.frame, place)
-    news = event_of(heard("/pose", message.encode()), "europa")
-    assert isinstance(news, RobotPose)
-    assert (news.robot, news.peer, news.stamp_s) == ("io", "europa", 9.0)
-    assert news.position == pytest.approx(place, abs=1e-3)
+    event = event_of(received("/pose", message.encode()), "europa")
+    assert isinstance(event, RobotPose)
+    assert (event.robot, event.peer, event.stamp_s) == ("io", "europa", 9.0)
+    assert event.position == pytest.approx(place, abs=1e-3)
     way = (Point(0.0, 0.0), place)
-    news = event_of(heard("/path", path(pennovation.frame, way)), "io")
-    assert isinstance(news, RobotPath)
-    assert (news.robot, news.stamp_s) == ("io", 9.0)
-    assert [*map(tuple, news.points)] == [pytest.approx(p, abs=1e-3) for p in way]
+    event = event_of(received("/path", path(pennovation.frame, way)), "io")
+    assert isinstance(event, RobotPath)
+    assert (event.robot, event.stamp_s) == ("io", 9.0)
+    assert [*map(tuple, event.points)] == [pytest.approx(p, abs=1e-3) for p in way]
 
 
-def test_a_path_of_many_points_is_told_with_less_detail(event_of, pennovation):
+def test_a_path_of_many_points_is_an_event_with_less_detail(event_of, pennovation):
     way = [Point(i / 10, 40 * math.sin(i / 1000)) for i in range(8000)]
-    news = event_of(heard("/path", path(pennovation.frame, way)), "io")
-    assert len(news.points) <= PATH_POINTS
-    assert news.points[0] == pytest.approx(way[0], abs=1e-3)
-    assert news.points[-1] == pytest.approx(way[-1], abs=1e-3)
-    line = LineString(news.points)
+    event = event_of(received("/path", path(pennovation.frame, way)), "io")
+    assert len(event.points) <= PATH_POINTS
+    assert event.points[0] == pytest.approx(way[0], abs=1e-3)
+    assert event.points[-1] == pytest.approx(way[-1], abs=1e-3)
+    line = LineString(event.points)
     assert max(line.distance(ShapelyPoint(p)) for p in way[::50]) <= 2.1
 
 
@@ -132,10 +132,10 @@ def test_a_path_that_no_robot_drives_takes_no_longer_to_read(event_of, pennovati
 
     monkeypatch.setattr("air_router.gossip.team_messages.LineString", line)
     way = [Point(i / 2, 4000.0 * (i % 2)) for i in range(10_000)]
-    news = event_of(heard("/path", path(pennovation.frame, way)), "io")
+    event = event_of(received("/path", path(pennovation.frame, way)), "io")
     assert max(looked_at) <= PATH_READ + 1
-    assert len(news.points) <= PATH_POINTS
-    assert news.points[-1] == pytest.approx(way[-1], abs=1e-3)
+    assert len(event.points) <= PATH_POINTS
+    assert event.points[-1] == pytest.approx(way[-1], abs=1e-3)
 
 
 def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, monkeypatch):
@@ -147,7 +147,9 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
     gossip._budget = Budget(COSTLY_PER_S, 2.0, lambda: now_s[0])
     for number in range(50):
         goals = GoalsMessage(stamp_s=1.0, id=str(number), points=(place,)).encode()
-        monkeypatch.setattr(gossip.node, "latest", lambda _, topic, data=goals: heard(topic, data))
+        monkeypatch.setattr(
+            gossip.node, "latest", lambda _, topic, data=goals: received(topic, data)
+        )
         stored = MessageStored("europa", 10.0, "io", "/goals", Header(2, 0, 10, 0), len(goals))
         gossip._translate(stored)
     assert [number for number in given if number is not None] == ["0", "1"]
@@ -159,7 +161,7 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
 
 def test_only_what_the_mission_may_use_is_decompressed(events, pennovation):
     read = []
-    message = heard("/pose", pose(pennovation.frame, Point(30.0, -20.0)).encode())
+    message = received("/pose", pose(pennovation.frame, Point(30.0, -20.0)).encode())
     given = events(
         *(
             MessageStored("europa", 10.0, "io", topic, Header(2, 0, 10, 0), 1)
@@ -171,7 +173,7 @@ def test_only_what_the_mission_may_use_is_decompressed(events, pennovation):
     assert len(given) == 5
 
 
-def test_nothing_is_said_later_than_it_is_heard(pennovation):
+def test_nothing_is_published_later_than_it_is_received(pennovation):
     reader, later = TeamMessageDecoder(pennovation.frame), 9.9e10
     latitude_deg, longitude_deg = pennovation.frame.to_geodetic(Point(30.0, -20.0))
     there = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
@@ -188,24 +190,24 @@ def test_nothing_is_said_later_than_it_is_heard(pennovation):
     "data",
     [b"", b"{}", b"\xff\x00", b'{"stamp_s": 1, "latitude_deg": 95, "longitude_deg": 0}'],
 )
-def test_junk_is_no_news_of_the_robot(event_of, data):
-    assert isinstance(event_of(heard("/pose", data), "io"), PeerFault)
-    assert isinstance(event_of(heard("/path", data), "io"), PeerFault)
+def test_junk_is_a_fault_of_the_robot(event_of, data):
+    assert isinstance(event_of(received("/pose", data), "io"), PeerFault)
+    assert isinstance(event_of(received("/path", data), "io"), PeerFault)
 
 
-def test_what_cannot_be_read_is_told_once_for_each_topic(event_of):
-    told = []
+def test_what_cannot_be_read_is_reported_once_for_each_topic(event_of):
+    reported = []
     for _ in range(3):
-        told.append(event_of(heard("/pose", b"{}"), "io"))
-        told.append(event_of(heard("/path", b"{}"), "europa"))
-    assert told[2:] == [None] * 4
-    assert [fault.words.partition(" cannot")[0] for fault in told[:2]] == [
+        reported.append(event_of(received("/pose", b"{}"), "io"))
+        reported.append(event_of(received("/path", b"{}"), "europa"))
+    assert reported[2:] == [None] * 4
+    assert [fault.words.partition(" cannot")[0] for fault in reported[:2]] == [
         "/pose of io",
         "/path of io",
     ]
 
 
-def test_a_robot_that_is_met_and_says_nothing_is_told_once(events):
+def test_a_robot_that_is_met_and_publishes_nothing_is_reported_once(events):
     """Not one that does, and not one that is met but a few times."""
     delivered = events(
         *(
@@ -216,29 +218,29 @@ def test_a_robot_that_is_met_and_says_nothing_is_told_once(events):
         ),
         latest=lambda robot, _: robot == "europa" or None,
     )
-    (told,) = [event.words for event in delivered if isinstance(event, PeerFault)]
-    assert told.startswith("io was synced with 5 times but published nothing on /pose (json/Pose)")
+    (fault,) = [event.words for event in delivered if isinstance(event, PeerFault)]
+    assert fault.startswith("io was synced with 5 times but published nothing on /pose (json/Pose)")
 
 
 def test_of_several_messages_in_one_the_newest_is_read(event_of, pennovation):
     """As a topic with `aggregate` brings them."""
     old, new = (pose(pennovation.frame, Point(3.0, north)).encode() for north in (4.0, 5.0))
-    several = dataclasses.replace(heard("/pose", b"packed"), parts=(old, new))
+    several = dataclasses.replace(received("/pose", b"packed"), parts=(old, new))
     assert event_of(several, "io").position == pytest.approx((3.0, 5.0), abs=1e-3)
 
 
 def test_a_message_without_a_stamp_is_as_old_as_when_its_node_took_it(event_of, pennovation):
     unstamped = pose(pennovation.frame, Point(3.0, 4.0)).model_copy(update={"stamp_s": 0.0})
-    assert event_of(heard("/pose", unstamped.encode()), "io").stamp_s == 10.0
+    assert event_of(received("/pose", unstamped.encode()), "io").stamp_s == 10.0
 
 
 def test_a_place_beyond_every_mission_is_not_sought(event_of, pennovation):
     far = pose(pennovation.frame, Point(0.0, FARTHEST_M + 10.0))
-    assert isinstance(event_of(heard("/pose", far.encode()), "io"), PeerFault)
+    assert isinstance(event_of(received("/pose", far.encode()), "io"), PeerFault)
     way = path(pennovation.frame, (Point(0.0, 0.0), Point(0.0, FARTHEST_M + 10.0)))
-    assert isinstance(event_of(heard("/path", way), "io"), PeerFault)
+    assert isinstance(event_of(received("/path", way), "io"), PeerFault)
     antipode = b'{"stamp_s": 1, "latitude_deg": -39.9, "longitude_deg": 104.8}'
-    assert event_of(heard("/pose", antipode), "io") is None
+    assert event_of(received("/pose", antipode), "io") is None
 
 
 @pytest.mark.parametrize("corner", [Point(9_000.0, 7_000.0), Point(-2_000.0, 2_100.0)])
@@ -353,11 +355,11 @@ def test_goals_of_a_base_station_come_once_and_their_answer_goes_back(pennovatio
     assert request.points[0] == pytest.approx(place, abs=1e-3)
     assert (request.by, request.request_id, request.hold_s) == ("basestation", "a7", 9.0)
     assert request.waits
-    said = AnswerMessage.decode(answer)
-    assert (said.to, said.id, said.accepted, said.code) == ("basestation", "a7", False, "no-way")
-    said = AnswerMessage.decode(last)
-    assert (said.id, said.accepted, said.code) == ("b2", False, "not-read")
-    assert "points.0.0: Input should be less than or equal to 90" in said.why
+    sent = AnswerMessage.decode(answer)
+    assert (sent.to, sent.id, sent.accepted, sent.code) == ("basestation", "a7", False, "no-way")
+    sent = AnswerMessage.decode(last)
+    assert (sent.id, sent.accepted, sent.code) == ("b2", False, "not-read")
+    assert "points.0.0: Input should be less than or equal to 90" in sent.why
 
 
 def test_goals_of_others_for_others_too_late_or_broken_are_no_requests(pennovation):
@@ -393,7 +395,7 @@ def test_a_whole_flight_goes_where_a_base_station_wants_it(pennovation, pretend_
     wall_s = iter(range(10**9))
     clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
     vehicle, mapper = pretend_vehicle(mission, clock), Mapper(mission)
-    said = io.StringIO()
+    printed = io.StringIO()
     with Node(team, "basestation") as base, Recorder(None, "m") as recorder:
         goals = GoalsMessage(stamp_s=1.0, id="a7", points=(frame.to_geodetic(place),), hold_s=1.0)
         base.publish("/goals", goals.encode())
@@ -405,13 +407,13 @@ def test_a_whole_flight_goes_where_a_base_station_wants_it(pennovation, pretend_
             mapper=mapper,
             seek=("basestation",),
             recorder=recorder,
-            status=StatusLine(said),
+            status=StatusLine(printed),
             arm=True,
         )
 
         def on_step():
             back = base.latest("titan", "/answers")
-            if back is not None and "at the last point" in said.getvalue():
+            if back is not None and "at the last point" in printed.getvalue():
                 vehicle.on_step = lambda: None
                 flight.commands.submit(ComeHome())
 

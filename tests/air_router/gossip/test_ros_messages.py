@@ -71,19 +71,19 @@ def local(kind, **position):
 
 @pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("kind", [FIX, *LOCAL_POSES])
-def test_what_a_simulated_robot_says_is_read_as_it_was_meant(kind, ros):
+def test_what_a_simulated_robot_publishes_is_read_as_it_was_meant(kind, ros):
     team = team_of(("/odometry", kind), ("/plan", PATH), ros=ros, datum=placed(", 90"))
     speech, readers = RosMessages(team), readers_of(team)
     pose = PoseMessage(stamp_s=1.7e9, latitude_deg=PLACE[0], longitude_deg=PLACE[1])
     path = PathMessage(stamp_s=1.7e9, points=(DATUM, PLACE))
     assert speech.topics("io") == {"/odometry", "/plan", "/pose", "/path"}
-    said = speech.of(Publication("io", "/pose", pose.encode()))
-    assert said.topic == "/odometry"
-    heard = readers["io", said.topic](said.data)
-    assert heard.stamp_s == 1.7e9
-    assert (heard.latitude_deg, heard.longitude_deg) == pytest.approx(PLACE, abs=1e-9)
-    said = speech.of(Publication("io", "/path", path.encode()))
-    points = readers["io", said.topic](said.data).points
+    published = speech.of(Publication("io", "/pose", pose.encode()))
+    assert published.topic == "/odometry"
+    received = readers["io", published.topic](published.data)
+    assert received.stamp_s == 1.7e9
+    assert (received.latitude_deg, received.longitude_deg) == pytest.approx(PLACE, abs=1e-9)
+    published = speech.of(Publication("io", "/path", path.encode()))
+    points = readers["io", published.topic](published.data).points
     assert [*points[0], *points[1]] == pytest.approx([*DATUM, *PLACE], abs=1e-9)
 
 
@@ -91,10 +91,10 @@ def test_x_is_turned_from_east_by_the_yaw_of_the_datum():
     """A path of metres north is one along x where x is turned by 90 degrees."""
     team = team_of(("/odom", "nav_msgs/Odometry"), datum=placed(", 90"))
     since_boot = {"header": {"stamp": {"sec": 12}}}  # of a clock that shows no time of day
-    said = read(team, "/odom", {**local("nav_msgs/Odometry", x=100.0, y=30.0), **since_boot})
-    place = LocalFrame(DATUM).to_local(said.latitude_deg, said.longitude_deg)
+    published = read(team, "/odom", {**local("nav_msgs/Odometry", x=100.0, y=30.0), **since_boot})
+    place = LocalFrame(DATUM).to_local(published.latitude_deg, published.longitude_deg)
     assert place == pytest.approx((-30.0, 100.0), abs=1e-6)
-    assert said.stamp_s == 0.0
+    assert published.stamp_s == 0.0
 
 
 def test_no_fix_is_no_place():
@@ -147,13 +147,15 @@ def test_the_map_as_an_occupancy_grid(ros):
     grid = SemanticGrid.blank(DATUM, 0.5, Point(10.0, 20.0), Point(12.0, 21.0))
     grid.paint(GridPatch(10.0, 20.0, 0.5, np.array([[1, 3, 2, 0]], dtype=np.uint8)))
     team = team_of(("/fix", FIX), titan=place)
-    said = CODEC.decode(OCCUPANCY, occupancy_writer(team, "titan")(grid, 1.7e9 + 0.5), ros)
-    assert (said.header.stamp.sec, said.header.stamp.nanosec) == (1_700_000_000, 500_000_000)
-    assert (said.info.width, said.info.height, said.info.resolution) == (4, 2, 0.5)
-    origin = said.info.origin
+    grid_message = CODEC.decode(OCCUPANCY, occupancy_writer(team, "titan")(grid, 1.7e9 + 0.5), ros)
+    stamp = grid_message.header.stamp
+    assert (stamp.sec, stamp.nanosec) == (1_700_000_000, 500_000_000)
+    info = grid_message.info
+    assert (info.width, info.height, info.resolution) == (4, 2, 0.5)
+    origin = info.origin
     assert (origin.position.x, origin.position.y) == pytest.approx((-90.0, 20.0), abs=1e-2)
     assert (origin.orientation.z, origin.orientation.w) == pytest.approx((0.0, 1.0), abs=1e-4)
-    assert said.data.tolist() == [0, 100, 50, -1, -1, -1, -1, -1]
+    assert grid_message.data.tolist() == [0, 100, 50, -1, -1, -1, -1, -1]
 
 
 def test_both_maps_are_published(pennovation):

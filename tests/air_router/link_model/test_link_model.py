@@ -28,7 +28,7 @@ def probability(model, here, place, height_m=HEIGHT_M):
 
 
 def sampled(linked, count=300, seed=1):
-    """Links that were measured all over the town, by what `linked` says of them."""
+    """Links that were measured all over the town, by the verdict of `linked`."""
     chance = random.Random(seed)
     samples = []
     for number in range(count):
@@ -39,7 +39,7 @@ def sampled(linked, count=300, seed=1):
     return samples
 
 
-def test_before_anything_is_measured_the_near_are_heard_better_than_the_far():
+def test_before_anything_is_measured_the_near_are_received_better_than_the_far():
     for kind in MODELS:
         model = fitted(kind, [], town())
         near, far = (probability(model, (east, 0), (0, 0)) for east in (10, 190))

@@ -114,7 +114,7 @@ def test_every_robot_is_named_once_and_those_that_another_uav_seeks_come_last():
     assert "a" not in order[0].over
 
 
-def test_robots_that_were_never_heard_are_sought_as_by_a_tour():
+def test_robots_that_were_never_received_are_sought_as_by_a_tour():
     targets = TargetList(("a", "b"))
     found = list(LinkTour().order(targets, context_at((0, 0), reach_m=150)))
     assert [place.position for place in found] == [None, None]

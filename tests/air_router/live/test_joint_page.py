@@ -21,11 +21,11 @@ LIMIT_S = 60
 
 
 class FlightPage:
-    """The page of a pretended flight: greets, and says back what it hears."""
+    """The page of a pretended flight: greets, and returns what it receives."""
 
     def __init__(self, name, token=None):
         self.name = name
-        self.heard = []
+        self.received = []
         self.audience = Browsers(self._receive, self._welcome)
         self._token = token
 
@@ -33,8 +33,8 @@ class FlightPage:
         outbox.post("welcome", f"{self.name} greets")
 
     def _receive(self, outbox, text):
-        self.heard.append(text)
-        outbox.post(f"answer {len(self.heard)}", f"{self.name}: {text[:10]}")
+        self.received.append(text)
+        outbox.post(f"answer {len(self.received)}", f"{self.name}: {text[:10]}")
 
     @contextlib.asynccontextmanager
     async def serving(self, port=0):
@@ -105,11 +105,11 @@ def test_texts_go_to_one_flight_and_answers_come_back():
                 assert await text(second) == await text(third) == "atlas greets"
                 await second.send_str("hold")
                 assert await text(second) == "atlas: hold"
-                atlas.audience.broadcast("news", "landed")
+                atlas.audience.broadcast("line", "landed")
                 assert await text(second) == await text(third) == "landed"
                 async with browser.looking("io") as unanswered:
                     assert await why_closed(unanswered) == "does not answer"
-        return titan.heard, atlas.heard
+        return titan.received, atlas.received
 
     assert asyncio.run(look()) == ([], ["hold"])
 
@@ -140,7 +140,7 @@ def test_a_flight_that_goes_and_comes_back_disturbs_no_other():
     asyncio.run(look())
 
 
-def test_what_is_no_flight_and_what_says_too_much_is_given_up():
+def test_what_is_no_flight_and_what_sends_too_much_is_given_up():
     """Also what closes at once, talks no HTTP, sends us elsewhere, or requires another token."""
 
     async def garbage(reader, writer):
@@ -149,7 +149,7 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
         writer.close()
 
     async def elsewhere(request):
-        elsewhere.asked += 1
+        elsewhere.requested += 1
         raise web.HTTPFound("/other/socket")
 
     async def long(request):
@@ -176,7 +176,7 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
         return PageAddress("127.0.0.1", runner.addresses[0][1])
 
     async def look():
-        elsewhere.asked = 0
+        elsewhere.requested = 0
         async with contextlib.AsyncExitStack() as stack:
             titan = await stack.enter_async_context(FlightPage("titan", "secret").serving())
             mail = await asyncio.start_server(garbage, "127.0.0.1", 0)
@@ -194,13 +194,13 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
             browser = await stack.enter_async_context(looking_at(places))
             first = await stack.enter_async_context(browser.looking("titan"))
             assert await text(first) == "titan greets"
-            said = {}
+            reasons = {}
             for name in list(places)[1:]:
                 async with browser.looking(name) as socket:
-                    said[name] = await why_closed(socket)
+                    reasons[name] = await why_closed(socket)
             await first.send_str("resume")
             assert await text(first) == "titan: resume"
-            return said
+            return reasons
 
     assert asyncio.run(look()) == {
         "intruder": "requires another token",
@@ -210,7 +210,7 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
         "long": "sends messages that are too long",
         "binary": "does not answer",
     }
-    assert elsewhere.asked == 1
+    assert elsewhere.requested == 1
 
 
 def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
@@ -240,7 +240,7 @@ def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
 
 
 @pytest.mark.parametrize(
-    ("said", "place", "token"),
+    ("url", "place", "token"),
     [
         ("http://127.0.0.1:8426/", "127.0.0.1:8426", None),
         ("http://192.168.1.11:8425/?token=a-b_C", "192.168.1.11:8425", "a-b_C"),
@@ -250,11 +250,11 @@ def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
         ("http://titan.local", "titan.local:80", None),
     ],
 )
-def test_addresses(said, place, token):
-    address = PageAddress.of(said)
+def test_addresses(url, place, token):
+    address = PageAddress.of(url)
     assert (address.place, address.token) == (place, token)
-    assert PageAddress.in_line(f"the flight is shown at {said}") == address
-    assert PageAddress.in_line(f"shown at {said}") is None
+    assert PageAddress.in_line(f"the flight is shown at {url}") == address
+    assert PageAddress.in_line(f"shown at {url}") is None
 
 
 @pytest.mark.parametrize(
@@ -266,38 +266,38 @@ def test_what_is_no_address(text):
         PageAddress.of(text)
 
 
-def test_watch_says_what_is_wrong_with_its_command_line(capsys):
-    for words, said in (
+def test_watch_prints_what_is_wrong_with_its_command_line(capsys):
+    for arguments, message in (
         (["ftp://a"], "not the address"),
         (["a", "http://a:8425/"], "a:8425 is given twice"),
         (["a", "--web", "70000"], "not a port"),
     ):
-        assert main(["watch", *words]) == ExitCode.USAGE
-        assert said in capsys.readouterr().err
+        assert main(["watch", *arguments]) == ExitCode.USAGE
+        assert message in capsys.readouterr().err
     nowhere = ["watch", "a", "--web-host", "192.0.2.7", "--web", "0"]
     assert main(nowhere) == ExitCode.ENDED_OTHERWISE
     assert "cannot serve the page on 192.0.2.7" in capsys.readouterr().err
 
 
 def test_watch_serves_until_it_is_interrupted(monkeypatch):
-    said = []
+    printed = []
 
     def say(text):
-        said.append(text)
+        printed.append(text)
         os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(watch_command, "say", say)
     assert main(["watch", "titan.local", "atlas.local", "--web", "0"]) == ExitCode.DONE
-    assert said[0].startswith("the flights are shown at http://127.0.0.1:")
+    assert printed[0].startswith("the flights are shown at http://127.0.0.1:")
 
 
-def test_beside_something_else_it_ends_with_it_and_a_port_that_is_taken_is_told():
-    said = []
-    with shown_beside(JointPage(["titan"], Web()), said.append):
-        port = PageAddress.of(said[0].removeprefix("the flights are shown at ")).port
-        taken = shown_beside(JointPage(["titan"], Web(port=port)), said.append)
+def test_beside_something_else_it_ends_with_it_and_a_port_that_is_taken_is_reported():
+    printed = []
+    with shown_beside(JointPage(["titan"], Web()), printed.append):
+        port = PageAddress.of(printed[0].removeprefix("the flights are shown at ")).port
+        taken = shown_beside(JointPage(["titan"], Web(port=port)), printed.append)
         with pytest.raises(ServeError, match=f"127.0.0.1:{port}"), taken:
             pass
     assert [thread.name for thread in threading.enumerate()].count("page") == 0
-    with shown_beside(JointPage(["titan"], Web(port=port)), said.append):
-        assert len(said) == 2
+    with shown_beside(JointPage(["titan"], Web(port=port)), printed.append):
+        assert len(printed) == 2

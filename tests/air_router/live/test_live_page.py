@@ -1,4 +1,4 @@
-"""What the live page of a flight is told; tests/system/test_whole_flight.py looks at the page."""
+"""What the live page of a flight is sent; tests/system/test_whole_flight.py looks at the page."""
 
 import asyncio
 import base64
@@ -35,7 +35,7 @@ ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": 
 
 
 class Shown:
-    """A pretended flight that tells its page everything, as the flight shell does."""
+    """A pretended flight that updates its page, as the flight shell does."""
 
     def __init__(self, flight, web=HERE):
         self.flight = flight
@@ -48,7 +48,7 @@ class Shown:
             mapper=self.mapper,
             web=web,
         )
-        self._told = [len(flight.events), len(flight.actions)]
+        self._sent = [len(flight.events), len(flight.actions)]
 
     def status(self):
         links = {
@@ -58,21 +58,21 @@ class Shown:
 
     def deliver(self, request):
         decided = self.flight.deliver(request)
-        self.tell()
+        self.update()
         return decided
 
-    def tell(self):
+    def update(self):
         flight = self.flight
-        for event, now_s in flight.events[self._told[0] :]:
+        for event, now_s in flight.events[self._sent[0] :]:
             self.page.step(event, (), now_s)
-        decided = flight.actions[self._told[1] :]
+        decided = flight.actions[self._sent[1] :]
         self.page.step(None, decided, flight.now_s)
-        self._told = [len(flight.events), len(flight.actions)]
+        self._sent = [len(flight.events), len(flight.actions)]
 
     def fly(self, steps=1):
         for _ in range(steps):
             self.flight.step()
-        self.tell()
+        self.update()
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def flight(pretend):
     return made
 
 
-def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight):
+def test_a_page_that_is_opened_late_is_sent_everything_and_sends_requests(flight):
     shown = Shown(flight)
 
     def paint(west_m, cells):
@@ -92,20 +92,21 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
         assert shown.mapper.paint(GridPatch(*corner, 1.0, cells).encode())
 
     async def look():
-        said = []
+        printed = []
         paint(10.0, np.full((3, 4), Terrain.ROAD, dtype=np.uint8))
-        async with shown.page.serving(said.append) as address, aiohttp.ClientSession() as browser:
+        serving = shown.page.serving(printed.append)
+        async with serving as address, aiohttp.ClientSession() as browser:
             shown.fly(300)
             async with browser.ws_connect(f"{address}socket") as socket:
 
                 async def until(kind):
                     while True:
                         message = json.loads((await socket.receive(30)).data)
-                        told[message["type"]] = message
+                        sent[message["type"]] = message
                         if message["type"] == kind:
                             return message
 
-                told = {}
+                sent = {}
                 await until("links")
                 paint(30.0, np.full((2, 2), Terrain.GRASS, dtype=np.uint8))
                 await until("piece")
@@ -120,25 +121,25 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
                     answers.append(await until(kind))
                 await socket.send_str("[" * 50_000)
                 answers.append(await until("refused"))
-        return said, told, answers
+        return printed, sent, answers
 
-    said, told, answers = asyncio.run(look())
-    assert said[0].startswith("the flight is shown at http://127.0.0.1:")
-    assert {"scenery", "vehicle", "robots", "links", "track", "log"} <= told.keys()
-    areas = told["scenery"]["areas"]
+    printed, sent, answers = asyncio.run(look())
+    assert printed[0].startswith("the flight is shown at http://127.0.0.1:")
+    assert {"scenery", "vehicle", "robots", "links", "track", "log"} <= sent.keys()
+    areas = sent["scenery"]["areas"]
     assert [area["fence"] for area in areas].count(True) == len(flight.mission.fences)
     assert len(areas) == len(flight.mission.fences) + len(flight.mission.zones)
     assert all(area["outline"] and len(area["buffers"]) == 2 for area in areas)
-    assert len(told["scenery"]["places"]) == 1 + 39 + len(flight.mission.rally_points)
-    assert len(told["track"]["points"]) > 50
-    seen = [told["map"]["piece"], told["piece"]]
+    assert len(sent["scenery"]["places"]) == 1 + 39 + len(flight.mission.rally_points)
+    assert len(sent["track"]["points"]) > 50
+    seen = [sent["map"]["piece"], sent["piece"]]
     assert [(p["row"], p["column"], p["rows"], p["columns"]) for p in seen if p][-1] == (
         20,
         30,
         2,
         2,
     )
-    assert base64.b64decode(told["piece"]["cells"]) == bytes([Terrain.GRASS] * 4)
+    assert base64.b64decode(sent["piece"]["cells"]) == bytes([Terrain.GRASS] * 4)
     assert answers[0]["accepted"]
     assert flight.controller.state is State.HOLD
     assert "no request 'dance'" in answers[1]["why"]
@@ -151,8 +152,8 @@ def scene_of(flight):
 
 
 def test_the_scene_follows_events_and_forgets_old_lines(flight):
-    heard = Reading(47.0, Unit.DEVICE, "rajant")
-    links = {"io": LinkMetrics("io", signal=heard, bytes_out=900)}  # to a peer that was there
+    reading = Reading(47.0, Unit.DEVICE, "rajant")
+    links = {"io": LinkMetrics("io", signal=reading, bytes_out=900)}  # to a peer that was there
 
     def status():
         return dataclasses.replace(flight.controller.status(), links=links)
@@ -165,8 +166,8 @@ def test_the_scene_follows_events_and_forgets_old_lines(flight):
     scene.step(flight.telemetry(), (), 52.0)
     line = scene.link_lines(status())[0]
     assert line["syncs"] == 1
-    told = (line["lit"], line["signal"], line["unit"], line["synced_ago_s"])
-    assert told == (False, 47.0, "device", 1.5)
+    shown = (line["lit"], line["signal"], line["unit"], line["synced_ago_s"])
+    assert shown == (False, 47.0, "device", 1.5)
     scene.step(flight.telemetry(), (), 52.5)  # the same second counts once
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 53.0)
     scene.step(flight.telemetry(), (), 53.1)
@@ -188,7 +189,7 @@ def test_the_scene_follows_events_and_forgets_old_lines(flight):
     assert scene.vehicle(status())["what"] == State.HOLD.value
 
 
-def test_lines_that_come_again_say_how_often_but_no_alarm_and_no_answer_does(flight):
+def test_lines_that_come_again_have_a_count_but_no_alarm_and_no_answer_does(flight):
     scene = scene_of(flight)
     info, warning = Announce("searching"), Announce("too near", Severity.WARNING, BE_READY)
     alarm = Announce("breach", Severity.ALARM, FLY_OUT)
@@ -196,8 +197,8 @@ def test_lines_that_come_again_say_how_often_but_no_alarm_and_no_answer_does(fli
         scene.step(None, (info, warning), 50.0 + second)
     scene.step(None, (alarm, alarm, info, CommandAck("7", "eve", False, "no"), info, info), 53.0)
     scene.step(None, (info,), 50.0 + 10 * PAUSE_S)
-    told = [(line["text"].partition(".")[0], line.get("again")) for line in scene.log.since()]
-    assert told == [
+    shown = [(line["text"].partition(".")[0], line.get("again")) for line in scene.log.since()]
+    assert shown == [
         ("searching", None),
         ("too near", None),
         ("searching", "again"),

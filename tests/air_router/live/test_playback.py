@@ -91,7 +91,7 @@ def test_a_record_without_a_flight_is_refused(record, tmp_path, capsys):
     assert main(["replay", "x.mcap", "--web", "70000"]) == ExitCode.USAGE
 
 
-def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
+def test_the_viewer_steers_the_film_and_requests_nothing_else(record):
     film = RecordedFlight(record)
     playback = Playback(film, Web(), speed=100.0)
 
@@ -106,7 +106,7 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
                     if condition(message):
                         return message
 
-            async def ask(**values):
+            async def send(**values):
                 await socket.send_str(json.dumps({"id": 7, **values}))
                 return await until(lambda message: message.get("id") == 7)
 
@@ -114,15 +114,15 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
                 lambda m: m["type"] == "playback" and m["now_s"] >= m["end_s"] - 0.2
             )
             refused = [
-                await ask(request="hold"),
-                await ask(ask="speed", speed=-1),
-                await ask(ask="go", to_s="x"),
-                await ask(ask="dance"),
-                await ask(ask="go", to_s=math.nan),
+                await send(request="hold"),
+                await send(ask="speed", speed=-1),
+                await send(ask="go", to_s="x"),
+                await send(ask="dance"),
+                await send(ask="go", to_s=math.nan),
             ]
-            assert (await ask(ask="go", to_s=10**400))["type"] == "done"
-            assert (await ask(ask="pause", paused=True))["type"] == "done"
-            assert (await ask(ask="go", to_s=ended["begin_s"] + 20.0))["type"] == "done"
+            assert (await send(ask="go", to_s=10**400))["type"] == "done"
+            assert (await send(ask="pause", paused=True))["type"] == "done"
+            assert (await send(ask="go", to_s=ended["begin_s"] + 20.0))["type"] == "done"
             await until(lambda m: m["type"] == "welcome")
             back = await until(lambda m: m["type"] == "playback")
             vehicle = await until(lambda m: m["type"] == "vehicle")
@@ -152,7 +152,7 @@ def test_a_flight_that_ended_by_a_fault_is_shown_up_to_its_end(record, monkeypat
     assert marks[-1]["text"] == "no decision: ZeroDivisionError: of ours"
 
 
-def test_a_page_that_fails_to_show_something_says_so_now_and_then_and_goes_on(record, caplog):
+def test_a_page_that_fails_to_show_something_logs_so_now_and_then_and_goes_on(record, caplog):
     film = RecordedFlight(record)
     page = LivePage(film.status, film.router, None, mapper=film.mapper)
     page.scene.step = lambda *_: 1 / 0

@@ -109,9 +109,9 @@ def test_layers_and_homes_that_are_too_close(tmp_path):
         ("homes-too-close", 18),
         ("layers-too-close", 18),
     }
-    words = " ".join(message for _, _, message in found)
-    assert "'titan' flies 9 m from the layer of 'atlas', 10 m are to lie between two" in words
-    assert "the homes of 'atlas' and 'titan' are 18.0 m apart, it takes 20 m" in words
+    text = " ".join(message for _, _, message in found)
+    assert "'titan' flies 9 m from the layer of 'atlas', 10 m are to lie between two" in text
+    assert "the homes of 'atlas' and 'titan' are 18.0 m apart, it takes 20 m" in text
 
 
 def test_layers_and_homes_may_be_as_close_as_they_have_to_be_apart(tmp_path):
@@ -133,7 +133,7 @@ def test_layers_count_from_the_sea_where_the_grounds_at_the_homes_differ(tmp_pat
     assert "flies 3 m from the layer" in found[2]
 
 
-def test_what_is_wrong_for_one_is_told_of_that_one(tmp_path):
+def test_what_is_wrong_for_one_is_reported_of_that_one(tmp_path):
     (found,) = problems(tmp_path, ("[80, -30]", "[45, -20]"))
     assert found[0] == "waypoint-in-zone"
     assert found[2].endswith("(for atlas)")
@@ -176,7 +176,7 @@ kinds:
 """
 
 
-def test_a_team_in_which_they_do_not_hear_each_other_is_noted(tmp_path):
+def test_a_team_in_which_they_do_not_receive_each_other_is_noted(tmp_path):
     (tmp_path / "team.yaml").write_text(TEAM)
     mission = load_mission(write(tmp_path, PAIR + "team: team.yaml\n"))
     codes = [note.code for note in mission.notes]
@@ -209,7 +209,7 @@ def test_what_is_written_back_is_the_same_mission(tmp_path):
         assert (two.explore, two.uav) == (one.explore, one.uav)
         assert len(two.layers) == 2
     validate(placed, findings)
-    assert mission_text(placed, tmp_path) == text, "judging leaves the file's own words alone"
+    assert mission_text(placed, tmp_path) == text, "judging leaves the file's own text alone"
 
 
 def test_a_return_of_the_autopilot_stays_below_the_layer_above(tmp_path):
@@ -237,8 +237,8 @@ def test_a_vehicle_that_stands_beside_its_home_does_not_take_off(tmp_path):
     info = VehicleInfo(1, "PX4", "1.17.0", mission.home, 6.7)
 
     def verdict(away_m):
-        told = Telemetry(1.0, Point(away_m, 0.0), 0.0, mode=FlightMode.HOLD)
-        return place(mission, router, info, told).verdict
+        telemetry = Telemetry(1.0, Point(away_m, 0.0), 0.0, mode=FlightMode.HOLD)
+        return place(mission, router, info, telemetry).verdict
 
     assert [verdict(away_m) for away_m in (0.0, 4.9, 5.1)] == [
         CheckVerdict.GOOD,
@@ -257,12 +257,12 @@ def test_a_plan_is_for_one_uav_whichever_that_is(tmp_path):
         load_flown(tmp_path / "mission.yaml", "europe")
 
 
-def test_check_tells_who_flies_where(tmp_path, capsys):
+def test_check_prints_who_flies_where(tmp_path, capsys):
     path = str(write(tmp_path))
     assert main(["check", path]) == 0
-    said = capsys.readouterr().out
-    assert "atlas: 48 m above its home, only searches (its mission is shown here)" in said
-    assert "titan: 60 m above its home, explores and searches\n" in said
+    printed = capsys.readouterr().out
+    assert "atlas: 48 m above its home, only searches (its mission is shown here)" in printed
+    assert "titan: 60 m above its home, explores and searches\n" in printed
     assert main(["check", path, "--uav", "titan", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["cruise_m"] == [55.0, 65.0]

@@ -1,4 +1,4 @@
-"""What goes on board: nodes as items; the fence, and what PX4 cannot be told of it."""
+"""What goes on board: nodes as items; the fence, and what PX4 cannot store of it."""
 
 import dataclasses
 import math
@@ -170,7 +170,7 @@ def test_sides_that_are_straight_in_degrees_need_no_corners_in_between(tmp_path)
     ]
 
 
-def test_on_the_antimeridian_px4_is_not_told_what_it_cannot_test(tmp_path):
+def test_on_the_antimeridian_px4_is_not_sent_what_it_cannot_test(tmp_path):
     areas = (
         "fence: {polygon: [[-300, -300], [300, -300], [300, 300], [-300, 300]]}\n"
         "no_fly_zones: [{name: mast, circle: {centre: [0, 90], radius_m: 30}}]\n"
@@ -190,7 +190,7 @@ def fenced(folder, circles):
     return mission_of(folder, f"fence: {{polygon: {ring}}}\nno_fly_zones: [{zones}]\n")
 
 
-def said_of(mission):
+def printed_of(mission):
     return "\n".join(summary(MissionSurvey(WaypointGraph(mission))))
 
 
@@ -205,7 +205,7 @@ def test_as_many_points_as_px4_stores_are_in_order(tmp_path):
 
 def test_more_points_than_px4_stores_are_noted(tmp_path):
     mission = fenced(tmp_path, 9)
-    assert "MORE THAN THE 64" in said_of(mission)
+    assert "MORE THAN THE 64" in printed_of(mission)
     assert len(fence_plan(mission).items) == 65 == FENCE_POINTS + 1
     (note,) = mission.notes
     assert (note.code, note.line) == ("fence-points", 6)

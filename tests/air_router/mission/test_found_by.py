@@ -43,13 +43,13 @@ def written(folder, keys=BASE, *change):
     return path
 
 
-def test_it_says_by_what_each_robot_is_found(tmp_path, capsys):
-    """A base station that sends goals and says no place is not sought by itself."""
+def test_it_prints_by_what_each_robot_is_found(tmp_path, capsys):
+    """A base station that sends goals and no position is not sought by itself."""
     path = str(written(tmp_path))
     assert main(["check", path]) == 0
-    said = capsys.readouterr().out
-    assert "  found by   /fix (sensor_msgs/NavSatFix): io\n" in said
-    assert "  found by   /pose (json/Pose): oi\n" in said
+    printed = capsys.readouterr().out
+    assert "  found by   /fix (sensor_msgs/NavSatFix): io\n" in printed
+    assert "  found by   /pose (json/Pose): oi\n" in printed
     assert main(["check", "--json", path]) == 0
     assert json.loads(capsys.readouterr().out)["found_by"] == {
         "io": {"topic": "/fix", "type": "sensor_msgs/NavSatFix"},
@@ -58,7 +58,7 @@ def test_it_says_by_what_each_robot_is_found(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("keys", "change", "said"),
+    ("keys", "change", "message"),
     [
         ("", (), "team.yaml:5:9: 'base' is sought, and none of its topics has its position"),
         (BASE, ODOMETRY, "team.yaml:4:7: 'oi' is sought and reports its position in metres"),
@@ -68,10 +68,10 @@ def test_it_says_by_what_each_robot_is_found(tmp_path, capsys):
         (BASE, ("kind: rover", "kind: aerial_robot"), "2 robots of kind aerial_robot; add 'uav'"),
     ],
 )
-def test_what_cannot_be_flown(keys, change, said, tmp_path):
+def test_what_cannot_be_flown(keys, change, message, tmp_path):
     with pytest.raises(DocumentError) as caught:
         load_mission(written(tmp_path, keys, *change))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_datum_places_odometry(tmp_path):
@@ -85,7 +85,7 @@ def test_a_datum_places_odometry(tmp_path):
         load_mission(tmp_path / "mission.yaml")
 
 
-def test_a_plan_is_told_what_it_can_do(tmp_path, capsys):
+def test_a_plan_without_a_uav_is_refused_with_its_options(tmp_path, capsys):
     """It has no key `uav`."""
     written(tmp_path, BASE, "kind: walker", "kind: aerial_robot")
     path = str(shutil.copy(PLAN, tmp_path))

@@ -139,7 +139,7 @@ def test_one_mistake_is_one_problem(tmp_path, before, after, code):
     assert not problem.message.endswith(".")
 
 
-def test_far_off_places_are_told_once_each(tmp_path):
+def test_far_off_places_are_reported_once_each(tmp_path):
     text = FILE.replace("  - [50, 0]", "  - [99e3, 0]").replace("[-50, -50]]", "[0, -70e3]]")
     text = text.replace("centre: [50, -50]", "centre: [50e3, -50e3]")
     found = [(p.line, p.column, p.code) for p in problems(tmp_path, text)]
@@ -180,7 +180,7 @@ def test_near_a_pole_the_origin_has_to_be_nearer(tmp_path, latitude, away):
     assert [problem.code for problem in problems(tmp_path, text)] == ["far-from-home"]
 
 
-def test_in_degrees_a_crossing_is_told_in_degrees(tmp_path):
+def test_in_degrees_a_crossing_is_reported_in_degrees(tmp_path):
     found = problems(
         tmp_path,
         "home: [47.0, 8.0]\naltitude_m: 20\nwaypoints: [[47.001, 8.0]]\nfence: null\n"
@@ -206,12 +206,12 @@ def test_with_home_and_the_first_waypoint_wrong_the_others_are_looked_at(tmp_pat
 GOOD = Document.from_text(FILE, Path("mission.yaml")).data
 
 numbers = st.sampled_from([0, -1, 1e-9, 89.9999, 181, 1e7, 1e18, 1e308, -1e308, 5e-324])
-words = st.sampled_from(
+texts = st.sampled_from(
     ["", "x", "fence", "home", "null", "2026-11-20T08:00:00Z", "08:00", "é\n#: [", "ground"]
 )
 junk = st.recursive(
-    st.none() | st.booleans() | numbers | words,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=2),
+    st.none() | st.booleans() | numbers | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=2),
     max_leaves=6,
 )
 

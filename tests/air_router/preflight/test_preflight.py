@@ -126,9 +126,9 @@ def test_a_vehicle_that_flies_or_is_armed_is_left_alone():
     assert "armed" in preflight.standing(telemetry(armed=True)).found
 
 
-def test_another_type_of_vehicle_is_asked_nothing_and_the_card_says_what_to_do(pennovation, router):
+def test_another_type_of_vehicle_is_not_queried_and_the_card_has_what_to_do(pennovation, router):
     survey = PreflightSurvey(pennovation, router)
-    card = asyncio.run(survey.card(None, info(kind=1), telemetry()))  # there is no one to ask
+    card = asyncio.run(survey.card(None, info(kind=1), telemetry()))  # there is no vehicle to query
     (line,) = card.bad
     assert (
         "fixed wing, PX4 1.17.0, system 1: the vehicle is a fixed wing (MAV_TYPE 1)" in line.found
@@ -225,7 +225,7 @@ def test_the_charge_against_the_mission(pennovation, router, charge, times_s, ve
     assert (found.verdict, bool(found.advice)) == (verdict, verdict is not GOOD)
 
 
-def test_health_says_why_not():
+def test_health_has_the_reason():
     check = preflight.health(Inspection(healthy=False, problems=("no fix", "no compass")))
     assert check.verdict is BAD
     assert check.advice == "no fix; no compass"
@@ -279,7 +279,7 @@ def test_parameters_as_wanted(pennovation):
         ("RTL_RETURN_ALT", 5.0, BAD),
     ],
 )
-def test_a_parameter_that_is_not_as_wanted_says_what_it_should_be_and_why(
+def test_a_parameter_that_is_not_as_wanted_is_shown_with_what_it_should_be_and_why(
     pennovation, name, value, verdict
 ):
     mission = dataclasses.replace(pennovation, accepts=())
@@ -289,7 +289,7 @@ def test_a_parameter_that_is_not_as_wanted_says_what_it_should_be_and_why(
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
 
-def test_parameters_that_are_not_told(pennovation):
+def test_parameters_that_are_not_reported(pennovation):
     first, last = parameters(pennovation, WANTED | {"GF_ACTION": None}, version=OLD)
     assert (first.verdict, first.found) == (LOOK, "not reported: GF_ACTION")
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
@@ -318,8 +318,8 @@ def test_what_a_mission_file_accepts_by_name_does_not_stop_it(pennovation, name,
         mission = dataclasses.replace(pennovation, accepts=accepts)
         *lines, _ = parameters(mission, WANTED | values, version=OLD)
         assert [(line.name, line.verdict) for line in lines] == [(v, verdict) for v in values]
-        told = [f"accepts: [{name}]" in line.advice for line in lines]
-        assert told == [not accepts] * len(values)
+        advised = [f"accepts: [{name}]" in line.advice for line in lines]
+        assert advised == [not accepts] * len(values)
 
 
 def test_no_mission_file_accepts_a_fence_that_does_nothing(pennovation):
@@ -328,12 +328,12 @@ def test_no_mission_file_accepts_a_fence_that_does_nothing(pennovation):
 
 
 def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation, router):
-    told = WANTED | {"COM_OBC_LOSS_T": 25.0}
-    lines = parameters(pennovation, told, version=OLD)
+    values = WANTED | {"COM_OBC_LOSS_T": 25.0}
+    lines = parameters(pennovation, values, version=OLD)
     assert [c.name for c in lines] == ["COM_OBC_LOSS_T", "parameters"]
 
     async def inspect(_):
-        return Inspection(parameters=told)
+        return Inspection(parameters=values)
 
     async def measured_rate():
         return 5.0
@@ -342,11 +342,11 @@ def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation,
     survey = PreflightSurvey(pennovation, router, clock=clock)
     in_the_air = asyncio.run(survey.card_in_the_air(vehicle, info()))
     assert "COM_OBC_LOSS_T" not in {check.name for check in in_the_air.checks}
-    lines = parameters(pennovation, told, version=OLD, rate=4.8)
+    lines = parameters(pennovation, values, version=OLD, rate=4.8)
     assert [c.name for c in lines] == ["parameters"]
 
 
-def test_px4_1_18_is_not_asked_for_what_it_has_no_more_and_the_card_says_what_is_instead(
+def test_px4_1_18_is_not_queried_for_what_it_has_no_more_and_the_card_has_what_is_instead(
     pennovation,
 ):
     assert set(names(NEW)) == set(WANTED_1_18)
@@ -394,7 +394,7 @@ def test_a_newer_version_is_flown_with_a_look_at_what_was_not_verified_and_what_
     assert "not reported" not in last.found
 
 
-def test_a_vehicle_that_does_not_say_its_version_is_looked_at_for_all(pennovation):
+def test_a_vehicle_that_does_not_report_its_version_is_checked_for_all(pennovation):
     *lines, last = parameters(pennovation, WANTED | SINCE_1_18 | {"NAV_RCL_ACT": 5})
     assert [(line.name, line.verdict) for line in lines] == [("NAV_RCL_ACT", BAD)]
     assert last.found.startswith(f"{len(WANTED | SINCE_1_18) - 1} of")
@@ -456,7 +456,7 @@ def test_what_is_not_flown_as_written_is_on_the_card(pennovation):
         (NotConfirmedError("no answer"), "not known: no answer"),
     ],
 )
-def test_a_plan_that_cannot_be_read_is_not_said_to_be_another(error, found):
+def test_a_plan_that_cannot_be_read_is_not_reported_as_another(error, found):
     async def recognise(_plan):
         raise error
 

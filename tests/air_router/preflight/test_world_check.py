@@ -17,7 +17,7 @@ def mission(tmp_path):
     return tmp_path / "site" / "mission.yaml"
 
 
-def test_a_good_world_says_nothing(mission, capsys):
+def test_of_a_good_world_nothing_is_printed(mission, capsys):
     check_world(mission, [("europa", "tcp://127.0.0.1:24999")])
     assert capsys.readouterr() == ("", "")
 

@@ -48,7 +48,7 @@ def found(record, tmp_path_factory):
     return messages_of(target)
 
 
-def test_a_record_in_foxglove_s_schemas_says_what_was_flown(found, pennovation):
+def test_a_record_in_foxglove_s_schemas_has_what_was_flown(found, pennovation):
     drawn = {topic: name for topic, (name, _) in found.items() if name.startswith("foxglove.")}
     assert drawn == DRAWN
     message, fix = found["/vehicle/location"][1][0]
@@ -126,7 +126,7 @@ def test_the_layout_shows_what_is_there(found):
     assert all(f'"{panel}"' in shown for panel in layout["configById"])
 
 
-async def heard(address, topics):
+async def received(address, topics):
     """The first message of each topic that a viewer gets who comes when all has happened."""
     async with (
         aiohttp.ClientSession() as session,
@@ -155,7 +155,7 @@ def test_a_flight_is_shown_while_it_lasts_and_to_one_who_comes_late(shown):
     try:
         shown(socket)
         topics = {"/scene", "/mission", "/links", "/vehicle/location"}
-        messages = asyncio.run(heard(socket.address, topics))
+        messages = asyncio.run(received(socket.address, topics))
         with pytest.raises(RefusedError, match="choose another port"):
             foxglove_sdk.FoxgloveSocket(
                 "127.0.0.1", int(socket.address.rpartition(":")[2]), "atlas"
@@ -166,8 +166,8 @@ def test_a_flight_is_shown_while_it_lasts_and_to_one_who_comes_late(shown):
     assert b"zone 1" in messages["/scene"]
 
 
-def test_what_fails_for_one_who_comes_late_is_told_beside_what_fails_in_flight(monkeypatch, caplog):
-    """Of what a guard keeps the log is told once in 10 s: each thread has one of its own."""
+def test_what_fails_for_a_late_viewer_is_logged_beside_what_fails_in_flight(monkeypatch, caplog):
+    """A guard logs once in 10 s: each thread has one of its own."""
     foxglove_sdk = importlib.import_module("air_router.record.foxglove_sdk")
     socket = foxglove_sdk.FoxgloveSocket("127.0.0.1", 0, "titan")
     channel = SimpleNamespace(topic="/links")
@@ -185,7 +185,7 @@ def test_what_fails_for_one_who_comes_late_is_told_beside_what_fails_in_flight(m
         socket.close()
 
 
-def test_the_log_says_how_grave_an_announcement_is(pennovation):
+def test_the_log_has_the_severity_of_an_announcement(pennovation):
     """Levels of Foxglove's log: INFO, WARNING, ERROR."""
     drawing = importlib.import_module("air_router.record.drawing")
     levels = []

@@ -55,12 +55,12 @@ def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation)
     entries = list(Log(flown))
     clocks = [entry for entry in entries if entry.value == ("Clock", {"unix_s": UNIX_S})]
     assert [entry.t for entry in clocks] == [1.0, 11.0, 21.0]
-    told = [entry for entry in entries if entry not in clocks]
-    assert [entry.kind for entry in told] == [
+    others = [entry for entry in entries if entry not in clocks]
+    assert [entry.kind for entry in others] == [
         *("about", "setup", "note", "file"), *["event"] * 22, *("action", "action", "event"),
         *("action", "link", "note", "patch", "note", "note", "note"),
     ]  # fmt: skip
-    about, setup, options, file, first = told[:5]
+    about, setup, options, file, first = others[:5]
     assert about.value["mission"] == "mission.yaml"
     assert about.value["numpy"]
     assert setup.value.mission.waypoints == pennovation.waypoints
@@ -68,7 +68,7 @@ def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation)
     assert options.value == ("Options", {"arm": True})
     assert file.value == (pennovation.path.name, pennovation.path.read_bytes())
     assert first.value == dataclasses.replace(telemetry(1.0), battery=0.75)
-    home, _, link, held, patch, published, grown, report = told[28:]
+    home, _, link, held, patch, published, grown, report = others[28:]
     assert (home.t, home.value) == (22.1 + 0.2, ComeHome())
     assert link.value == LINK
     assert held.value.fields == {"peer": "io", "held": (("titan", "/map", 8.5),)}
@@ -99,7 +99,7 @@ def test_the_public_reader_opens_it_and_viewers_understand_its_schemas(flown):
 
 
 def test_a_vehicle_whose_clock_is_behind_ours_has_its_times_in_their_distances(tmp_path):
-    """The record begins before the vehicle is heard: viewers go by the log time of messages."""
+    """The record begins before the vehicle is received: viewers go by the log time of messages."""
     unix_s = iter([UNIX_S, UNIX_S - 86_400.0])
     with Recorder(tmp_path, "m", unix_s=lambda: next(unix_s, UNIX_S - 86_400.0)) as recorder:
         recorder.note("Setup", 0.0, {})
@@ -114,13 +114,13 @@ def test_a_vehicle_whose_clock_is_behind_ours_has_its_times_in_their_distances(t
 @pytest.mark.parametrize("unix_s", [1.8e13, -5.0])
 def test_a_vehicle_with_an_impossible_date_is_recorded(tmp_path, pennovation, unix_s):
     """A message's time in the file has 64 bits: what went beyond ended the record."""
-    said = []
-    with Recorder(tmp_path, "m", unix_s=lambda: unix_s, trouble=said.append) as recorder:
+    reported = []
+    with Recorder(tmp_path, "m", unix_s=lambda: unix_s, trouble=reported.append) as recorder:
         recorder.begin(FlightSetup(pennovation, ()))
         recorder.file(pennovation.path)
         recorder.event(ComeHome(), 5.0)
     assert [entry.value for entry in Log(recorder.path) if entry.kind == "event"] == [ComeHome()]
-    assert not said
+    assert not reported
 
 
 def test_after_a_reboot_of_the_vehicle_times_go_on(tmp_path):
@@ -135,7 +135,7 @@ def test_after_a_reboot_of_the_vehicle_times_go_on(tmp_path):
     assert notes == [1000.0, 3.0]  # what is noted now and then
 
 
-def test_the_status_is_recorded_once_a_second_as_its_schema_says(tmp_path, pennovation):
+def test_the_status_is_recorded_once_a_second_by_its_schema(tmp_path, pennovation):
     controller = Controller(FlightSetup(pennovation, ("io",)))
     with Recorder(tmp_path, "m.yaml", unix_s=lambda: UNIX_S) as recorder:
         for tenth in range(25):
@@ -187,12 +187,12 @@ def test_a_flight_that_never_began_leaves_nothing(tmp_path, pennovation):
     assert recorder.path.exists()
 
 
-def test_a_folder_that_cannot_be_used_is_told_once_and_the_flight_goes_on(tmp_path):
+def test_a_folder_that_cannot_be_used_is_reported_once_and_the_flight_goes_on(tmp_path):
     (tmp_path / "file").write_text("")
-    told = []
-    with Recorder(tmp_path / "file" / "logs", "m", trouble=told.append, must=False) as recorder:
+    reported = []
+    with Recorder(tmp_path / "file" / "logs", "m", trouble=reported.append, must=False) as recorder:
         recorder.event(ComeHome(), 0.0)
-    assert told == [f"{tmp_path}/file/logs: Not a directory; the flight is not recorded"]
+    assert reported == [f"{tmp_path}/file/logs: Not a directory; the flight is not recorded"]
 
 
 def disk_of(monkeypatch, room):
@@ -211,11 +211,11 @@ def disk_of(monkeypatch, room):
 @pytest.mark.parametrize("room", [0, 8_000])
 def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room):
     disk_of(monkeypatch, {"bytes": room})
-    told = []
-    with Recorder(tmp_path, "m", trouble=told.append) as recorder:
+    reported = []
+    with Recorder(tmp_path, "m", trouble=reported.append) as recorder:
         for step in range(400):
             recorder.event(telemetry(step, math.sqrt(step)), float(step))
-    assert [text.partition(": ")[2] for text in told] == [
+    assert [text.partition(": ")[2] for text in reported] == [
         "No space left on device; the record waits in memory: make room on the disk",
         "the disk takes nothing; nothing more is recorded, the flight goes on",
     ]
@@ -233,10 +233,10 @@ def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room
 def test_a_disk_with_room_again_gets_what_happened_meanwhile(tmp_path, monkeypatch):
     room = {"bytes": 3_000}
     disk_of(monkeypatch, room)
-    told, full = [], threading.Event()
+    reported, full = [], threading.Event()
 
     def trouble(text):
-        told.append(text)
+        reported.append(text)
         full.set()
 
     with Recorder(tmp_path, "m", trouble=trouble) as recorder:
@@ -246,7 +246,7 @@ def test_a_disk_with_room_again_gets_what_happened_meanwhile(tmp_path, monkeypat
         room["bytes"] = 10**9
         for step in range(100, 200):
             recorder.event(telemetry(step, math.sqrt(step)), float(step))
-    assert [text.partition("; ")[2] for text in told] == [
+    assert [text.partition("; ")[2] for text in reported] == [
         "the record waits in memory: make room on the disk",
         "nothing of the record is lost",
     ]
@@ -261,15 +261,15 @@ def test_a_disk_that_stands_still_is_given_up_before_memory_is_full(tmp_path, mo
         record_file._Sink, "write", lambda sink, data: going.wait(60) and write(sink, data)
     )
     monkeypatch.setattr(record_file, "MOST_WAITING", 50_000)
-    told = []
-    with Recorder(tmp_path, "m", trouble=told.append) as recorder:
+    reported = []
+    with Recorder(tmp_path, "m", trouble=reported.append) as recorder:
         steps = 0
-        while not told and steps < 5000:
+        while not reported and steps < 5000:
             recorder.event(telemetry(float(steps)), float(steps))
             steps += 1
         recorder.event(telemetry(9999.0), 9999.0)
         going.set()
-    assert [text.partition(": ")[2] for text in told] == [
+    assert [text.partition(": ")[2] for text in reported] == [
         "the disk is too slow; nothing more is recorded, the flight goes on"
     ]
     assert 50 < steps < 500
@@ -304,7 +304,7 @@ while True:
 
 
 def test_kill_9_costs_the_last_second_at_most(tmp_path):
-    """A real process, killed while it writes: what it had said a while ago is on the disk."""
+    """A real process, killed while it writes: what it recorded a while ago is on the disk."""
     process = subprocess.Popen(
         [sys.executable, "-c", KILLED, str(tmp_path)],
         stdout=subprocess.PIPE,
@@ -345,7 +345,7 @@ def mcap(path, *messages, ours=None, topic="/event/x"):
     return path
 
 
-def test_a_file_that_is_no_record_is_told(tmp_path, flown):
+def test_a_file_that_is_no_record_is_reported(tmp_path, flown):
     path = tmp_path / "a.mcap"
     for data, message in (
         (b"", "not an MCAP file"),
@@ -384,7 +384,7 @@ def test_a_file_that_is_no_record_is_told(tmp_path, flown):
         ),
     ],
 )
-def test_what_a_record_cannot_say_is_told(tmp_path, topic, message, why):
+def test_what_a_record_cannot_contain_is_reported(tmp_path, topic, message, why):
     path = mcap(tmp_path / "a.mcap", message, ours={"format": record_file.FORMAT}, topic=topic)
     with pytest.raises(LogError, match=f"not written by this version of air_router: .*{why}"):
         list(Log(path))
@@ -394,15 +394,15 @@ def test_what_a_record_cannot_say_is_told(tmp_path, topic, message, why):
 def test_a_record_of_another_version_is_one_clear_error(tmp_path, version):
     facts = {"format": version, "air-router": "0.9"}
     path = mcap(tmp_path / "a.mcap", b'{"t": 1, "type": "GoOn"}', ours=facts)
-    with pytest.raises(LogError) as told:
+    with pytest.raises(LogError) as caught:
         list(Log(path))
-    assert str(told.value) == (
+    assert str(caught.value) == (
         f"{path}: a record of version {version}, and this program reads version 2; "
         "open it with the air-router that wrote it, 0.9"
     )
 
 
-def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
+def test_damage_anywhere_ends_the_record_there_and_is_reported(flown):
     """Also where it makes the reader pass over a whole part of the file: a record's first byte."""
     with flown.open("rb") as file:
         chunks = make_reader(file).get_summary().chunk_indexes
@@ -421,7 +421,7 @@ def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
     assert shorter > len(chunks)
 
 
-def test_a_user_without_a_home_is_told_what_to_say(monkeypatch):
+def test_a_user_without_a_home_gets_an_error_with_the_option(monkeypatch):
     """As in a container that runs as a number."""
 
     def none():

@@ -1,4 +1,4 @@
-"""A recorded flight decides the same again; one that would not is told where and how."""
+"""A recorded flight decides the same again; one that would not is reported with where and how."""
 
 import dataclasses
 import itertools
@@ -91,9 +91,9 @@ def test_a_flight_decides_the_same_again_in_another_process(flown):
         env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"},
         check=True,
     )
-    told = json.loads(done.stdout)
-    assert (told["same"], told["difference"], told["ending"]) == (True, None, None)
-    assert told["actions"] > 20
+    printed = json.loads(done.stdout)
+    assert (printed["same"], printed["difference"], printed["ending"]) == (True, None, None)
+    assert printed["actions"] > 20
 
 
 class ByMap(RoundRobin):
@@ -136,7 +136,7 @@ def test_a_policy_that_reads_the_map_has_the_same_map_again(pretend, pennovation
     assert replay_record(blind).difference is not None
 
 
-def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
+def test_the_first_difference_is_reported_with_what_was_before(flown, capsys):
     entries = list(Log(flown))
     jumps = [i for i, entry in enumerate(entries) if isinstance(entry.value, FlyToNode)]
     changed = entries[jumps[3]].value
@@ -223,7 +223,7 @@ def test_the_snippet_of_the_docs_runs(flown, capsys, monkeypatch):
 
 
 def test_of_two_motions_alike_the_right_one_is_confirmed(tmp_path):
-    """The controller goes by the object; a record tells them apart by their number."""
+    """The controller goes by the object; a record distinguishes them by their number."""
     first, second = FlyToNode(1, Point(1.0, 2.0)), FlyToNode(1, Point(1.0, 2.0))
     with Recorder(tmp_path, "m") as recorder:
         recorder.actions((first, second), 1.0)

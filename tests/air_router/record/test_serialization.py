@@ -139,7 +139,7 @@ PUBLISHED = {
     decided: jsonschema.Draft202012Validator(json_schema("x", union))
     for decided, union in ((False, Event), (True, Action))
 }
-"""What says whether JSON follows the schemas that we publish: for events, and for actions."""
+"""Validators of the schemas that we publish: for events, and for actions."""
 
 MEMBERS = (*typing.get_args(Event), *typing.get_args(Action))
 
@@ -243,7 +243,7 @@ def test_what_an_object_looks_like():
 STORED = plain_of(MessageStored("io", 1.0, "io", "/pose", Header(1, 0, 5, 6), 99))
 
 
-def test_a_field_that_is_missing_has_its_default_or_is_told():
+def test_a_field_that_is_missing_has_its_default_or_is_reported():
     lacking = {"type": "Telemetry", "time_s": 1, "position": {"east_m": 1, "north_m": 2}}
     assert decode({**lacking, "altitude_m": 3.5}) == Telemetry(1, Point(1, 2), 3.5)
     with pytest.raises(CodecError, match=r"Telemetry\.altitude_m: .*Field required"):
@@ -281,10 +281,10 @@ def test_a_wrong_field_is_one_kind_of_error():
         ),
     ],
 )
-def test_what_is_wrong_is_told(wrong, message):
-    with pytest.raises(CodecError) as told:
+def test_what_is_wrong_is_reported(wrong, message):
+    with pytest.raises(CodecError) as caught:
         decode(wrong)
-    assert message in str(told.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(

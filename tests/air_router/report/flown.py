@@ -58,8 +58,8 @@ def stored(t, robot, age_s, peer=None, topic="/pose"):
 
 def things(robot="io"):
     """What happens in it, in order."""
-    told = [(float(t), along(float(t))) for t in range(81)]
-    told += [
+    events = [(float(t), along(float(t))) for t in range(81)]
+    events += [
         (10.0, StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None)),
         (20.0, RssiChanged(robot, UNIX_S + 20, -70.5)),
         (20.0, ContactBegan(robot, UNIX_S + 20, None)),
@@ -99,7 +99,7 @@ def things(robot="io"):
         (60.0, StateChanged(State.SEARCH, Signal.COME_HOME, State.HOME, robot)),
         (70.0, Finish(landed_by_us=True, why="landed")),
     ]
-    return sorted(told, key=lambda pair: pair[0])
+    return sorted(events, key=lambda pair: pair[0])
 
 
 class Recorded(list):
@@ -128,7 +128,7 @@ def entries(mission, robot="io"):
             if t % 10 == 0:
                 yield RecordEntry(t, "note", Note("MapPublished", {"known_cells": int(100 * t)}))
             yield RecordEntry(t, "note", Note("Map", {"known_cells": int(100 * t)}))
-    # It says that it has the second version, which another robot handed to it.
+    # It reports that it has the second version, which another robot handed to it.
     yield RecordEntry(
         81.0, "note", Note("Held", {"peer": robot, "held": [["titan", "/map", MAP_S]]})
     )

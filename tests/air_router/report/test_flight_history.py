@@ -53,7 +53,7 @@ def test_the_facts(history):
         "bytes_in": 4000,
         "bytes_out": 90_000,
     }
-    assert list(facts["robots"]) == ["io", "phantom"]  # our own news have no age
+    assert list(facts["robots"]) == ["io", "phantom"]  # our own messages have no age
     phantom = facts["robots"]["phantom"]  # was sought, and never met
     assert not any(values for name, values in phantom.items() if name != "map_share")
     io = facts["robots"]["io"]
@@ -69,7 +69,7 @@ def test_the_facts(history):
     assert wishes == [
         ("seek io", "kim", True),
         ("go to 1 m east 2 m north", "a base", False),
-        ("go to 3 m east 4 m north", "a base", True),  # who asks counts the requests
+        ("go to 3 m east 4 m north", "a base", True),  # the client counts its requests
         ("hold", "kim", True),
         ("home", "the operator", None),
     ]
@@ -104,14 +104,14 @@ def test_the_closest_approach_is_where_it_was_closest(history):
     assert (east_m, north_m) == (pytest.approx(-90.0, abs=1.0), 0.0)  # south of its middle
 
 
-def test_a_record_says_how_it_ends(pennovation):
+def test_a_record_has_how_it_ends(pennovation):
     history = recorded(entries(pennovation), "it was cut off")
     assert history.as_json()["ending"] == "it was cut off"
     early = recorded([e for e in entries(pennovation) if e.t < 50.0])
     assert early.outcome == "the record ends in flight"
 
 
-def test_a_record_without_a_flight_is_told(pennovation):
+def test_a_record_without_a_flight_is_reported(pennovation):
     with pytest.raises(NothingFlownError):
         recorded([])
     with pytest.raises(NothingFlownError):

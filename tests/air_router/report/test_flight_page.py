@@ -129,7 +129,7 @@ def test_the_flight_in_a_few_numbers(text):
         ("ended: no way home", "battery at 25%", ("ended: no way home", "battery at 25%")),
     ],
 )
-def test_how_it_ended_is_said_in_words(page_of, history, outcome, reason, shown):
+def test_how_it_ended_is_shown_as_text(page_of, history, outcome, reason, shown):
     report = {"outcome": outcome, "came_home_because": reason}
     text = page_of(dataclasses.replace(history, report=report), "a.mcap")
     value, more = shown
@@ -146,7 +146,7 @@ def test_a_breach_of_the_clearance_stands_out(page_of, history):
     assert Page(page_of(free, "a")).tiles["closest approach"] == ("none", "no zones, no fence")
 
 
-def test_what_was_said_and_done_is_in_tables(text):
+def test_announcements_and_actions_are_in_tables(text):
     page = Page(text)
     robots = page.sections["Robots"]
     at = robots.index("io")
@@ -254,8 +254,8 @@ def test_distances_are_drawn_as_they_are(page_of, history, away_m, top_m):
 
 
 def test_a_flight_of_one_moment_has_a_page(page_of, pennovation):
-    told = recorded([*itertools.islice(entries(pennovation), 5)], "it was cut off")
-    text = page_of(told, "a.mcap")
+    history = recorded([*itertools.islice(entries(pennovation), 5)], "it was cut off")
+    text = page_of(history, "a.mcap")
     assert len(pictures(text, "timeline")) == 2
     assert pictures(text, "bandwidth") == []
 
@@ -325,8 +325,8 @@ def test_the_same_record_gives_the_same_bytes(page_of, pennovation):
 def test_names_of_others_are_text(page_of, pennovation, name, shown):
     zones = tuple(dataclasses.replace(zone, name=name) for zone in pennovation.zones)
     mission = dataclasses.replace(pennovation, name=name, zones=zones)
-    said = [RecordEntry(40.0, "action", Announce(name))]
-    text = page_of(recorded([*entries(mission, name), *said], name), name)
+    announced = [RecordEntry(40.0, "action", Announce(name))]
+    text = page_of(recorded([*entries(mission, name), *announced], name), name)
     page = Page(text)
     assert {"script", "49"} & {*page.tags, *page.sections["Robots"]} == set()
     assert "\x00" not in text
@@ -339,7 +339,7 @@ def test_names_of_others_are_text(page_of, pennovation, name, shown):
         assert shown in words_in(pictures(text, "track")[0])
 
 
-def test_a_record_that_is_cut_off_says_so(page_of, pennovation):
+def test_of_a_record_that_is_cut_off_the_page_has_that(page_of, pennovation):
     text = page_of(recorded(entries(pennovation), "it was <cut> off"), "a.mcap")
     assert "The record is incomplete: it was &lt;cut&gt; off." in text
 
@@ -427,8 +427,8 @@ def test_the_command_writes_a_page_beside_the_record(record, capsys):
     assert "is the record itself" in capsys.readouterr().err
     assert record.read_bytes() == before
     assert main(["report", str(record), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["uav"] == "titan"
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["uav"] == "titan"
     assert not page.exists()
 
 
@@ -439,7 +439,7 @@ def test_a_record_with_any_name_has_a_page(record, tmp_path):
     assert "Made from b?.mcap." in odd.with_suffix(".html").read_text("utf-8")
 
 
-def test_a_record_that_is_none_is_told(tmp_path, capsys):
+def test_a_record_that_is_none_is_reported(tmp_path, capsys):
     none = tmp_path / "none.mcap"
     none.write_text("no record")
     assert main(["report", str(none)]) == 3

@@ -44,11 +44,11 @@ SENT, SOUGHT = ("EXPL", "GOTO", "GOTO"), ("EXPL", "SEEK", "SEARCH")
         (SEEK, [SOUGHT, ("SEARCH", "TIMER", "EXPL")], Status.ABORTED, "SEARCH -> EXPL: timer"),
     ],
 )
-def test_what_led_out_of_its_states_says_whether_a_goal_was_reached(course, moves, status, message):
+def test_the_signal_out_of_its_states_decides_a_goal_s_status(course, moves, status, message):
     goals = Goals(course)
     goal = goals.begin(ID, 10.0, since=3)
     latest = changes(("INIT", "SEEK", "SEARCH"), ("SEARCH", "GOTO", "GOTO"), SENT, *moves)
-    for _ in range(2):  # a change that is told again counts once
+    for _ in range(2):  # a change that is repeated counts once
         goals.follow(latest)
     assert (goal.status, goal.message) == (status, message)
 

@@ -65,7 +65,7 @@ class FakeClient(ControlClient):
         self.commands = CommandService(
             flight.mission.frame, self.status, flight.deliver, view=view.fields_for
         )
-        self.stats, self.told, self._by = stats, 0, "ROS 2"
+        self.stats, self.taken, self._by = stats, 0, "ROS 2"
 
     def status(self):
         rajant = Reading(31, Unit.DEVICE, "rajant")
@@ -75,12 +75,12 @@ class FakeClient(ControlClient):
     def request(self, values):
         if self.gone:
             raise ControlUnreachableError("no answer")
-        self.stats.step(None, self.flight.actions[self.told :], 0.0)
-        self.told = len(self.flight.actions)
-        asked = {key: value for key, value in values.items() if value is not None}
+        self.stats.step(None, self.flight.actions[self.taken :], 0.0)
+        self.taken = len(self.flight.actions)
+        fields = {key: value for key, value in values.items() if value is not None}
         try:
             return json.loads(
-                json.dumps(self.commands.execute(command_request_of(asked), "a test"))
+                json.dumps(self.commands.execute(command_request_of(fields), "a test"))
             )
         except RequestError as error:
             raise ControlError(str(error)) from None
@@ -159,9 +159,9 @@ class RosProgram:
 
     def client(self, service, request, response):
         """Calls a service: what is answered on its own number."""
-        asking = Topic(self.participant, f"rq{service}Request", request)
+        topic = Topic(self.participant, f"rq{service}Request", request)
         answers = self.reader(f"rr{service}Reply", response)
-        writer = DataWriter(self.participant, asking, qos=Qos(RELIABLE))
+        writer = DataWriter(self.participant, topic, qos=Qos(RELIABLE))
         while not (writer.get_matched_subscriptions() and answers.get_matched_publications()):
             pass
 
@@ -239,13 +239,13 @@ def test_the_flight_in_standard_messages(client, bridge, program):
     (io,) = (marker for marker in team if marker.ns == "robot")
     assert (io.pose.position.x, io.pose.position.y) == pytest.approx(ROBOTS["io"], abs=0.02)
     assert any(marker.ns == "link" and len(marker.points) == 2 for marker in team)
-    told = {status.name: status for status in program.standard("/diagnostics").status}
-    assert told["titan: link io"].message == "31 device"
-    assert told["titan: link europa"].level == 3
-    assert told["titan: mission"].level == 0
+    statuses = {status.name: status for status in program.standard("/diagnostics").status}
+    assert statuses["titan: link io"].message == "31 device"
+    assert statuses["titan: link europa"].level == 3
+    assert statuses["titan: mission"].level == 0
 
 
-def test_diagnostics_say_what_keeps_the_mission_waiting(client):
+def test_diagnostics_have_what_keeps_the_mission_waiting(client):
     client.flight.take_off()
     client.flight.fix = False
     client.flight.fly_for(3.0)
@@ -266,7 +266,7 @@ def test_where_it_looks(client, heading_deg, yaw_deg):
     assert math.degrees(2 * math.atan2(turn["z"], turn["w"])) == pytest.approx(yaw_deg)
 
 
-def test_services_answer_in_the_flights_words(client, program):
+def test_services_reply_with_the_flights_text(client, program):
     call = {
         verb: program.client(f"/titan/{verb}", TriggerRequest, TriggerResponse)
         for verb in ("hold", "resume", "home", "land")
@@ -287,22 +287,22 @@ def test_services_answer_in_the_flights_words(client, program):
     assert (answer.success, answer.message) == (False, "no answer")
 
 
-def test_words_are_answered_to_programs_of_any_middleware(client, program):
+def test_text_requests_are_answered_to_programs_of_any_middleware(client, program):
     answers = program.reader("rt/titan/answer", String)
-    asking = DataWriter(
+    requests = DataWriter(
         program.participant, Topic(program.participant, "rt/titan/ask", String), qos=Qos(RELIABLE)
     )
-    while not (asking.get_matched_subscriptions() and answers.get_matched_publications()):
+    while not (requests.get_matched_subscriptions() and answers.get_matched_publications()):
         pass
 
-    def ask(words):
-        asking.write(String(words))
+    def reply_to(text):
+        requests.write(String(text))
         program.serve()
         return json.loads(taken(answers).data)
 
-    assert ask("seek phantom")["code"] == "unknown-robot"
-    assert ask("hold")["accepted"]
-    assert ask("goto nowhere") == {
+    assert reply_to("seek phantom")["code"] == "unknown-robot"
+    assert reply_to("hold")["accepted"]
+    assert reply_to("goto nowhere") == {
         "accepted": False,
         "why": "goto where? type 'goto LAT,LON', more places behind it, in degrees",
     }
@@ -350,9 +350,10 @@ def test_a_goal_is_flown_to_and_its_result_waited_for(client, bridge, program, g
     results = goto.result(goal_id, later=True)
     for _ in range(5):
         bridge.poll()
-    told = taken(goto.feedback)
-    assert (told.goal_id, told.feedback.state, told.feedback.points_left) == (goal_id, "GOTO", 1)
-    assert told.feedback.distance_m == pytest.approx(math.dist(flight.position, NEAR), abs=0.1)
+    update = taken(goto.feedback)
+    feedback = update.feedback
+    assert (update.goal_id, feedback.state, feedback.points_left) == (goal_id, "GOTO", 1)
+    assert feedback.distance_m == pytest.approx(math.dist(flight.position, NEAR), abs=0.1)
     assert goto.statuses() == [2]
     flight.fly_until(lambda: flight.controller.state is not State.GOTO)
     bridge.poll()
@@ -439,16 +440,16 @@ class Silent:
         self.served.append(topic)
 
 
-def test_nothing_is_served_unless_it_is_asked_for(client):
+def test_nothing_is_served_unless_it_is_requested(client):
     graph = Silent()
     Ros2Bridge(client, graph, requests=False, say=lambda _: None).poll()
     assert graph.served == []
     assert not any("_action" in topic for topic in graph.published)
 
 
-def test_a_flight_that_is_gone_is_said_once_and_found_again(client):
-    graph, said = Silent(), []
-    bridge = Ros2Bridge(client, graph, requests=True, say=said.append)
+def test_a_flight_that_is_gone_is_printed_once_and_found_again(client):
+    graph, printed = Silent(), []
+    bridge = Ros2Bridge(client, graph, requests=True, say=printed.append)
     client.gone = True
     bridge.poll()
     assert graph.published == {}
@@ -464,7 +465,7 @@ def test_a_flight_that_is_gone_is_said_once_and_found_again(client):
     graph.published["/titan/areas"] = None
     for _ in range(5):
         bridge.poll()
-    assert said == [
+    assert printed == [
         "waiting for the flight: no answer",
         "ready: /titan is on ROS 2",
         "waiting for the flight: no answer",

@@ -76,8 +76,8 @@ def table():
     yield f"| {' | '.join(heads)} |"
     yield "|---|---|---|---|"
     for stand, rule in RULES.items():
-        told = (stand.value, rule.begins.value, first_line(rule.first), first_line(rule.whole))
-        yield f"| {' | '.join(told)} |"
+        cells = (stand.value, rule.begins.value, first_line(rule.first), first_line(rule.whole))
+        yield f"| {' | '.join(cells)} |"
 
 
 def test_every_stand_has_its_rule_and_the_docs_have_the_table():

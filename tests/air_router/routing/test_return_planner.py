@@ -159,11 +159,11 @@ class CountingRouter:
     def __init__(self, mission):
         self.graph = WaypointGraph(mission)
         self.router = Router(self.graph)
-        self.asked = 0
+        self.requested = 0
         self.finds_none = False
 
     def route(self, *arguments):
-        self.asked += 1
+        self.requested += 1
         return None if self.finds_none else self.router.route(*arguments)
 
 
@@ -174,15 +174,15 @@ def test_in_flight_the_way_home_is_planned_now_and_then(tmp_path):
     assert way.need(telemetry(mission, Point(80, 80)), router) > way.need(
         telemetry(mission, Point(80, 0), 2.0), router
     )
-    assert router.asked == 2
+    assert router.requested == 2
     for tenth in range(30):
         way.need(telemetry(mission, Point(80, 0.01 * tenth), 2.0 + tenth / 10), router)
-    assert router.asked == 2
+    assert router.requested == 2
     way.need(telemetry(mission, Point(80, 0.3), 8.0), router)
-    assert router.asked == 3
+    assert router.requested == 3
     among_other_zones = CountingRouter(mission)
     way.need(telemetry(mission, Point(80, 0.3), 8.0), among_other_zones)
-    assert among_other_zones.asked == 1
+    assert among_other_zones.requested == 1
 
 
 def test_in_flight_the_way_home_has_a_leg_more_for_it_brakes_first(tmp_path):
@@ -194,9 +194,9 @@ def test_in_flight_the_way_home_has_a_leg_more_for_it_brakes_first(tmp_path):
 def test_the_way_home_is_planned_anew_as_soon_as_it_has_moved_so_far(tmp_path):
     mission = made(tmp_path, endurance_s=1000)
     way, router = WayHome(), CountingRouter(mission)
-    for north_m, asked in ((0.0, 1), (WAY_HOME_MOVED_M - 0.1, 1), (WAY_HOME_MOVED_M, 2)):
+    for north_m, requested in ((0.0, 1), (WAY_HOME_MOVED_M - 0.1, 1), (WAY_HOME_MOVED_M, 2)):
         way.need(telemetry(mission, Point(80, north_m), 2.0), router)
-        assert router.asked == asked
+        assert router.requested == requested
 
 
 def test_without_a_way_the_last_one_counts_and_the_distance_since(tmp_path):

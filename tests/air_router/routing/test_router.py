@@ -210,7 +210,7 @@ def test_a_goal_behind_walls_names_them(tmp_path):
     assert "the fence and no-fly zone 'wall' separate start and goal" in answer.reason
 
 
-def test_a_goal_in_a_courtyard_is_told_by_what_is_kept_from_its_walls(tmp_path):
+def test_a_goal_in_a_courtyard_is_refused_by_what_is_kept_from_its_walls(tmp_path):
     holes = [box(-60, 40, -20, 80)]
     _, _, router, _ = made(
         tmp_path,
@@ -219,8 +219,8 @@ def test_a_goal_in_a_courtyard_is_told_by_what_is_kept_from_its_walls(tmp_path):
         ],
     )
     answer = router.route(Point(0, 0), Point(-40, 60))
-    told = "no-fly zone 'court' separates start and goal at 9.5 m of distance"
-    assert answer == NoRoute(told, ("court",))
+    reason = "no-fly zone 'court' separates start and goal at 9.5 m of distance"
+    assert answer == NoRoute(reason, ("court",))
 
 
 # Where the vehicle is, how fast it moves.
@@ -237,7 +237,7 @@ def coming_to_rest(start, rest):
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.5, 4.0), st.floats(2.0, 4.0), st.floats(5, 60))
 def test_a_turn_stays_within_its_corners(angle, speed_m_s, cruise_m_s, away_m):
-    """A vehicle with the acceleration and the jerk of a PX4 that hears of its leg after 0.15 s."""
+    """A vehicle with the acceleration and the jerk of a PX4 that receives its leg after 0.15 s."""
     here, end = Point(0.0, 0.0), Point(away_m * math.cos(angle), away_m * math.sin(angle))
     rest = Point(speed_m_s * (0.6 + speed_m_s / (2 * BRAKING_M_S2)), 0.0)
     momentum = Momentum(rest, (speed_m_s, 0.0), cruise_m_s, 0.6)
@@ -444,7 +444,7 @@ def test_a_leg_out_of_the_margin_keeps_away_from_other_zones(tmp_path):
 
 
 @pytest.mark.parametrize("inside", [(0, 0), (-49, 1), (49.9, -1.9), (20, 1.5)])
-def test_a_vehicle_inside_a_zone_takes_the_short_way_out_and_says_so(tmp_path, inside):
+def test_a_vehicle_inside_a_zone_takes_the_short_way_out_and_reports_it(tmp_path, inside):
     mission, _, router, judge = wall_world(tmp_path)
     route = router.route(Point(*inside), 3)
     assert isinstance(route, Route)

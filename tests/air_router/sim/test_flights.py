@@ -110,7 +110,7 @@ def test_ctrl_c_reaches_all_of_them_once():
     assert {flight.report["outcome"] for flight in flights.flights} == {"interrupted"}
 
 
-def test_the_block_is_drawn_anew_below_the_news(monkeypatch):
+def test_the_block_is_drawn_anew_below_printed_lines(monkeypatch):
     monkeypatch.setenv("COLUMNS", "40")
     screen = Screen(tty=True)
     block = StatusBlock(("titan", "io"), screen)
@@ -124,7 +124,7 @@ def test_the_block_is_drawn_anew_below_the_news(monkeypatch):
     assert max(map(len, drawn.replace("\r", "\n").splitlines())) < 40
 
 
-def test_without_a_terminal_news_are_printed_and_nothing_is_drawn_over():
+def test_without_a_terminal_lines_are_printed_and_nothing_is_drawn_over():
     screen = Screen()
     block = StatusBlock(("titan", "io"), screen)
     block.show("titan", "READY")
@@ -153,8 +153,8 @@ for _ in range(2):
     with os.fdopen(typist), os.fdopen(terminal) as keyboard:
         flights = Flights({"titan": []}, screen, keyboard, program=(sys.executable, "-c", reads))
         assert flights.run() is ExitCode.DONE
-    said = [line for line in screen.getvalue().replace("\r", "\n").splitlines() if "read b" in line]
-    assert ["b'home" in line for line in said] == [False, True]
+    lines = screen.getvalue().replace("\r", "\n").splitlines()
+    assert ["b'home" in line for line in lines if "read b" in line] == [False, True]
 
 
 def open_files():

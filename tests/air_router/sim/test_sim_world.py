@@ -1,4 +1,4 @@
-"""Processes of the simulated world: what they say goes into a file of their own."""
+"""Processes of the simulated world: what they print goes into a file of their own."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from air_router.errors import ExitCode, NoVehicleError, RefusedError
 from air_router.sim.sim_world import Child
 
 
-def test_what_a_process_says_goes_into_no_file_that_a_link_leads_to(tmp_path):
+def test_what_a_process_prints_goes_into_no_file_that_a_link_leads_to(tmp_path):
     """In /tmp another user had put links of these names: four of their choice were emptied."""
     victim, log = tmp_path / "victim", tmp_path / "vehicle.log"
     victim.write_text("precious")

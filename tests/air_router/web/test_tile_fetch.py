@@ -29,11 +29,11 @@ WORDS = ",".join(map(str, BOUNDS))
 
 
 class MapServer(http.server.ThreadingHTTPServer):
-    """Has every tile but one; is busy, or tired, when told so."""
+    """Has every tile but one; is busy, or tired, when set so."""
 
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Answers)
-        self.asked, self.agents, self.busy, self.left = [], set(), 0, 10**6
+        self.requested, self.agents, self.busy, self.left = [], set(), 0, 10**6
         self.template = f"http://127.0.0.1:{self.server_port}/{{z}}/{{x}}/{{y}}.png?key=secret"
 
 
@@ -51,7 +51,7 @@ class Answers(http.server.BaseHTTPRequestHandler):
         elif (column, row) == tile_at(zoom, BOUNDS[2], BOUNDS[1]) and zoom == 15:
             code = 404
         server.left -= 1
-        server.asked.append((zoom, column, row, code))
+        server.requested.append((zoom, column, row, code))
         self.send_response(code)
         if code == 429:
             self.send_header("Retry-After", "7")
@@ -83,9 +83,10 @@ def test_what_is_fetched_lies_under_the_map_and_a_broken_fetch_goes_on(server, t
     assert all(pause <= 1 / 5 for pause in pauses if pause != 7.0)
     assert sum(pauses) > 7.0  # and between any two
     server.left = 10**6
-    told = fetch(path, area, fetcher, "© City")
-    assert (told.before, told.none, told.new + told.before + told.none) == (2, 1, len(area))
-    good = [key for *key, code in server.asked if code == 200]
+    result = fetch(path, area, fetcher, "© City")
+    assert (result.before, result.none) == (2, 1)
+    assert result.new + result.before + result.none == len(area)
+    good = [key for *key, code in server.requested if code == 200]
     assert len(good) == len({tuple(key) for key in good}) == len(area) - 1
     (agent,) = server.agents
     assert agent.startswith("air-router/")
@@ -113,22 +114,22 @@ def test_an_area_has_the_tiles_that_touch_it():
 def test_absurd_numbers_of_tiles_and_what_is_no_server_are_refused(server, tmp_path, capsys):
     path = tmp_path / "site.mbtiles"
 
-    def said(*options):
+    def run(*options):
         common = ["tiles", "fetch", str(path), "--url", server.template, "--attribution", "City"]
         code = main([*common, *options])
         return code, capsys.readouterr()
 
-    code, told = said("--bounds", "39,-76,40,-75", "--zooms", "10-19")
+    code, printed = run("--bounds", "39,-76,40,-75", "--zooms", "10-19")
     assert code == ExitCode.USAGE
-    assert "--most" in told.err
+    assert "--most" in printed.err
     assert not path.exists()
-    code, told = said("--bounds", WORDS, "--zooms", "15", "--most", "1")
+    code, printed = run("--bounds", WORDS, "--zooms", "15", "--most", "1")
     assert code == ExitCode.USAGE
-    code, told = said("--bounds", WORDS, "--zooms", "15-16", "--per-second", "10")
+    code, printed = run("--bounds", WORDS, "--zooms", "15-16", "--per-second", "10")
     assert code == ExitCode.DONE
-    assert "tiles fetched, 0 were there, 1 the server does not have" in told.out
-    assert said("--bounds", WORDS, "--zooms", "25")[0] == ExitCode.USAGE
-    assert said("--bounds", WORDS, "--zooms", "15", "--per-second", "0")[0] == ExitCode.USAGE
+    assert "tiles fetched, 0 were there, 1 the server does not have" in printed.out
+    assert run("--bounds", WORDS, "--zooms", "25")[0] == ExitCode.USAGE
+    assert run("--bounds", WORDS, "--zooms", "15", "--per-second", "0")[0] == ExitCode.USAGE
     for address in ("ftp://x/{z}/{x}/{y}", "https://x/{z}/{x}.png"):
         with pytest.raises(UsageError, match="not the address of tiles"):
             TileFetcher(address, 1.0)
@@ -162,17 +163,17 @@ def test_the_ground_of_a_mission_is_fetched_from_its_file_alone(server, tmp_path
     assert "none.yaml" in capsys.readouterr().err
 
 
-def test_no_more_bytes_are_fetched_than_were_asked_for(server, tmp_path):
+def test_no_more_bytes_are_fetched_than_were_requested(server, tmp_path):
     area, path = TileArea(BOUNDS, range(17, 18)), tmp_path / "site.mbtiles"
     limit = 2.5 * len(picture(0, 0))
     fetcher = TileFetcher(server.template, 10.0, pause=lambda _: None, most_bytes=limit)
     with pytest.raises(FetchError, match=r"more than .* MB have come; .*--most-mb; what was"):
         fetch(path, area, fetcher, "© City")
-    assert len(server.asked) == 3  # the third is one too many, and is not kept
+    assert len(server.requested) == 3  # the third is one too many, and is not kept
     fetcher.most_bytes = 1e6
-    told = fetch(path, area, fetcher, "© City")  # it goes on
-    assert told.before == 2
-    assert told.bytes == sum(len(picture(x, y)) for _, x, y, code in server.asked[3:])
+    result = fetch(path, area, fetcher, "© City")  # it goes on
+    assert result.before == 2
+    assert result.bytes == sum(len(picture(x, y)) for _, x, y, code in server.requested[3:])
 
 
 @pytest.mark.parametrize(
@@ -200,7 +201,7 @@ def test_what_a_broken_server_answers_is_one_clear_error(answer, why):
         thread.join()
 
 
-def test_a_server_whose_terms_forbid_it_is_not_asked():
+def test_a_server_whose_terms_forbid_it_is_not_queried():
     for host in ("tile.openstreetmap.org", "a.tile.openstreetmap.org"):
         with pytest.raises(UsageError, match="forbid copies for use offline"):
             TileFetcher(f"https://{host}/{{z}}/{{x}}/{{y}}.png", 1.0)

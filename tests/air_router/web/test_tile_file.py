@@ -28,10 +28,10 @@ def path(tmp_path):
 
 
 def refused(path):
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as caught:
         TileFile.read(path)
-    assert str(path) in str(told.value)
-    return str(told.value)
+    assert str(path) in str(caught.value)
+    return str(caught.value)
 
 
 def test_tiles_are_found_by_row_from_the_north_whatever_kind_they_are(path):

@@ -129,7 +129,7 @@ def test_nearest_clear_place():
     assert ShortestPaths(full).nearest(P(0, 0)) is None
 
 
-def test_holders_say_what_one_is_in():
+def test_holders_name_what_one_is_in():
     space = airspace(box("a", 0, 0, 10, 10), box("b", 5, 5, 20, 20), fence=FENCED)
     assert space.zones_at(P(7, 7)) == ("a", "b")
     assert space.zones_at(P(0, 200)) == (FENCE,)

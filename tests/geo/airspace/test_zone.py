@@ -52,7 +52,7 @@ def test_rings_that_bound_no_area_are_refused(corners, code, reason):
     assert caught.value.code == code
 
 
-def test_a_crossing_is_told_with_its_place():
+def test_a_crossing_is_reported_with_its_place():
     with pytest.raises(ZoneError) as caught:
         checked_ring(BOW_TIE)
     east_m, north_m = caught.value.place

@@ -176,7 +176,7 @@ def test_the_maps_of_the_router(name):
     assert all(inside.leg_clear(*leg) for leg in coverage.legs)
 
 
-def test_what_cannot_be_covered_at_all_is_said():
+def test_what_cannot_be_covered_at_all_is_reported():
     with pytest.raises(CoverageError, match="no ground outside of no-fly zones"):
         plan(FIELD, Airspace(None, [Zone("all", box(-1, -1, 301, 201))], 5.0))
     with pytest.raises(CoverageError, match="no place to fly"):

@@ -49,8 +49,8 @@ def check_pairs(map_):
 def test_random_maps(part):
     for seed in range(100 * part, 100 * part + 100):
         ground, chance = (scattered if seed % 4 else gridded)(seed)
-        asked = places(chance, 12, None if seed % 4 else 5)
-        clear = [place for place in asked if ground.least_m([place, place]) >= 5.001]
+        found = places(chance, 12, None if seed % 4 else 5)
+        clear = [place for place in found if ground.least_m([place, place]) >= 5.001]
         if len(clear) < 2:
             continue
         start, goal = clear[:2]
@@ -68,7 +68,7 @@ def pairs(many):
 
 @lru_cache(maxsize=25)
 def searched(kind, seed):
-    """Who sees whom takes brute force most of its time, wherever it is asked to go then."""
+    """Who sees whom takes brute force most of its time, whatever the goal is then."""
     ground, _ = kind(seed)
     return ShortestPaths(ground.airspace), BruteForce(ground.grown())
 
@@ -113,7 +113,7 @@ def test_searches_find_what_brute_force_finds_in_the_same_area(seed, on_grid, cl
 
 @pytest.mark.parametrize("kind", [scattered, gridded])
 def test_planning_again_from_corners_and_from_the_middle_of_legs(kind):
-    asked = 0
+    planned = 0
     for seed in range(4000, 4012):
         ground, chance = kind(seed)
         paths = ShortestPaths(ground.airspace)
@@ -132,8 +132,8 @@ def test_planning_again_from_corners_and_from_the_middle_of_legs(kind):
                     assert again is not None, (seed, here, goal)
                     assert path_length_m(again) <= 1.01 * left_m + 1e-6, (seed, here, goal)
                     assert ground.least_m(again) >= 5 - 1e-6
-                    asked += 1
-    assert asked > 40
+                    planned += 1
+    assert planned > 40
 
 
 @given(st.integers(0, 2**32 - 1), st.booleans())

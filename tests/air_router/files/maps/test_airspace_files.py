@@ -142,7 +142,7 @@ def test_altitudes_as_texts(text, lower, upper):
 def test_limits_of_openaip_and_the_faa():
     reading = read_zones(FILES / "airspace.geojson")
     assert reading.problems == []
-    numbers, words, faa, facility_map, other = reading.zones
+    numbers, texts, faa, facility_map, other = reading.zones
     assert numbers.terms.altitudes == Altitudes(
         AltitudeLimit(300, GROUND), AltitudeLimit(pytest.approx(1066.8), AMSL)
     )
@@ -150,13 +150,13 @@ def test_limits_of_openaip_and_the_faa():
     assert faa.terms.altitudes == Altitudes(
         AltitudeLimit(pytest.approx(365.76), GROUND), AltitudeLimit(pytest.approx(1219.2), AMSL)
     )
-    assert [zone.terms.altitudes for zone in (words, facility_map, other)] == [None] * 3
-    told = [note.message.partition(" ")[0] for note in reading.notes if note.code == UNCLEAR]
-    assert told == ["'upperCeiling':", "'CEILING'", "'max_alt_ft'"]
+    assert [zone.terms.altitudes for zone in (texts, facility_map, other)] == [None] * 3
+    names = [note.message.partition(" ")[0] for note in reading.notes if note.code == UNCLEAR]
+    assert names == ["'upperCeiling':", "'CEILING'", "'max_alt_ft'"]
 
 
 @pytest.mark.parametrize(
-    ("properties", "altitudes", "told"),
+    ("properties", "altitudes", "names"),
     [
         ('"UPPER_VAL": "-9998", "UPPER_UOM": null, "LOWER_VAL": -9998', None, []),
         ('"UPPER_DESC": "UNLTD", "UPPER_VAL": 99999, "UPPER_CODE": "MSL"', None, []),
@@ -169,19 +169,19 @@ def test_limits_of_openaip_and_the_faa():
         ('"upper_m": 50, "upperLimit": "SFC"', Altitudes(None, AltitudeLimit(50)), ["upperLimit"]),
     ],
 )
-def test_limits_that_are_none_or_unclear(tmp_path, properties, altitudes, told):
+def test_limits_that_are_none_or_unclear(tmp_path, properties, altitudes, names):
     path = tmp_path / "a.geojson"
     point = '"geometry": {"type": "Point", "coordinates": [8, 47]}'
     path.write_text(
         f'{{"type": "Feature", "properties": {{"radius_m": 5, {properties}}}, {point}}}'
     )
-    if told is None:
+    if names is None:
         with pytest.raises(DocumentError, match="out-of-range"):
             read_zones(path)
         return
     reading = read_zones(path)
     assert [zone.terms.altitudes for zone in reading.zones] == [altitudes]
-    assert [note.message.split("'")[1] for note in reading.notes] == told
+    assert [note.message.split("'")[1] for note in reading.notes] == names
 
 
 def test_a_kmz_is_the_kml_in_it(tmp_path):
@@ -212,7 +212,7 @@ def zipped(method=zipfile.ZIP_DEFLATED, **files):
 
 
 @pytest.mark.parametrize(
-    ("raw", "code", "words"),
+    ("raw", "code", "message"),
     [
         (lambda: b"PK", "unknown-format", "no whole zip"),
         (lambda: zipped(readme_txt="x"), "unknown-format", "no KML"),
@@ -227,17 +227,17 @@ def zipped(method=zipfile.ZIP_DEFLATED, **files):
     ],
     ids=["begin", "no KML", "bomb", "method", "cut", "XML"],
 )
-def test_a_malformed_kmz(tmp_path, raw, code, words):
+def test_a_malformed_kmz(tmp_path, raw, code, message):
     path = tmp_path / "a.kmz"
     path.write_bytes(raw())
     with pytest.raises(DocumentError) as caught:
         read_zones(path)
     (problem,) = caught.value.problems
-    assert (problem.code, words in problem.message) == (code, True), str(problem)
+    assert (problem.code, message in problem.message) == (code, True), str(problem)
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA])
-def test_a_damaged_kmz_is_told_of_wherever_the_damage_is(method):
+def test_a_damaged_kmz_is_reported_wherever_the_damage_is(method):
     whole = zipped(method, döc_kml="<kml>" * 9)
     for index, byte in itertools.product(range(len(whole)), (0, 1, 0x80, 0xFF)):
         damaged = bytearray(whole)
@@ -276,7 +276,7 @@ def test_a_circle_lies_within_its_arc():
     st.floats(10, 50_000),
     st.booleans(),
 )
-def test_an_arc_turns_the_way_it_is_told(latitude_deg, ends, radius_m, clockwise):
+def test_an_arc_turns_the_requested_way(latitude_deg, ends, radius_m, clockwise):
     centre, (start, end) = Geodetic(latitude_deg, 8.0), ends
     ring = arc_around(centre, (start, radius_m), (end, radius_m), clockwise=clockwise)
     azimuths = [polar(centre, place)[0] for place in ring]

@@ -504,7 +504,7 @@ def test_a_file_of_lines_only_is_an_error(tmp_path):
 DJI = '<wpml:templateType xmlns:wpml="http://www.dji.com/wpmz/1.0.2">mapping2d</wpml:templateType>'
 
 
-def test_the_area_of_a_dji_mission_is_told_and_can_be_skipped(tmp_path):
+def test_the_area_of_a_dji_mission_is_noted_and_can_be_skipped(tmp_path):
     path = written(tmp_path, "template.kml", kml(("", AREA), around=DJI))
     reading = read_zones(path)
     assert (len(reading.zones), codes(reading.notes)) == (1, ["mission-area"])

@@ -281,7 +281,7 @@ def test_rings_in_kml_run_counterclockwise(outline, turned):
         assert shapely.LinearRing(unwrapped).is_ccw
 
 
-def test_what_xml_cannot_say_is_replaced():
+def test_what_xml_cannot_contain_is_replaced():
     features = FeatureSet("a\x00b", spots=[("home", MapPoint("\ufffe", Geodetic(1, 2)))])
     assert "<name>a?b</name>" in kml_text(features)
     assert from_kml(features) == []
@@ -302,7 +302,7 @@ def test_drawn_circles_lie_around_the_circle(centre, radius_m, segments):
 
 
 @pytest.mark.parametrize(("latitude_deg", "radius_m"), [(0, 9e5), (47, 2e5), (-69, 5e4), (89, 5e3)])
-def test_large_circles_are_covered_by_what_kml_says_of_them(latitude_deg, radius_m):
+def test_large_circles_are_covered_by_their_polygons_in_kml(latitude_deg, radius_m):
     """Sides of 20 km that are straight in degrees were up to 8 m within the circle."""
     centre = Geodetic(latitude_deg, 8.0)
     ring = dense_ring(circle_around(centre, radius_m))
@@ -321,7 +321,7 @@ def test_long_sides_of_a_mission_in_metres_stay_where_they_are(latitude_deg):
 
 
 @pytest.mark.parametrize("corner", [(1e308, 0.0), (-1e308, 1e308), (0.5, -1e308)])
-def test_corners_beyond_all_numbers_are_told_as_no_place_on_earth(corner):
+def test_corners_beyond_all_numbers_are_reported_as_no_place_on_earth(corner):
     ring = (Geodetic(0.0, 0.0), Geodetic(*corner), Geodetic(-corner[0], -corner[1]))
     with pytest.raises(FrameError, match=r"is not within -(90\.\.90|180\.\.180) degrees"):
         local_ring(ring, LocalFrame(Geodetic(0.0, 0.0)))

@@ -227,8 +227,8 @@ def test_no_leg_crosses_a_zone_at_whose_altitude_it_is_not_flown(
         return
     assert planned is None
     assert context.task.way.progress is Progress.NO_ROUTE
-    told = f"the vehicle is {within:.0f} m above home, {why}"
-    assert context.task.way.refusal.reason.startswith(told)
+    reason = f"the vehicle is {within:.0f} m above home, {why}"
+    assert context.task.way.refusal.reason.startswith(reason)
     assert context.task.way.refusal.blockers == ("z",)
     assert navigator.plan_to(Goal(Point(90.0, 0.0))) is not None
 

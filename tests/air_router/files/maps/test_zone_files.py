@@ -88,7 +88,7 @@ def test_ed269():
     assert low.terms.validity is None
     assert high.terms.altitudes.lower.metres == pytest.approx(457.2)
     assert high.terms.altitudes.upper == AltitudeLimit(pytest.approx(762.0), AMSL)
-    assert school.terms.altitudes is None  # up to 0 m above ground: as good as nothing said
+    assert school.terms.altitudes is None  # up to 0 m above ground: as good as no limit
     assert str(school.terms.validity) == (
         "from 2026-01-05 00:00 until 2026-12-18 22:59, mon sun 23:30-16:59 UTC"
     )
@@ -269,7 +269,7 @@ def test_ed269_as_it_was_written_years_ago(tmp_path):
     assert not mondays.terms.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
 
 
-def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
+def test_a_layer_counts_metres_unless_it_has_another_unit(tmp_path):
     document = json.loads((FILES / "geozones_ed318.json").read_text())
     del document["features"][0]["geometry"]["layer"]["uom"]
     document["features"][1]["geometry"]["geometries"][1]["layer"]["upper"] = 999_999
@@ -473,7 +473,7 @@ def test_a_zone_across_the_antimeridian_is_far_from_other_places(tmp_path):
         ("x.gpx", "<gpx/>"),
     ],
 )
-def test_a_file_without_zones_is_told_of(tmp_path, name, text):
+def test_a_file_without_zones_is_reported(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     near = Near(Geodetic(47.0, 8.0))
     near.add(tmp_path / name)

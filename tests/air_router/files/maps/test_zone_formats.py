@@ -103,7 +103,7 @@ def test_its_problems_have_their_place(tmp_path):
     assert facts["problems"][0]["path"].endswith("yard.sq")
 
 
-def test_it_is_asked_of_content_that_none_of_ours_knows(tmp_path):
+def test_it_is_tried_on_content_that_none_of_ours_knows(tmp_path):
     install(tmp_path, "acme_squares", SQUARES)
     code, facts = check(tmp_path, "yard", "SQUARES\n47.002 8.0 30\n")
     assert (code, facts["zones"]) == (0, 1)

@@ -1,4 +1,4 @@
-"""What a wrong mission file is told: every problem at once, each with its place."""
+"""The errors of a wrong mission file: every problem at once, each with its place."""
 
 import re
 import textwrap
@@ -89,7 +89,7 @@ def test_whom_to_seek_and_how(tmp_path, seek, robots, policy):
     assert (mission.seek, mission.seek_policy) == (robots, policy)
 
 
-def test_degrees_are_relative_to_home_unless_the_file_says_otherwise(tmp_path):
+def test_degrees_are_relative_to_home_unless_the_file_has_others(tmp_path):
     text = """\
         home: [47.0, 8.0]
         altitude_m: 20
@@ -150,7 +150,7 @@ def test_without_home_the_rest_is_still_checked(tmp_path):
     ]
 
 
-def test_problems_of_the_team_file_are_told_with_its_name(tmp_path):
+def test_problems_of_the_team_file_are_reported_with_its_name(tmp_path):
     (tmp_path / "team.yaml").write_text("robots: {}\nkinds: {}\n")
     with pytest.raises(DocumentError) as caught:
         load_mission(write(tmp_path, changed(("name: Test town", "team: team.yaml"))))

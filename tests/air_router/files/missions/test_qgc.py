@@ -237,7 +237,7 @@ def test_cameras_and_jumps_stay_in_the_file(tmp_path):
 
 
 @pytest.mark.parametrize("command", [21, 85])
-def test_a_landing_elsewhere_is_told(tmp_path, command):
+def test_a_landing_elsewhere_is_noted(tmp_path, command):
     data = plan()
     data["mission"]["items"][3] = waypoint(47.0003, 8.0006, altitude=0, command=command)
     mission = load_mission(write(tmp_path, data))

@@ -29,21 +29,21 @@ SOURCES = [
 
 @pytest.fixture(scope="module")
 def importer():
-    """The importing plugin; it wants an autopilot that says that it is there."""
+    """The importing plugin; it wants an autopilot that sends heartbeats."""
     log_subscribe(lambda *_: True)  # keeps MAVSDK's log off stdout
     port = free_port()
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
     over = threading.Event()
 
-    def say_that_i_am_there():
+    def send_heartbeats():
         link = common.MAVLink(None, srcSystem=1, srcComponent=1)
         beat = link.heartbeat_encode(common.MAV_TYPE_QUADROTOR, common.MAV_AUTOPILOT_PX4, 0, 0, 4)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             while not over.wait(0.1):
                 sender.sendto(beat.pack(link), ("127.0.0.1", port))
 
-    beating = threading.Thread(target=say_that_i_am_there)
+    beating = threading.Thread(target=send_heartbeats)
     beating.start()
     try:
         plugin = MissionRaw(mavsdk.first_autopilot(30))
