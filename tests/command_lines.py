@@ -7,9 +7,9 @@ import click
 from mocha_link.cli import Command, Options, Program, options_of
 
 
-def context_of(program: Program, words: Sequence[str]) -> click.Context:
-    """That of the command of these words; a `click.UsageError` if they are wrong."""
-    ctx = program.make_context(program.name, list(words))
+def context_of(program: Program, arguments: Sequence[str]) -> click.Context:
+    """That of the command of these arguments; a `click.UsageError` if they are wrong."""
+    ctx = program.make_context(program.name, list(arguments))
     while isinstance(ctx.command, click.Group):
         rest = [*ctx._protected_args, *ctx.args]  # noqa: SLF001 - click has no public way to get a parsed subcommand without running it
         if not rest:
@@ -19,13 +19,13 @@ def context_of(program: Program, words: Sequence[str]) -> click.Context:
     return ctx
 
 
-def options_for(command: Command, *words: object) -> Options:
-    """What a command makes of its words."""
-    return options_of(command.make_context("command", [str(word) for word in words]))
+def options_for(command: Command, *arguments: object) -> Options:
+    """What a command makes of its arguments."""
+    return options_of(command.make_context("command", [str(argument) for argument in arguments]))
 
 
 def commands_of(group: click.Group) -> Iterator[click.Context]:
-    """The context, without words, of every command below a group, in the order of the help."""
+    """The context, without arguments, of every command below a group, in the order of the help."""
     above = group.make_context(group.name, [], resilient_parsing=True)
     yield from _below(above)
 

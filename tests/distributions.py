@@ -1,4 +1,4 @@
-"""What a distribution of ours needs, as its pyproject says and as the development set-up has it."""
+"""What a distribution of ours needs, as in its pyproject and as in the development set-up."""
 
 import re
 import tomllib
@@ -27,7 +27,7 @@ def needed(requirements):
 
 
 def only_mocha_link(folder):
-    """A folder to import from: `mocha_link` and what it says it needs, nothing else."""
+    """A folder to import from: `mocha_link` and its dependencies, nothing else."""
     folder.mkdir()
     (folder / "mocha_link").symlink_to(ROOT / "mocha_link")
     for distribution in needed(project(ROVER)["dependencies"]).values():

@@ -1,6 +1,6 @@
 """What a web page can send to a port of this machine: an HTTP POST, read as ZMTP 1.0.
 
-ZMTP 1.0 has no greeting: a length byte (flags included), a flags byte whose lowest bit says that
+ZMTP 1.0 has no greeting: a length byte (flags included), a flags byte whose lowest bit means that
 more frames follow, the frame. The page does not choose how its request begins, but all of its body:
 where the frames that libzmq makes of the head end, in the body, those that count begin.
 """

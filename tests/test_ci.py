@@ -1,4 +1,4 @@
-"""What CI runs: it does what developers do, and leaves nothing out without saying so."""
+"""What CI runs: it does what developers do, and leaves nothing out without a note."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""Commands are imported when they are asked for, and the tables of them say what they are."""
+"""Commands are imported when they are run, and the tables of them describe each."""
 
 import json
 import os
@@ -31,10 +31,10 @@ TABLE = [(name, module) for name, cli in PROGRAMS.items() for module, _ in cli.C
 OURS = {"air_router", "geo", "mocha_link", "sitl"}
 
 
-def asked(program, *words):
-    """The program as it is after these words; what it says is on stdout or stderr."""
+def exit_code(program, *arguments):
+    """The exit code of a program; its output is on stdout or stderr."""
     try:
-        return PROGRAMS[program].main([*words])
+        return PROGRAMS[program].main([*arguments])
     except SystemExit as end:
         return end.code
 
@@ -48,9 +48,9 @@ def test_a_command_is_of_its_program():
 def test_every_command_has_help_and_names_its_mistakes(program, capsys):
     for ctx in commands_of(PROGRAMS[program].PROGRAM):
         path = ctx.command_path.split()[1:]
-        assert asked(program, *path, "--help") == 0
+        assert exit_code(program, *path, "--help") == 0
         assert capsys.readouterr().out.startswith(f"Usage: {program} {' '.join(path)} ")
-        assert asked(program, *path, "--verbos") == 2
+        assert exit_code(program, *path, "--verbos") == 2
         first, second = capsys.readouterr().err.splitlines()
         assert first.startswith(f"{ctx.command_path}: error: No such option '--verbos'.")
         assert "'--verbose'" in first  # the nearest, with others that are near
@@ -59,22 +59,22 @@ def test_every_command_has_help_and_names_its_mistakes(program, capsys):
 
 @pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize(
-    "words", [["-v"], ["dance"], ["-v", "dance"], ["--log-level", "loud", "x"]]
+    "arguments", [["-v"], ["dance"], ["-v", "dance"], ["--log-level", "loud", "x"]]
 )
-def test_wrong_usage_is_two_lines(program, words, capsys):
-    assert asked(program, *words) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"{program}: error: ")
-    assert told.endswith(f"\n`{program} --help` shows its usage\n")
-    assert told.count("\n") == 2
+def test_wrong_usage_is_two_lines(program, arguments, capsys):
+    assert exit_code(program, *arguments) == 2
+    printed = capsys.readouterr().err
+    assert printed.startswith(f"{program}: error: ")
+    assert printed.endswith(f"\n`{program} --help` shows its usage\n")
+    assert printed.count("\n") == 2
 
 
 @pytest.mark.parametrize(
     ("line", "near"),
     [("air-router chek", "check"), ("mocha-link nod", "node"), ("sitl tawn", "town")],
 )
-def test_a_misspelt_command_is_told_the_nearest(line, near, capsys):
-    assert asked(*line.split()) == 2
+def test_for_a_misspelt_command_the_nearest_is_suggested(line, near, capsys):
+    assert exit_code(*line.split()) == 2
     assert f"Did you mean '{near}'?" in capsys.readouterr().err
 
 
@@ -88,7 +88,7 @@ def test_a_misspelt_command_is_told_the_nearest(line, near, capsys):
     ],
 )
 def test_options_that_contradict_each_other_are_wrong_usage(line, capsys):
-    assert asked(*line.split()) == 2
+    assert exit_code(*line.split()) == 2
     assert "contradict each other" in capsys.readouterr().err
 
 
@@ -101,14 +101,14 @@ def test_options_that_contradict_each_other_are_wrong_usage(line, capsys):
     ],
 )
 def test_an_option_is_no_value_of_another(line, option, capsys):
-    assert asked(*line.split()) == 2
+    assert exit_code(*line.split()) == 2
     assert f"Option '{option}' requires an argument" in capsys.readouterr().err
 
 
 def read(line):
     """What a program reads from a line."""
-    program, *words = line.split()
-    return options_of(context_of(PROGRAMS[program].PROGRAM, words))
+    program, *arguments = line.split()
+    return options_of(context_of(PROGRAMS[program].PROGRAM, arguments))
 
 
 def test_an_option_can_take_several_values_until_the_next():
@@ -137,13 +137,13 @@ def test_an_option_whose_value_may_be_left_out():
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_without_a_command_there_is_the_list_of_them(program, capsys):
-    assert asked(program) == 2
-    told = capsys.readouterr().err
-    assert asked(program, "--help") == 0
-    assert capsys.readouterr().out == told
+    assert exit_code(program) == 2
+    printed = capsys.readouterr().err
+    assert exit_code(program, "--help") == 0
+    assert capsys.readouterr().out == printed
 
 
-MISSING = [  # the program, what is not installed, the command, what is said
+MISSING = [  # the program, what is not installed, the command, the message
     ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
     ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
     ("air-router", "matplotlib", ["report", "x.mcap"], "a picture needs matplotlib"),
@@ -159,22 +159,22 @@ WITHOUT = """
 import importlib, json, os, sys, tempfile
 import air_router.cli.check, air_router.cli.edit, air_router.cli.fly, air_router.sim.sim  # once
 
-for module, missing, words in json.loads(sys.argv[1]):
-    with tempfile.TemporaryFile() as said:
+for module, missing, arguments in json.loads(sys.argv[1]):
+    with tempfile.TemporaryFile() as output:
         child = os.fork()
         if not child:
-            os.dup2(2, 1), os.dup2(said.fileno(), 2)
+            os.dup2(2, 1), os.dup2(output.fileno(), 2)
             sys.modules[missing] = None
-            os._exit(importlib.import_module(module).main(words))
+            os._exit(importlib.import_module(module).main(arguments))
         code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        said.seek(0)
-        print(json.dumps([code, said.read().decode()]), flush=True)
+        output.seek(0)
+        print(json.dumps([code, output.read().decode()]), flush=True)
 """
 
 
 def test_a_missing_extra_ends_with_7_and_the_command_that_installs_it(tmp_path):
-    """Every other command works without it: they are all there until one is asked for."""
-    cases = [(PROGRAMS[program].__name__, missing, words) for program, missing, words, _ in MISSING]
+    """Every other command works without it: they are all there until one is run."""
+    cases = [(PROGRAMS[program].__name__, *case) for program, *case, _ in MISSING]
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT, json.dumps(cases)],
         cwd=tmp_path,
@@ -183,23 +183,23 @@ def test_a_missing_extra_ends_with_7_and_the_command_that_installs_it(tmp_path):
         text=True,
         check=True,
     )
-    for line, (*_, told) in zip(done.stdout.splitlines(), MISSING, strict=True):
-        code, said = json.loads(line)
-        assert (code, told in said) == (7, True), said
-        assert "; run: pip install " in said.splitlines()[-1]
+    for line, (*_, message) in zip(done.stdout.splitlines(), MISSING, strict=True):
+        code, printed = json.loads(line)
+        assert (code, message in printed) == (7, True), printed
+        assert "; run: pip install " in printed.splitlines()[-1]
 
 
-def test_a_robot_s_own_program_is_told_of_the_extra_too():
+def test_the_error_of_a_robot_s_own_program_names_the_extra_too():
     script = "import sys; sys.modules['cyclonedds'] = None; import mocha_link.bridges.dds"
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    told = done.stderr.splitlines()[-1]
-    assert told.startswith("mocha_link.errors.MissingExtraError: ROS 2 needs cyclonedds, ")
-    assert "; run: pip install " in told
+    error = done.stderr.splitlines()[-1]
+    assert error.startswith("mocha_link.errors.MissingExtraError: ROS 2 needs cyclonedds, ")
+    assert "; run: pip install " in error
 
 
 class Installed:
-    """A distribution whose files say that it came from `url`."""
+    """A distribution with metadata that it came from `url`."""
 
     def __init__(self, url, *, editable):
         self.origin = {"url": url, "dir_info": {"editable": editable}}
@@ -224,7 +224,7 @@ def test_the_command_names_the_checkout_or_wheel_that_was_installed(monkeypatch,
     assert install_command("keys") == "pip install 'pynacl>=1.5'"
 
 
-def test_what_only_the_program_says_needs_only_python():
+def test_what_only_the_program_prints_needs_only_python():
     script = (
         "import json, sys\nfrom {} import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
     )
@@ -312,29 +312,29 @@ class Interrupt:
         if name == imported:
             os.kill(os.getpid(), signal.SIGINT)
 
-module, imported, *words = sys.argv[1:]
+module, imported, *arguments = sys.argv[1:]
 sys.meta_path.insert(0, Interrupt())
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the shell may have us ignore it
 main = runpy.run_module(module, run_name="imported")["main"]
-sys.argv = [module, *words]
+sys.argv = [module, *arguments]
 sys.exit(main())
 """
 
 
 @pytest.mark.parametrize(
-    ("program", "imported", "words"),
+    ("program", "imported", "arguments"),
     [
         ("air-router", "click", "check x.yaml"),
         ("mocha-link", "pydantic", "check x.yaml"),
         ("sitl", "pymavlink", "vehicle"),
     ],
 )
-def test_ctrl_c_while_a_command_is_imported_is_one_line(program, imported, words):
+def test_ctrl_c_while_a_command_is_imported_is_one_line(program, imported, arguments):
     checkout = Path(os.environ.get("CHECKOUT_UNDER_TEST", ROOT))  # as in tests/system
     project = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))
     module = project["project"]["scripts"][program].partition(":")[0]
     done = subprocess.run(
-        [sys.executable, "-c", INTERRUPT, module, imported, *words.split()],
+        [sys.executable, "-c", INTERRUPT, module, imported, *arguments.split()],
         cwd=checkout,  # what it imports is there
         capture_output=True,
         text=True,
@@ -351,7 +351,7 @@ def test_ctrl_c_while_a_command_runs_is_one_line(program, capsys, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "stand_in", types.SimpleNamespace(run=run))
     monkeypatch.setitem(PROGRAMS[program].PROGRAM.table, "stand-in", ("stand_in", "stand in"))
-    assert asked(program, "stand-in") == 130
+    assert exit_code(program, "stand-in") == 130
     assert capsys.readouterr().err == "interrupted\n"
 
 
@@ -364,17 +364,17 @@ def test_the_installed_programs_are_those_that_take_an_interrupt_from_the_first_
 
 
 def test_commands_that_lack_an_extra_are_completed_by_name():
-    """And what needs the extra says so when it is run, not while a line is typed."""
+    """And what needs the extra reports so when it is run, not while a line is typed."""
     code = (
         "import sys\nsys.modules['pymavlink'] = None\nimport sitl.cli.cli\n"
         "sys.exit(sitl.cli.cli.main())"
     )
     for line, found in (("sitl veh", "plain,vehicle"), ("sitl vehicle --ho", "")):
-        words = {"_SITL_COMPLETE": "bash_complete", "COMP_WORDS": line, "COMP_CWORD": "1"}
-        words["COMP_CWORD"] = str(len(line.split()) - 1)
+        completion = {"_SITL_COMPLETE": "bash_complete", "COMP_WORDS": line, "COMP_CWORD": "1"}
+        completion["COMP_CWORD"] = str(len(line.split()) - 1)
         done = subprocess.run(
             [sys.executable, "-c", code],
-            env={**os.environ, **words},
+            env={**os.environ, **completion},
             capture_output=True,
             text=True,
             check=False,
@@ -399,9 +399,9 @@ def checked_without(tmp_path, missing, mission):
 
 def test_a_mission_is_checked_where_its_world_cannot_be(tmp_path):
     """The world's program may lack an extra on a companion."""
-    said = checked_without(tmp_path, "scipy", "explorers")
-    assert "needs scipy, which is not installed" in said
-    assert said.startswith("the world file is not checked: ")
+    note = checked_without(tmp_path, "scipy", "explorers")
+    assert "needs scipy, which is not installed" in note
+    assert note.startswith("the world file is not checked: ")
 
 
 def test_a_world_file_is_checked_where_nothing_can_be_simulated(tmp_path):

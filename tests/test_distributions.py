@@ -110,12 +110,12 @@ def test_a_service_starts_what_our_programs_take(path, signed):
     for name, value in (line.split("=", 1) for line in settings if not line.startswith("#")):
         text = text.replace(f"${{{name}}}", value).replace(f" ${name}", f" {value}")
     (command,) = re.findall(r"^ExecStart=/opt/air-router/bin/(.*)$", text, re.MULTILINE)
-    program, *words = shlex.split(command)
-    arguments = options_of(context_of(PROGRAMS[program], words))
+    program, *arguments = shlex.split(command)
+    options = options_of(context_of(PROGRAMS[program], arguments))
     assert "$" not in command
-    assert bool(getattr(arguments, "signing_key", None)) is (signed and program == "air-router")
-    assert getattr(arguments, "resume", None) in {None, "resume" in path.stem}
-    assert not getattr(arguments, "arm", False)  # that is the pilot's
+    assert bool(getattr(options, "signing_key", None)) is (signed and program == "air-router")
+    assert getattr(options, "resume", None) in {None, "resume" in path.stem}
+    assert not getattr(options, "arm", False)  # that is the pilot's
 
 
 HARDENED = {

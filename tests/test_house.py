@@ -151,7 +151,7 @@ def test_no_import_is_for_types_only():
     assert [name for name, text in texts.items() if "TYPE_CHECKING" in text] == []
 
 
-def test_rooms_say_what_they_are_for():
+def test_rooms_state_what_they_are_for():
     rooms = sorted({path.parent for path in modules().values()})
     silent = [
         str(room.relative_to(ROOT))

@@ -50,7 +50,7 @@ def test_the_snippet_runs(tmp_path):
     with program(snippet, "a", tmp_path) as a, program(snippet, "b", tmp_path) as b:
         for process, other in ((a, "b"), (b, "a")):
             # Nodes may meet before the snippet subscribes or has published: when the second pull
-            # that it is told of ends, the other's message is there in any case.
+            # that is announced ends, the other's message is there in any case.
             ends = (
                 re.search(rf"SyncEnded\(peer='{other}'.*Direction\.IN", x) for x in process.stdout
             )

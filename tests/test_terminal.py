@@ -39,11 +39,11 @@ def test_every_command_shows_an_example_that_parses():
         shown = re.findall(rf"^(?:example:)?\s+({path[0]} .*)", text, re.MULTILINE)
         assert shown, path
         for line in shown:
-            words = shlex.split(re.split(r"\s\s+[(#]| > |; ", line)[0], comments=True)
-            context_of(PROGRAMS[path[0]].PROGRAM, words[1:])
+            arguments = shlex.split(re.split(r"\s\s+[(#]| > |; ", line)[0], comments=True)
+            context_of(PROGRAMS[path[0]].PROGRAM, arguments[1:])
 
 
-def test_every_argument_says_what_it_is():
+def test_every_argument_is_described():
     for path, ctx in ALL.items():
         for param in ctx.command.params:
             assert param.help or param.hidden, (path, param)
@@ -58,8 +58,8 @@ def test_every_default_is_in_the_help():
 
 
 def test_levels_before_and_after_the_command():
-    def level(words):
-        return log_level(context_of(air_router.cli.cli.PROGRAM, words.split()), logging.WARNING)
+    def level(arguments):
+        return log_level(context_of(air_router.cli.cli.PROGRAM, arguments.split()), logging.WARNING)
 
     assert level("check m.yaml") == logging.WARNING
     assert level("-v check m.yaml") == level("check m.yaml -v") == logging.INFO
@@ -105,11 +105,11 @@ def test_the_version(program, capsys):
         ("sitl exp", "plain,experiment"),
     ],
 )
-def test_bash_is_told_how_a_line_goes_on(line, found, capsys, monkeypatch):
-    program, *words = line.split()
+def test_bash_completes_a_line(line, found, capsys, monkeypatch):
+    program, *arguments = line.split()
     monkeypatch.setenv(f"_{program.upper().replace('-', '_')}_COMPLETE", "bash_complete")
     monkeypatch.setenv("COMP_WORDS", line)
-    monkeypatch.setenv("COMP_CWORD", str(len(words)))
+    monkeypatch.setenv("COMP_CWORD", str(len(arguments)))
     assert PROGRAMS[program].main([]) == 0
     assert sorted(capsys.readouterr().out.split()) == found.split()
 
@@ -158,7 +158,7 @@ def test_colours_on_a_terminal_only(terminal, environment, wanted, monkeypatch):
     assert coloured(out) is wanted
 
 
-def test_only_those_who_ask_write_colours():
+def test_colours_are_written_only_on_request():
     """Escapes for colours stand where `coloured` decides; the rest is drawing on a terminal."""
     for folder in ("air_router", "mocha_link", "sitl"):
         for path in (ROOT / folder).rglob("*.py"):

@@ -1,7 +1,7 @@
 """What each extra is for is done with wheels and that extra alone: `make dist-test`.
 
-Each test makes an empty environment, installs the wheels, has a command say that it lacks the
-extra's package (exit code 7) and how to install it, does as told, and uses the extra as the docs
+Each test makes an empty environment, installs the wheels, has a command report that it lacks the
+extra's package (exit code 7) and how to install it, runs that, and uses the extra as the docs
 say. Nothing of the checkout can be imported there.
 """
 
@@ -248,7 +248,7 @@ def ros2(there: Environment, _: Path) -> None:
 class Use(NamedTuple):
     """How to see what an extra is for."""
 
-    lacking: tuple[object, ...]  # a command that says that it lacks the extra
+    lacking: tuple[object, ...]  # a command that reports that it lacks the extra
     does: Callable[[Environment, Path], None]
 
 
@@ -286,7 +286,7 @@ def test_every_extra_has_its_use_here():
     ("distribution", "extra"),
     [(distribution, extra) for distribution, uses in USES.items() for extra in uses],
 )
-def test_an_extra_alone_is_asked_for_installed_as_told_and_does_what_it_is_for(
+def test_an_extra_alone_is_requested_installed_as_printed_and_does_what_it_is_for(
     environment, wheels, record, distribution, extra
 ):
     if extra == "ros2" and NO_DDS:
@@ -294,8 +294,8 @@ def test_an_extra_alone_is_asked_for_installed_as_told_and_does_what_it_is_for(
     there, use = environment(distribution), USES[distribution][extra]
     if use.lacking:
         program, *arguments = (record if each == "RECORD" else each for each in use.lacking)
-        told = there.run(program, *arguments, code=ExitCode.MISSING_EXTRA)
-        there.install_as_told(told.stderr)
+        printed = there.run(program, *arguments, code=ExitCode.MISSING_EXTRA)
+        there.install_as_printed(printed.stderr)
     else:
         there.install(f"{wheels[distribution]}[{extra}]")
     use.does(there, record)

@@ -78,18 +78,18 @@ class Environment:
         )
 
     def run(self, program: str, *arguments: object, code: int = 0) -> subprocess.CompletedProcess:
-        """Run it to its end; what it said."""
+        """Run it to its end; what it printed."""
         with self.start(program, *arguments) as process:
             try:
-                out, said = process.communicate(timeout=LIMIT_S)
+                out, errors = process.communicate(timeout=LIMIT_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 raise
-        assert process.returncode == code, f"{program} {arguments}\n{out[-4000:]}\n{said[-4000:]}"
-        return subprocess.CompletedProcess(process.args, process.returncode, out, said)
+        assert process.returncode == code, f"{program} {arguments}\n{out[-4000:]}\n{errors[-4000:]}"
+        return subprocess.CompletedProcess(process.args, process.returncode, out, errors)
 
-    def install_as_told(self, said: str) -> None:
+    def install_as_printed(self, errors: str) -> None:
         """Run the command that a program printed because it lacks a package."""
-        *_, command = re.findall(r"run: (pip install .*)", said)  # what ended it is said last
+        *_, command = re.findall(r"run: (pip install .*)", errors)  # what ended it is printed last
         _, _, *what = shlex.split(command)
         self.install(*what)

@@ -33,8 +33,8 @@ MAKERS = {
     "Hover": (0, "why", "holding: {}", "warning"),
     "wait_here": (0, "why", "holding: {}", "warning"),
 }
-# What a text says that comes from elsewhere, by function and instruction.
-SAID = {
+# The content of texts that come from elsewhere, by function and instruction.
+FROM_ELSEWHERE = {
     ("observe", "FLY_OUT"): ["breach of …"],
     ("_differs", "UPLOAD_OURS"): ["another plan is on board (…)"],
     ("_differs", "TAKE_WHERE_IT_HOLDS"): ["another plan is on board (…)"],
@@ -63,7 +63,7 @@ SAID = {
     ("update", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
 }
 UNSPECIFIC = {"…", "for", "s", "too"}
-"""A text of these alone does not say what is announced."""
+"""A text of these alone does not state what is announced."""
 KNOWN = {name: value for name, value in vars(instructions).items() if name.isupper()}
 
 
@@ -88,7 +88,7 @@ def own(scope: ast.AST) -> Iterator[ast.AST]:
             yield from own(node)
 
 
-def words_of(node: ast.AST, scope: ast.AST) -> list[str]:  # noqa: PLR0911 - one per expression
+def texts_of(node: ast.AST, scope: ast.AST) -> list[str]:  # noqa: PLR0911 - one per expression
     """The texts that an expression may be, with … for what only the flight knows."""
     match node:
         case ast.Constant(value=str(text)):
@@ -96,12 +96,12 @@ def words_of(node: ast.AST, scope: ast.AST) -> list[str]:  # noqa: PLR0911 - one
         case ast.JoinedStr(values=parts):
             texts = [""]
             for part in parts:
-                texts = [text + more for text in texts for more in words_of(part, scope)]
+                texts = [text + more for text in texts for more in texts_of(part, scope)]
             return texts
         case ast.FormattedValue(value=ast.Name() | ast.IfExp() as value):
-            return words_of(value, scope)
+            return texts_of(value, scope)
         case ast.IfExp(body=first, orelse=other):
-            texts = [*words_of(first, scope), *words_of(other, scope)]
+            texts = [*texts_of(first, scope), *texts_of(other, scope)]
             return [""] if "" in texts else texts
         case ast.Name(id=name):
             found = [
@@ -109,11 +109,11 @@ def words_of(node: ast.AST, scope: ast.AST) -> list[str]:  # noqa: PLR0911 - one
                 for each in own(scope)
                 if isinstance(each, ast.Assign)
                 and any(isinstance(t, ast.Name) and t.id == name for t in each.targets)
-                for text in words_of(each.value, scope)
+                for text in texts_of(each.value, scope)
             ]
             return list(dict.fromkeys(found)) or ["…"]
         case ast.BinOp(left=left, right=right):
-            return [a + b for a in words_of(left, scope) for b in words_of(right, scope)]
+            return [a + b for a in texts_of(left, scope) for b in texts_of(right, scope)]
     return ["…"]
 
 
@@ -162,9 +162,9 @@ def _rows_of(call: ast.Call, scope: ast.AST) -> Iterator[Row]:
         text = call.args[at]
     for instruction in handed(call, scope):
         grave = "alarm" if alarms or instruction == "WATCH_FAILSAFE" else severity
-        texts = [] if text is None else words_of(text, scope)
+        texts = [] if text is None else texts_of(text, scope)
         if not any(set(words.split()) - UNSPECIFIC for words in texts):
-            texts = SAID[getattr(scope, "name", ""), instruction]
+            texts = FROM_ELSEWHERE[getattr(scope, "name", ""), instruction]
         for words in texts:
             yield Row(pattern.format(words).replace("……", "…"), grave, KNOWN[instruction])
 

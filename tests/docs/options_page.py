@@ -72,15 +72,15 @@ def explanations() -> str:
     """For the site: each option explained; what several commands take is explained once."""
     programs = _programs()
     count = Counter(row for program in programs for *_, rows in _commands(program) for row in rows)
-    means = {name: said for (name, said), times in reversed(count.most_common()) if times > 1}
+    means = {name: text for (name, text), times in reversed(count.most_common()) if times > 1}
     shared = sorted(means.items())
-    parts = [SHARED, "\n".join(f"* {name}: {said}" for name, said in shared) + "\n"]
+    parts = [SHARED, "\n".join(f"* {name}: {text}" for name, text in shared) + "\n"]
     for program in programs:
         parts += [f"## {program.name}\n", f"{program.help}\n"]
         for command, path, rows in _commands(program):
             parts += [f"### {path}\n", f"{_purpose(command)}\n"]
-            own = [f"* {name}: {said}" for name, said in rows if (name, said) not in shared]
-            also = ", ".join(_short(name) for name, said in rows if (name, said) in shared)
+            own = [f"* {name}: {text}" for name, text in rows if (name, text) not in shared]
+            also = ", ".join(_short(name) for name, text in rows if (name, text) in shared)
             lines = [*own, *([f"* shared: {also}"] if also else [])]
             if lines:
                 parts.append("\n".join(lines) + "\n")
@@ -117,21 +117,21 @@ def _commands(program):
     """Each command, its path, and its options: pairs of name and explanation."""
     for ctx in commands_of(program):
         if ctx.info_name != "completion":
-            params = [each for each in ctx.command.params if _told(each)]
+            params = [each for each in ctx.command.params if _listed(each)]
             yield ctx.command, _path(ctx), [_row(each, ctx) for each in params]
 
 
 def _path(ctx):
-    """Its words, without what stands between them."""
+    """Its parts, without what stands between them."""
     return " ".join(filter(None, [ctx.parent and _path(ctx.parent), ctx.info_name]))
 
 
-def _told(param):
+def _listed(param):
     return not (getattr(param, "hidden", False) or EVERYWHERE & {*param.opts})
 
 
 def _short(name):
-    """`--speed X` as `--speed`: what it takes is said where it is explained."""
+    """`--speed X` as `--speed`: its value is described where it is explained."""
     return f"`{name.split('`')[1].split()[0]}`"
 
 

@@ -1,4 +1,4 @@
-"""Every warning and alarm says what to do, and stands in docs/watching.md."""
+"""Every warning and alarm has an instruction, and stands in docs/watching.md."""
 
 import ast
 
@@ -29,7 +29,7 @@ def test_instructions_are_made_in_one_place():
         assert len(text.encode()) <= 2 * STATUSTEXT_BYTES  # read aloud while it happens
 
 
-def test_an_announcement_that_asks_for_something_says_what():
+def test_an_announcement_that_requires_something_has_an_instruction():
     """Where one is made without `warn` or `alarm`: it is INFO, or it has an instruction."""
     context = ROOT / "air_router" / "controller" / "model" / "mission_context.py"
     for path in FILES:
@@ -40,16 +40,16 @@ def test_an_announcement_that_asks_for_something_says_what():
                 assert len(call.args) == 1 or is_typed, path
 
 
-def test_every_instruction_is_in_the_table_and_every_warning_says_what():
+def test_every_instruction_is_in_the_table_and_every_warning_has_one():
     found = rows()
-    told = {row.instruction for row in found}
-    assert {name for name, text in KNOWN.items() if text not in told} == set()
+    listed = {row.instruction for row in found}
+    assert {name for name, text in KNOWN.items() if text not in listed} == set()
     assert {row.severity.split(";")[0] for row in found} == {"warning", "alarm"}
     assert [row for row in found if row.text.strip("… :") == ""] == []
 
 
 def test_every_warning_is_handed_an_instruction_that_is_typed_so():
-    """A cast, or a type that mypy is told to leave alone, would get around it."""
+    """A cast, or a type that mypy ignores, would get around it."""
     makers, owners = {"warn", "alarm", "alarm_until_over"}, {"self", "context"}
     for path in FILES:
         for call in calls(path):

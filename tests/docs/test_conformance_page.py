@@ -28,7 +28,7 @@ def test_the_tables_are_current(title):
     )
 
 
-def test_every_difference_says_where_it_is_written():
+def test_every_difference_has_where_it_is_written():
     found = list(differences())
     assert len(found) > 15
     for each in found:

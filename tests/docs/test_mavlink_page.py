@@ -16,8 +16,8 @@ def section(title):
 
 
 def test_what_is_read():
-    heard = set(re.findall(r'"([A-Z0-9_]+)": self\.[a-z_]', "\n".join(SOURCES.values())))
-    assert heard == set(re.findall(r"^\| ([A-Z0-9_]+) \|", section("Read"), re.MULTILINE))
+    received = set(re.findall(r'"([A-Z0-9_]+)": self\.[a-z_]', "\n".join(SOURCES.values())))
+    assert received == set(re.findall(r"^\| ([A-Z0-9_]+) \|", section("Read"), re.MULTILINE))
 
 
 def test_what_is_sent():

@@ -205,8 +205,8 @@ def check(words, where):
         copied = ROOT / "air_router" / "start" / Path(rest[0]).name
         assert copied.exists() or f"Save it as `{rest[0]}`" in page, where
     elif first == "pip":
-        asked = {e for extra in re.findall(r"\[([a-z0-9,]+)\]", where) for e in extra.split(",")}
-        assert asked <= EXTRAS.keys(), where
+        extras = {e for extra in re.findall(r"\[([a-z0-9,]+)\]", where) for e in extra.split(",")}
+        assert extras <= EXTRAS.keys(), where
     else:
         assert first in FOREIGN, f"{where}: no command of ours, and not in FOREIGN"
 
@@ -231,13 +231,13 @@ def test_commands_named_in_the_text_exist():
             if words[1] in {"udp", "message"}:  # what is signed (security.md), no command
                 continue
             try:
-                said = help_of(" ".join(words[:2]))
+                shown = help_of(" ".join(words[:2]))
             except KeyError:
                 pytest.fail(f"{page.name}: `{span}`: no such command")
             if words[1] == "bridge":
-                said += "".join(help_of(f"mocha-link bridge {b}") for b in ("ros1", "ros2"))
+                shown += "".join(help_of(f"mocha-link bridge {b}") for b in ("ros1", "ros2"))
             for option in re.findall(r"(?<=\s)--[a-z0-9-]+", span):
-                assert re.search(rf"(?m)^\s+(-\w.*)?{option}\b", said), f"{page.name}: `{span}`"
+                assert re.search(rf"(?m)^\s+(-\w.*)?{option}\b", shown), f"{page.name}: `{span}`"
 
 
 @pytest.fixture(scope="module")
@@ -270,7 +270,7 @@ RUN = [
     if block.page.name != "tutorial.md"  # walk_tutorial.py
     for line in block.commands
     if line.split()[0] in PROGRAMS and line.split()[1] in RUN_IN and " | " not in line
-    if line != "air-router new"  # it asks
+    if line != "air-router new"  # it prompts
     if ".mcap" not in line  # records: tests/air_router/record runs these
 ]
 
@@ -291,16 +291,16 @@ TOWN = "coordinates: local\nframe: {origin: [38.5, -98.5]}\nwaypoints: [[50, 50]
 
 @pytest.mark.parametrize("line", range(3))
 def test_seeking(line, tmp_path):
-    said = ALL["seeking.md yaml 1"].text.splitlines()[line]
+    policy = ALL["seeking.md yaml 1"].text.splitlines()[line]
     team = f"team: {ROOT / 'missions/pennovation/team.yaml'}\nuav: titan\n"
-    (tmp_path / "mission.yaml").write_text(f"{SHORTEST}{team}{said}\n")
+    (tmp_path / "mission.yaml").write_text(f"{SHORTEST}{team}{policy}\n")
     mission = load_mission(tmp_path / "mission.yaml")
     assert mission.seek_policy == ("rendezvous", "freshest", "round_robin")[line]
 
 
 def test_several(tmp_path):
-    said = ALL["concepts.md yaml 1"].text
-    (tmp_path / "mission.yaml").write_text(f"{said}{TOWN}fence: null\nno_fly_zones: []\n")
+    text = ALL["concepts.md yaml 1"].text
+    (tmp_path / "mission.yaml").write_text(f"{text}{TOWN}fence: null\nno_fly_zones: []\n")
     mission = load_mission(tmp_path / "mission.yaml")
     assert [layer.uav for layer in mission.layers] == ["titan", "atlas"]
 
@@ -330,11 +330,11 @@ def test_goals_by_gossip(tmp_path):
     assert load_mission(tmp_path / "mission.yaml").goals_from == ("basestation",)
 
 
-def test_what_a_robot_says():
-    said = json.loads(ALL["robot.md json 1"].text)
+def test_what_a_robot_publishes():
+    published = json.loads(ALL["robot.md json 1"].text)
     models = {"/pose": PoseMessage, "/path": PathMessage, "/sightings": SightingsMessage}
-    assert said.keys() == models.keys()
-    for topic, message in said.items():
+    assert published.keys() == models.keys()
+    for topic, message in published.items():
         assert message.keys() == models[topic].model_fields.keys()
         models[topic].decode(json.dumps(message).encode())
 
@@ -372,9 +372,9 @@ def test_what_check_prints_of_the_way_home(folder, capsys):
     mission = folder / "missions" / "pennovation" / "mission.yaml"
     mission.write_text(mission.read_text().replace("# endurance_s: 1800", "endurance_s: 1200"))
     assert air_router.cli.cli.main(["check", str(mission)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    out = " ".join(capsys.readouterr().out.split())
     for line in printed.splitlines():
-        assert " ".join(line.removesuffix("...").split()) in said
+        assert " ".join(line.removesuffix("...").split()) in out
 
 
 def test_the_columns_at_the_end():

@@ -1,6 +1,7 @@
 """The commands of the docs that take a while or go on: each is really run, by `make docs-test`.
 
-What serves is started, heard to be ready, and ended with Ctrl-C; what flies is shortened.
+What serves is started, awaited until it prints that it is ready, and ended with Ctrl-C; what
+flies is shortened.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import pytest
 
 from tests.docs.blocks import PROGRAMS, ROOT, blocks
 
-SERVES = {  # until it says this
+SERVES = {  # until it prints this
     "mocha-link node": "ready",
     "sitl vehicle": '"ready": true',
     "air-router edit": "http://",
@@ -68,7 +69,7 @@ def verb(line):
 def chosen():
     for line, page in sorted(LINES.items()):
         if not any(re.search(pattern, line) for pattern in NOT_HERE):
-            assert verb(line), f"{page}: {line}: say in this file how it is run, or why not"
+            assert verb(line), f"{page}: {line}: add to this file how it is run, or why not"
             yield page, line
 
 
@@ -106,13 +107,13 @@ def begin(line, folder, more=()):
     )
 
 
-def until_ready(process, words):
-    said = []
+def until_ready(process, pattern):
+    printed = []
     for line in process.stdout:
-        said.append(line)
-        if re.search(words, line):
+        printed.append(line)
+        if re.search(pattern, line):
             return
-    pytest.fail("".join(said))
+    pytest.fail("".join(printed))
 
 
 def end(process):

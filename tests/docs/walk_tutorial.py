@@ -43,7 +43,7 @@ class Walk:
         self.folder = folder
         self.web = str(free_port(socket.SOCK_STREAM))
         self.flight = None
-        self.told = folder / "flight.log"
+        self.log = folder / "flight.log"
 
     def begin(self, text, out):
         text = text.replace("--web", f"--web {self.web}")
@@ -70,10 +70,10 @@ class Walk:
             if code == 0 and good(out):
                 return out
             assert time.monotonic() < ends_s, out
-            assert self.flight.poll() is None, self.told.read_text()
+            assert self.flight.poll() is None, self.log.read_text()
 
     def fly(self, text):
-        with self.told.open("w") as out:
+        with self.log.open("w") as out:
             self.flight = self.begin(f"exec {text}", out)
         self.until("air-router ask status --json", lambda out: json.loads(out)["state"] == "INIT")
         with urllib.request.urlopen(f"http://127.0.0.1:{self.web}", timeout=10) as page:
@@ -98,23 +98,23 @@ class Walk:
 @pytest.mark.timeout(3 * PATIENCE_S)
 def test_the_tutorial(home):
     began_s = time.monotonic()
-    said = []
+    printed = []
     with contextlib.closing(Walk(home)) as walk:
         for block in STEPS:
             assert block.language == "sh"
             if block.text.startswith("air-router sim"):
                 walk.fly(block.text)
             else:
-                said += map(walk.step, block.commands)
+                printed += map(walk.step, block.commands)
     took_s = time.monotonic() - began_s
-    out, table = "\n".join(said), walk.told.read_text()
+    out, table = "\n".join(printed), walk.log.read_text()
     assert (home / "route.png").stat().st_size > 10_000
     assert out.count("Pennovation: 39 waypoints") == 2
     assert "9 no-fly zones" in out
     assert out.count("accepted") == 4
     assert "came home: a program's request" in table
     assert "callisto" in table
-    assert "the same" in said[-1]
+    assert "the same" in printed[-1]
     assert "crane" in (home / "flight.html").read_text(encoding="utf-8")
     print(f"the tutorial took {took_s:.0f} s")  # noqa: T201 - what the page promises
     assert took_s < 600
