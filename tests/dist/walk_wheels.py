@@ -68,7 +68,9 @@ def flown(there: Environment, mission: str) -> None:
 
 def fly(there: Environment, _: Path) -> None:
     """It gets as far as it can without a vehicle."""
-    there.run("air-router", "fly", MISSION, "--connect", "udpin://127.0.0.1:0", code=ExitCode.NO_VEHICLE)
+    there.run(
+        "air-router", "fly", MISSION, "--connect", "udpin://127.0.0.1:0", code=ExitCode.NO_VEHICLE
+    )
 
 
 def parquet(there: Environment, _: Path) -> None:
