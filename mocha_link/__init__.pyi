@@ -1,4 +1,4 @@
-# What `import mocha_link` gives, for type checkers; `__init__.py` says when it is imported.
+# What `import mocha_link` gives, for type checkers; `__init__.py` defines when it is imported.
 
 from mocha_link.clock import Clock as Clock
 from mocha_link.clock import Instant as Instant

@@ -31,7 +31,7 @@ def as_host(text: str) -> str:
     """A host in its normal form: IPv6 without brackets, as short as it can be.
 
     Raises:
-        ValueError: it is none; the text says why and what to write.
+        ValueError: it is none; the text has the reason and what to write.
     """
     if re.fullmatch(NAME, text):
         return text

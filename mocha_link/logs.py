@@ -1,7 +1,7 @@
 """The logs of nodes: one logger each, below ``mocha_link``.
 
-Records have `robot` and `peer` (or None), so that a program with several nodes can tell whose line
-it is and a formatter can show both.
+Records have `robot` and `peer` (or None): a program with several nodes can tell their lines apart,
+and a formatter can show both.
 """
 
 from __future__ import annotations

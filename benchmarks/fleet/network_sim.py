@@ -232,8 +232,8 @@ class NetworkSim:
         """What a node knows of a peer, and the parts that talk with it."""
         return self.links(name).by_peer[peer]
 
-    def told(self, name: str, kind: type) -> list:
-        """The events of a kind that a node told."""
+    def events_of(self, name: str, kind: type) -> list:
+        """The events of a kind that a node reported."""
         return [event for event in self.events[name] if isinstance(event, kind)]
 
     def sent(self, path: Path, source: str, target: str) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""The ROS 2 side of a bridge without a ROS installation: CycloneDDS speaks to the topics.
+"""The ROS 2 side of a bridge without a ROS installation: CycloneDDS is the DDS participant.
 
 Types are made from their definitions. A sample is its serialized bytes: DDS learns what the type
 is, so that it can match others, but nothing is decoded.
@@ -176,7 +176,7 @@ class Dds(Cdr, Closeable):
         self._readers: list[tuple[Any, Any, Callable[[bytes], None]]] = []
         self._lock = threading.Lock()
         self._stopping = False  # set by `close`
-        self._guard = Guard("what a DDS topic says was not taken in; the others are")
+        self._guard = Guard("samples of a DDS topic were not taken in; other topics are")
         self._awake = GuardCondition(self._participant)  # triggered to end the wait
         self._waiting = WaitSet(self._participant)  # for data, or for `_awake`
         self._waiting.attach(self._awake)
@@ -282,10 +282,10 @@ class Dds(Cdr, Closeable):
 def _refused(topic: str, status: Any) -> None:
     """Log that DDS does not join a publisher to a subscriber that wants more than it offers."""
     if status.last_policy_id == _RELIABILITY:
-        text = "%s is not received: its publisher is not reliable; say --best-effort %s"
+        text = "%s is not received: its publisher is not reliable; pass --best-effort %s"
         LOG.warning(text, topic, topic)
     else:
-        LOG.warning("%s is not received: its publisher's QoS offers less than ours asks for", topic)
+        LOG.warning("%s is not received: its publisher's QoS offers less than ours requests", topic)
 
 
 def _joined(domain: int | None) -> DomainParticipant:

@@ -63,7 +63,7 @@ class Ros1:
             elif topic not in self._odd:
                 self._odd.add(topic)
                 theirs, ours = f"{published_type} ({its_md5})", f"{kind} ({md5})"
-                LOG.warning("%s is published as %s; the team says %s", topic, theirs, ours)
+                LOG.warning("%s is published as %s; the team file has %s", topic, theirs, ours)
 
         subscriber = self._rospy.Subscriber(
             topic,

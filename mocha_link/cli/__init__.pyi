@@ -1,4 +1,4 @@
-# What `mocha_link.cli` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.cli` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.cli.program import PATH as PATH
 from mocha_link.cli.program import Command as Command

@@ -157,7 +157,7 @@ class _Trial:
             except PortInUseError:
                 text = (
                     f"the ports of {self._robot.name} are taken, by its node no doubt: "
-                    "'mocha-link monitor' shows who asks it ('out')"
+                    "'mocha-link monitor' shows who pulls from it ('out')"
                 )
                 self.findings.append(Finding(None, True, text))
                 self._has_node = True
@@ -252,7 +252,7 @@ class _Trial:
             )
         elif "no byte" in why:
             hint = f"; something takes connections there that is no node of {peer}, or hangs"
-        return Finding(peer, False, f"asked at {place}: {why}{hint}")
+        return Finding(peer, False, f"pull from {place}: {why}{hint}")
 
     def _incoming(self, peer: str) -> Finding:
         end, port = self._ends.get((peer, OUT)), self._robot.port_for(peer)
@@ -260,11 +260,11 @@ class _Trial:
             return Finding(
                 peer,
                 False,
-                f"it has not asked this robot within {self._seconds:g} s: it does not hear this "
-                "robot by radio, its team file has another address than "
+                f"it has not pulled from this robot within {self._seconds:g} s: "
+                "it does not receive this robot by radio, its team file has another address than "
                 f"{self._robot.shown_address}, port {port}, or a firewall here stops TCP and UDP",
             )
-        pulls = f"it asks this robot, at port {port}"
+        pulls = f"it pulls from this robot, at port {port}"
         if isinstance(end, SyncEnded):
             return Finding(peer, True, pulls)
         return Finding(peer, False, f"{pulls}: {end.reason}")
@@ -300,9 +300,9 @@ class _Trial:
         reading = self._readings.get(peer)
         if reading is None:
             where = "it reports of others" if self._readings else "it reports nothing at all"
-            return Finding(peer, False, f"the radio does not hear it ({where})")
+            return Finding(peer, False, f"the radio does not receive it ({where})")
         limit = threshold(self._team.trigger, reading.unit)
-        text = f"the radio hears it at {reading.value:g} {reading.unit.value}"
+        text = f"the radio receives it at {reading.value:g} {reading.unit.value}"
         good = reading.value >= limit
         less = "a contact begins at" if good else "too weak: no contact begins below"
         return Finding(peer, good, f"{text}; {less} {limit:g}")
@@ -321,7 +321,7 @@ def _resolved(address: str, limit_s: float) -> tuple[tuple[str, ...], str]:
 
 
 def _greets(host: str, port: int) -> bool:
-    """Whether something at a place begins to speak as nodes do."""
+    """Whether something at a place begins with the greeting that nodes send."""
     try:
         with socket.create_connection((host, port), timeout=GREET_S) as probe:
             return probe.recv(1) == b"\xff"

@@ -109,7 +109,7 @@ def run(options: Options) -> int:
             LOG.warning("%s", exposure)
         if robot.original:
             LOG.warning(
-                "%s says that %s runs the original node: the others speak the old protocol "
+                "%s has %s as an original node: the others use the old protocol "
                 "with it; if this node is to stay, take 'original' away in every team file",
                 options.team,
                 robot.name,

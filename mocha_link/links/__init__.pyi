@@ -1,4 +1,4 @@
-# What `mocha_link.links` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.links` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.links.link_table import QUIET_S as QUIET_S
 from mocha_link.links.link_table import LinkTable as LinkTable

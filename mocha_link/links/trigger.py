@@ -11,7 +11,7 @@ from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team import Trigger
 
 QUIET_PULL_S = 15.0  # shortest interval of pulls from a peer that pushes its messages
-FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
+FOLLOWED_PULLS_S = 5  # of all peers that push their messages, together
 SILENT_INTERVALS = 3  # after a longer silence of the radio there is no signal
 MAX_SOURCES = 4  # that are remembered of a peer
 

@@ -1,4 +1,4 @@
-# What `mocha_link.node` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.node` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.node import kernel as kernel
 from mocha_link.node.curve import CurveServer as CurveServer

@@ -329,9 +329,9 @@ class ZmtpSession:
         """Check the received part of the peer's greeting; returns its length once complete."""
         head = bytes(self._buffer[:10])
         if head[:1] != b"\xff"[: len(head)] or (len(head) == 10 and not head[9] & 1):
-            raise ZmtpError("what answers there does not speak ZeroMQ")
+            raise ZmtpError("what answers there is not a ZeroMQ socket")
         if len(self._buffer) > 10 and self._buffer[10] < 3:
-            raise ZmtpError(f"the peer speaks ZMTP {self._buffer[10]}, too old for us")
+            raise ZmtpError(f"the peer uses ZMTP {self._buffer[10]}, too old for us")
         if len(self._buffer) < GREETING_BYTES:
             return 0
         wanted, ours = bytes(self._buffer[12:32]).rstrip(b"\0"), self._mechanism.name
@@ -343,7 +343,7 @@ class ZmtpSession:
                 f"the peer wants {shown}: it has a key for us, we have none for it; give both the "
                 "same team file"
                 if ours == Null.name
-                else "what answers there has no key, or does not speak ZeroMQ"
+                else "what answers there has no key, or is not a ZeroMQ socket"
             )
         self._greeted = True
         return GREETING_BYTES

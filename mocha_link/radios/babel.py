@@ -91,7 +91,7 @@ class Route:
 
 
 class BabelTable:
-    """What babeld has said since the connection began.
+    """What babeld has reported since the connection began.
 
     Attributes:
         neighbours: by babeld's ids.

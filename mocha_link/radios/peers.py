@@ -44,7 +44,7 @@ def peers_by_radio(team: Team, robot: Robot, *, addresses: bool = False) -> dict
         what = "IP address or radio_id" if addresses else "radio_id"
         raise RadioError(
             f"no peer of {robot.name} has a{'n' if addresses else ''} {what} in {team.path}, so "
-            f"{robot.radio} cannot tell who is who; add the addresses of their radios"
+            f"{robot.radio} cannot tell the peers apart; add the addresses of their radios"
         )
     return found
 
@@ -64,7 +64,7 @@ def the_peer(url: RadioUrl, robot: Robot) -> str:
         return robot.peers[0]
     if peer not in robot.peers:
         raise RadioError(
-            f"{url} must say which robot is at its other end; write ?peer= and one of "
+            f"{url} must name the robot at its other end; write ?peer= and one of "
             f"{', '.join(robot.peers) or 'the clients of ' + robot.name}"
         )
     return peer

@@ -250,7 +250,7 @@ class StdinRadio(BackgroundRadio):
         loop.add_reader(fd, read)
         async for line in self.lines(stream):
             accept(self, line, "stdin")
-        self.log.warning("standard input has ended: no more radio reports, no peer is heard")
+        self.log.warning("standard input has ended: no more radio reports, no peer is received")
 
 
 class MavlinkRadio(_ListeningRadio):

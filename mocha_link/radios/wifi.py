@@ -54,7 +54,7 @@ def _reading(lines: str) -> Reading | None:
 
 
 class WifiRadio(BackgroundRadio):
-    """Asks `iw` about an interface (``wifi://wlan0``) once a second.
+    """Queries `iw` about an interface (``wifi://wlan0``) once a second.
 
     Args:
         url: Which interface; it may come up later.

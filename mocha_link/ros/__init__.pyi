@@ -1,4 +1,4 @@
-# What `mocha_link.ros` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.ros` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.ros.ros import RosCodec as RosCodec
 from mocha_link.ros.ros import RosError as RosError

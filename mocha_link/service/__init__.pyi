@@ -1,4 +1,4 @@
-# What `mocha_link.service` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.service` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.service import requests as requests
 from mocha_link.service.endpoint import EndpointKeyError as EndpointKeyError

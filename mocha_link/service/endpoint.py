@@ -2,7 +2,7 @@
 
 A web page that the operator has open, and every other user, reach all ports of 127.0.0.1, and
 libzmq takes an HTTP POST for a message of ZMTP 1.0. So an ``ipc`` endpoint is a socket that only
-its owner may open, and a TCP endpoint speaks CURVE, whose key is in a file that only its owner may
+its owner may open, and a TCP endpoint uses CURVE, whose key is in a file that only its owner may
 read. A client that does not know the server's key cannot begin to talk. See docs/security.md.
 
 For any Python from 3.8 on that has `pyzmq`, as `service_client`, which uses it.

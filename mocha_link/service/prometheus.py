@@ -37,7 +37,7 @@ _HELP = {
     "protected": "1 if the link is encrypted.",
     "team_differs": "1 if the peer has another team file.",
     **{
-        f"signal_{name}": f"How the peer is heard, in {name}, by source."
+        f"signal_{name}": f"Signal of the peer as received, in {name}, by source."
         for name in _SIGNALS.values()
     },
     "last_sync_timestamp_seconds": "When the last sync came to its end.",

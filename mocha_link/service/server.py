@@ -114,7 +114,7 @@ class EndpointServer(Startable):
         """Run one turn."""
 
     def _end(self) -> None:
-        """Say the last things, before the socket is closed."""
+        """Send the last messages, before the socket is closed."""
 
 
 def as_fields(value: LinkEvent | LinkMetrics | Reading | Contact) -> dict[str, Any]:

@@ -284,7 +284,7 @@ def _refuse(number: object, send: Send, error: Exception) -> None:
     why, again = str(error), isinstance(error, NodeClosedError) or getattr(error, "again", False)
     if not isinstance(error, MochaLinkError):
         LOG.error("a request failed", exc_info=error)
-        why, again = "the node failed at this; its log says more", False
+        why, again = "the node failed at this; its log has more", False
     send(requests.refusal(number, why, again=again))
 
 

@@ -1,4 +1,4 @@
-"""Asks and follows other programs in JSON over ZeroMQ: above all a node.
+"""Sends requests to other programs and follows them, in JSON over ZeroMQ: above all a node.
 
 `ServiceClient` sends requests to a node (``mocha-link node --serve``), `watch` follows its metrics
 (``--metrics``). Made to be used by any Python from 3.8 on that has `pyzmq`, e.g. that of a ROS
@@ -30,7 +30,7 @@ RECONNECT_S = 0.05
 
 
 class ServiceError(RequestError):
-    """The node refused a request; the message says why. `again`: the request may succeed later."""
+    """The node refused a request, and why. `again`: the request may succeed later."""
 
 
 class ServiceUnreachableError(MochaLinkError):

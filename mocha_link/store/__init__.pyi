@@ -1,4 +1,4 @@
-# What `mocha_link.store` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.store` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.store import wire as wire
 from mocha_link.store.database import GROUPS as GROUPS

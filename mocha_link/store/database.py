@@ -209,7 +209,7 @@ class Database:
             return self._knowledge.get(peer)
 
     def learn(self, peer: str, knowledge: Knowledge) -> None:
-        """Remember it. What it speaks of must have been inserted before."""
+        """Remember it. The messages that it covers must have been inserted before."""
         with self._lock:
             self._knowledge[peer] = knowledge
             if self._storage:

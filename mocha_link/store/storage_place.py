@@ -14,7 +14,7 @@ class FileLostError(StorageUnreachableError):
 
 
 class StoragePlace:
-    """Tells whether the file at a path is still the one that was opened, or that was refused.
+    """Checks whether the file at a path is still the one that was opened, or that was refused.
 
     Attributes:
         path: of the file; its directory exists.
@@ -62,7 +62,7 @@ class StoragePlace:
         return to
 
     def _state(self) -> tuple[int, ...] | None:
-        """Tells a file from another one at its place."""
+        """Identifies the file at the path; None: there is none."""
         try:
             stat = self.path.stat()
         except OSError:

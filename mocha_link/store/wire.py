@@ -244,7 +244,7 @@ def check(
         if zlib.crc32(memoryview(body)[:crc_at], seed) != _CRC.unpack_from(body, crc_at)[0]:
             raise PayloadError("damaged on its way: its checksum is another one")
     if found and stamp_ms is not None and found.stamp_ms != stamp_ms:
-        raise PayloadError(f"of time {found.stamp_ms} ms, said to be of {stamp_ms} ms")
+        raise PayloadError(f"of time {found.stamp_ms} ms, but its id has {stamp_ms} ms")
     _decompressed(body, frame, limit, _CHECK_BYTES)
     return found
 

@@ -1,8 +1,9 @@
 """The frames of the sync between two new nodes (docs/sync-protocol.md).
 
-There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW, NEWS,
-TOPICS) may take several frames, in any order. A *chunks* frame carries whole messages of robots,
-and pieces of them. A checksum covers everything but the data in chunks, which have their own.
+There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW,
+ANNOUNCE, TOPICS) may take several frames, in any order. A *chunks* frame carries whole messages
+of robots, and pieces of them. A checksum covers everything but the data in chunks, which have their
+own.
 
 The id of a robot's message is robot u8, topic u8, stamp u48 (Unix ms), as one number.
 """
@@ -21,7 +22,8 @@ from mocha_link.store import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS, Fragment, He
 from mocha_link.sync.credit import MAX_CHUNK
 from mocha_link.sync.protocol import ID_BYTES, Frame
 
-OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS, TOPICS = range(1, 12)  # kinds
+# Kinds of frames.
+OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, ANNOUNCE, TOPICS = range(1, 12)
 ROUNDS = 8  # OPENs of one pull
 MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
 MIN_PART_BYTES = 200  # of a sync message, except the last part
@@ -94,7 +96,7 @@ def message_frames(kind: int, round_: int, content: bytes, room: int) -> list[by
 class MessageAssembler:
     """Reassembles sync messages from their frames.
 
-    Each message is returned once. SKIP and NEWS fit in one frame and may be repeated.
+    Each message is returned once. SKIP and ANNOUNCE fit in one frame and may be repeated.
 
     Args:
         kinds: the kinds of messages that this side receives.
@@ -120,7 +122,7 @@ class MessageAssembler:
             raise SyncFrameError(f"a message of {total} bytes in round {round_}")
         if len(part) < MIN_PART_BYTES and end < total:
             raise SyncFrameError(f"a message of {total} bytes in parts of {len(part)}")
-        if kind in (SKIP, NEWS) and len(part) == total:
+        if kind in (SKIP, ANNOUNCE) and len(part) == total:
             return SyncMessage(kind, round_, bytes(part))
         known, fragment = self._open.get(kind, (-1, None))
         if round_ < known or (round_ == known and fragment is None):

@@ -141,9 +141,9 @@ class ClientSession:
         self.bytes_in += sum(map(len, parts))
         pending = self._pending.pop(bytes(frame[:ID_BYTES]), None)
         if pending is None or self.over:
-            self._peer.log.refuse("a reply to nothing that was asked")
+            self._peer.log.refuse("a reply without a request")
             if not self.over:  # only we use the connection, so the peer is no node
-                self.break_off("the peer answered what was not asked")
+                self.break_off("the peer answered without a request")
             return []
         code, header, sent_s = pending
         self.progress(now)
@@ -330,7 +330,7 @@ class ServerSession:
             return
         if silence_s > FORGET_S and self._offered:  # free the memory for an absent peer
             self._offered = self._offered_before = {}
-        self._give_up(now, f"the peer asked nothing for {PATIENCE_S:g} s")
+        self._give_up(now, f"the peer requested nothing for {PATIENCE_S:g} s")
 
     @property
     def wake_s(self) -> float | None:

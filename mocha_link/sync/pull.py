@@ -178,8 +178,8 @@ class Pull:
         if self.path == "original":
             self._reply_of_original(parts, now)
         elif frame[:ID_BYTES] != self.id:
-            self._peer.log.refuse("a reply to nothing that was asked")
-            self.fail("the peer answered what was not asked", now)  # only we use the connection
+            self._peer.log.refuse("a reply without a request")
+            self.fail("the peer answered without a request", now)  # only we use the connection
         elif frame[ID_BYTES:] == SERRM and len(parts) == 1:
             self._reply_of_refusal(now)
         elif self.state is PullState.REFUSED:
@@ -377,7 +377,7 @@ class Pull:
             self.fail("the peer does not know of the sync any more", now)
         elif self._peer.agreement.config_mismatch:  # it ran a new node last time: try once more
             self._peer.agreement.expect_match()
-            self.fail(f"{self._peer.name} had another team file; asking once more", now)
+            self.fail(f"{self._peer.name} had another team file; requesting once more", now)
         else:
             self._happens(PullEvent.REFUSAL)  # an original node; its reply to GHEAD follows
             self.datagrams.drop()

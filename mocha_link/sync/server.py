@@ -170,7 +170,7 @@ class Server:
         if pull:
             pull.fall_back_to_tcp(now)
             if pull.is_silent(now):
-                self._break_off(pull, f"the peer said nothing for {PATIENCE_S:g} s", now)
+                self._break_off(pull, f"the peer sent nothing for {PATIENCE_S:g} s", now)
         elif self._flows.current and now.steady_s - self._ended_s > LINGER_S:
             self._flows.close()
 
@@ -292,7 +292,7 @@ class Server:
         self._past.append(pull.id)
         self._ended_s = now.steady_s
         self._rejected = (pull.id, Reception.UNREADABLE)
-        reason = f"{self.peer.name} speaks another version of the sync; install the same release"
+        reason = f"{self.peer.name} uses another version of the sync; install the same release"
         self.peer.log.timed_out(Direction.OUT, reason, now)
 
     def _end(self, pull: ServedPull, now: Instant, *, complete: bool) -> None:

@@ -16,7 +16,7 @@ from mocha_link.store import GROUPS, MAX_RANGES, STAMP_MASK, STAMPS_MS, Range
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, is_body, message_id_of
 
 VERSION = 4
-MAX_NEWS = 32  # message ids in a NEWS, which is one small frame
+MAX_ANNOUNCED = 32  # message ids in an ANNOUNCE, which is one small frame
 MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 MAX_OPENED = 4_096  # in an OPEN: more than any node lists there
@@ -306,17 +306,17 @@ def decode_skip(content: bytes) -> int:
     return message_id
 
 
-def encode_news(message_ids: Sequence[int]) -> bytes:
-    """The content of a NEWS: the ids of new messages to pull; empty: pull in any case."""
-    if len(message_ids) > MAX_NEWS:
+def encode_announce(message_ids: Sequence[int]) -> bytes:
+    """The content of an ANNOUNCE: the ids of new messages to pull; empty: pull in any case."""
+    if len(message_ids) > MAX_ANNOUNCED:
         return b""
     return struct.pack(f">{len(message_ids)}Q", *message_ids)
 
 
-def decode_news(content: bytes) -> tuple[int, ...]:
-    """The reverse of `encode_news`. Raises SyncFrameError."""
-    if len(content) % 8 or len(content) > 8 * MAX_NEWS:
-        raise SyncFrameError(f"a NEWS of {len(content)} bytes")
+def decode_announce(content: bytes) -> tuple[int, ...]:
+    """The reverse of `encode_announce`. Raises SyncFrameError."""
+    if len(content) % 8 or len(content) > 8 * MAX_ANNOUNCED:
+        raise SyncFrameError(f"an ANNOUNCE of {len(content)} bytes")
     return struct.unpack(f">{len(content) // 8}Q", content)
 
 

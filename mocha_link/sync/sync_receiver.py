@@ -101,7 +101,7 @@ class SyncReceiver:
         self._budget = budget
         self._room = room
         self._assembler = sync.MessageAssembler(
-            sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS, sync.TOPICS
+            sync.HELLO, sync.GROUPS, sync.DONE, sync.ANNOUNCE, sync.TOPICS
         )
         self._arrivals = Arrivals(0)  # of the current round; each OPEN of ours begins one
         self._repairs = 0  # repair rounds so far
@@ -191,8 +191,8 @@ class SyncReceiver:
                 groups = sync_messages.decode_groups(message.content)
                 held = [self._holdings.differing_groups(*each) for each in groups.items()]
                 return self._frames(sync.ANSWER, sync_messages.encode_answers(held))
-            case sync.NEWS:
-                announced = sync_messages.decode_news(message.content)
+            case sync.ANNOUNCE:
+                announced = sync_messages.decode_announce(message.content)
                 wanted = self._intake.wanted(announced)
                 self.pull_needed |= not announced or bool(wanted)
                 self._peer.offers.announce(wanted)
@@ -206,7 +206,7 @@ class SyncReceiver:
         peer.process.report_duplicated(duplicated=hello.duplicate)
         if hello.version != sync_messages.VERSION:
             self.rejection = (
-                f"{peer.name} speaks version {hello.version} of the sync, "
+                f"{peer.name} uses version {hello.version} of the sync, "
                 f"we {sync_messages.VERSION}; install the same release on both"
             )
         elif hello.reception is Reception.UNREADABLE:

@@ -182,7 +182,7 @@ class SyncSender:
 
     def request_pull(self) -> None:
         """Request that a peer that follows pulls again."""
-        self._outbox.put(sync.NEWS, sync_messages.encode_news(()))
+        self._outbox.put(sync.ANNOUNCE, sync_messages.encode_announce(()))
 
     def wants_push(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether new messages of these robots concern the peer."""
@@ -222,7 +222,7 @@ class SyncSender:
             opening = sync_messages.Open.decode(message.content)
         except VersionError:
             self._begin_round(message.round, SendEvent.UNREADABLE)
-            self._say_hello(Reception.UNREADABLE)
+            self._send_hello(Reception.UNREADABLE)
             return
         self.admitted = peer.tokens.verify(opening.address_token)
         self._budget.renew(opening.budget)
@@ -232,7 +232,7 @@ class SyncSender:
             peer.agreement.config_mismatch and opening.known_hash != node.config_hash
         ):
             self._begin_round(message.round, SendEvent.UNKNOWN)
-            self._say_hello(Reception.TOPICS_WANTED)
+            self._send_hello(Reception.TOPICS_WANTED)
             topics = sync_messages.encode_topics(node.config_hash, node.definitions)
             self._outbox.put(sync.TOPICS, topics)
             return
@@ -240,9 +240,9 @@ class SyncSender:
         groups = self._round.open(opening)
         if groups is None:
             self._happens(SendEvent.UNKNOWN)
-            self._say_hello(Reception.UNKNOWN)
+            self._send_hello(Reception.UNKNOWN)
             return
-        self._say_hello(Reception.WELCOME)
+        self._send_hello(Reception.WELCOME)
         if groups:
             self._outbox.put(sync.GROUPS, sync_messages.encode_groups(groups))
 
@@ -253,7 +253,7 @@ class SyncSender:
         self._queue.clear()
         self._round = SendRound(self._peer, self._queue, number)
 
-    def _say_hello(self, reception: Reception) -> None:
+    def _send_hello(self, reception: Reception) -> None:
         peer = self._peer
         hello = Hello(
             reception,
@@ -269,7 +269,7 @@ class SyncSender:
         follower = self._follower if self.state is SendState.FOLLOWED else None
         announced = self._round.refill(follower)
         if announced:
-            self._outbox.put(sync.NEWS, sync_messages.encode_news(announced))
+            self._outbox.put(sync.ANNOUNCE, sync_messages.encode_announce(announced))
 
     def _message_part(self, room: int) -> bytes:
         """The next part of the first queued sync message."""

@@ -1,4 +1,4 @@
-# What `mocha_link.team` gives, for type checkers; `__init__.py` says where it is.
+# What `mocha_link.team` gives, for type checkers; `__init__.py` has the module of each.
 
 from mocha_link.team import keys as keys
 from mocha_link.team import upstream as upstream

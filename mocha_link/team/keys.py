@@ -151,7 +151,7 @@ def secret_key(team: Team, name: str, directory: Path | None) -> SecretKey | Non
         return None
     if directory is None:
         raise KeyFileError(
-            f"{team.path} has a key for {name}: say where its secret is, the folder with "
+            f"{team.path} has a key for {name}: give the folder of its secret, with "
             f"{name}.key (mocha-link node ... --keys DIR)"
         )
     path = path_of(name, directory)

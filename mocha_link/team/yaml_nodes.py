@@ -10,11 +10,11 @@ import yaml
 
 MAX_DEPTH = 60
 LARGE = 50_000
-"""Length in characters above which the quick parser words the error: the other one takes
-a second for so many."""
+"""Length in characters above which the error is that of the quick parser: the other one
+takes a second for so many."""
 
 _MOST_KEPT = 20_000
-"""Words of which it is remembered whether they are text, numbers or what else."""
+"""Number of scalars whose type (text, number or other) is kept in the cache."""
 
 TAG = "tag:yaml.org,2002:"
 """Before the names of YAML's own types."""
@@ -65,7 +65,7 @@ if yaml.__with_libyaml__:
         """The same in C: ten times as quick, but it overflows the stack where nesting is deep."""
 
         yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
-        # Asked for every value; of a text that is edited nearly all are the same as before.
+        # Called for every value; in a text that is edited nearly all are the same as before.
         resolve = staticmethod(lru_cache(_MOST_KEPT)(Loader("").resolve))
 
 

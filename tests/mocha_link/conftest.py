@@ -92,7 +92,7 @@ class Witness:
 
 
 class Field:
-    """Nodes of a team on loopback, each with a radio that the test speaks through.
+    """Nodes of a team on loopback, each with a radio that the test reports through.
 
     Their clock stands still, so that no interval is over before a test has seen what it wants.
     """

@@ -34,7 +34,7 @@ TOKEN = slice(1, 1 + wire.TOKEN_BYTES)
 
 
 class Recorder(NetworkSim):
-    """Notes all that robots say to one another."""
+    """Records all that robots send to one another."""
 
     def __init__(self, team: Team, **options: object) -> None:
         super().__init__(team, **options)
@@ -58,10 +58,10 @@ class Recorder(NetworkSim):
         super()._answer(server, route, frame)
 
 
-def record(team: Team, asker: str, asked: str, seed: int = 0) -> Recorder:
-    """What two robots say in many meetings: new and old ways, connections and datagrams."""
+def record(team: Team, puller: str, server: str, seed: int = 0) -> Recorder:
+    """What two robots send in many meetings: new and old ways, connections and datagrams."""
     rng = random.Random(seed)
-    pair = (asker, asked)
+    pair = (puller, server)
     everything = Recorder(team, names=pair)
     for original in (False, True):
         changed = team.with_robots({name: {"original": original} for name in pair})
@@ -79,9 +79,9 @@ def record(team: Team, asker: str, asked: str, seed: int = 0) -> Recorder:
                 recorder.part(rng.uniform(1, 100))
                 recorder.meet(*pair, cut=rng.choice((None, 4, 9, 30)))
                 if number % 3 == 2:
-                    recorder.restart(asker)
+                    recorder.restart(puller)
                 if number == 4:
-                    recorder.restart(asked)
+                    recorder.restart(server)
             everything.requests += recorder.requests
             everything.replies += recorder.replies
             everything.up += recorder.up
@@ -125,7 +125,7 @@ class Fuzzer:
         return request_id + frame[ID_BYTES:] if rng.random() < 0.9 else frame
 
     def reply(self, request_id: bytes) -> bytes:
-        """A reply that may be anything, under the id that was asked."""
+        """A reply that may be anything, under the id of the request."""
         rng = self.random
         frame = self._pick(self._replies)
         choice = rng.random()

@@ -14,7 +14,7 @@ def protect(client: zmq.Socket, secret, server) -> None:
 
 
 def bind(server: zmq.Socket, endpoint: str) -> str:
-    """Bind at an endpoint, a TCP one with a key that this user's programs find; says where."""
+    """Bind at an endpoint, a TCP one with a key that this user's programs find; returns where."""
     if endpoint.startswith("tcp"):
         _, server.curve_secretkey = key = zmq.curve_keypair()
         server.curve_server = True

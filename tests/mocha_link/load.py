@@ -53,7 +53,7 @@ class NodeUnderLoad:
         self._checks = 0
 
     def _count(self, monkeypatch, name: str) -> None:
-        """Say when titan's engine has dealt with something that io sent."""
+        """Signal when titan's engine has dealt with something that io sent."""
         original = getattr(Gossip, name)
 
         def counting(engine, peer, *arguments):
@@ -95,7 +95,7 @@ class NodeUnderLoad:
         """How the pull of a node ends that is under way."""
         while True:
             end = self._ends[name].get(timeout=WAIT_S)
-            if end.peer == peer:  # others may have been asked back
+            if end.peer == peer:  # others may have been pulled from in return
                 return end
 
     def check(self) -> None:
@@ -126,7 +126,7 @@ def resident_bytes() -> int:
 
 
 class Liar:
-    """io as a server that titan asks; what it answers is up to the test."""
+    """io as a server that titan pulls from; what it answers is up to the test."""
 
     def __init__(self, loaded: NodeUnderLoad) -> None:
         self.end: LinkEvent | None = None  # how titan's pull ended
@@ -147,8 +147,8 @@ class Liar:
         self.caster.close()
 
     @contextlib.contextmanager
-    def asked(self) -> Iterator[tuple[socket.socket, zmtp.ZmtpSession]]:
-        """titan pulls: the connection on which it asks. Then the pull has to come to an end."""
+    def pulled(self) -> Iterator[tuple[socket.socket, zmtp.ZmtpSession]]:
+        """titan pulls: the connection of its requests. Then the pull has to come to an end."""
         assert self._besieged.titan.sync("io")
         connection, _ = self._listener.accept()
         with connection:
@@ -189,7 +189,7 @@ def message(body: bytes) -> bytes:
 HANDSHAKE_OF_ROUTER = zmtp.ZmtpSession(1, mechanism=zmtp.Null(b"ROUTER")).hello
 
 
-def say(connection: socket.socket, data: bytes) -> None:
+def send(connection: socket.socket, data: bytes) -> None:
     """Send, if a peer is there to receive it; but it must not be silent for ever."""
     try:
         connection.sendall(data)

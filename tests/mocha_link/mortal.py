@@ -1,7 +1,7 @@
-"""Writes messages and says of each that it is on disk, until it is killed.
+"""Writes messages and prints of each that it is on disk, until it is killed.
 
 Started as a script it forks such a writer for every line that it reads, `FILE FIRST_NUMBER`: a
-fresh process in no time. The writer says its process id, then the numbers of what is committed.
+fresh process in no time. The writer prints its process id, then the numbers of what is committed.
 """
 
 import os
@@ -30,7 +30,7 @@ def message(number: int) -> Record:
 
 def write(path: str, number: int) -> None:
     """Write from that number on, for ever."""
-    say(f"pid {os.getpid()}")
+    print_line(f"pid {os.getpid()}")
     storage = Storage(Path(path))
     database = Database(dict.fromkeys(range(1 << 16), DEPTH), storage=storage)
     while True:
@@ -41,11 +41,11 @@ def write(path: str, number: int) -> None:
         if number % 4 == 0:  # the others share a transaction with the next one
             if not storage.wait():
                 sys.exit(f"not on disk: {storage.fault}")
-            say(str(number))
+            print_line(str(number))
         number += 1
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """In one piece, or not at all."""
     os.write(1, f"{text}\n".encode())
 
@@ -57,4 +57,4 @@ if __name__ == "__main__":
         if child == 0:
             write(path, int(first))
         os.waitpid(child, 0)
-        say("gone")
+        print_line("gone")

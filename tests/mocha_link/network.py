@@ -153,8 +153,8 @@ class Pull:
             self.data_down += data_bytes(frame)
         return frame
 
-    def ask(self, place: int = 0) -> None:
-        """One frame of the asking side arrives."""
+    def deliver_up(self, place: int = 0) -> None:
+        """One frame of the pulling side arrives."""
         frame = self.up.pop(place)
         try:
             self.sender.receive(frame)
@@ -179,7 +179,7 @@ class Pull:
         """All of it, with nothing in its way."""
         for _ in range(1_000_000):
             if self.up:
-                self.ask()
+                self.deliver_up()
             elif self.down:
                 self.deliver()
             elif self.give(room) is None:
@@ -198,7 +198,7 @@ class Pull:
             elif choice < 0.35 and len(self.down) < window:
                 self.give(rng.choice((300, 500, 1_100, 5_000)))
             else:
-                side, arrive = rng.choice(((self.up, self.ask), (self.down, self.deliver)))
+                side, arrive = rng.choice(((self.up, self.deliver_up), (self.down, self.deliver)))
                 if side:
                     place = 0 if ordered else rng.randrange(len(side))
                     if not ordered and rng.random() < 0.1:

@@ -9,7 +9,7 @@ from tests.mocha_link import original
 
 
 class OldNode(original.Original):
-    """Stands in for an original node that is asked, in the network instead of on sockets."""
+    """Stands in for an original node that is pulled from, in the network instead of on sockets."""
 
     wake_s = None
     _links = ()
@@ -32,7 +32,7 @@ class OldNode(original.Original):
         return actions, []
 
     def supply(self, _peer: str) -> None:
-        """Nothing comes that was not asked for."""
+        """Nothing is sent without a request."""
 
     def tick(self, _now: Instant) -> None:
         """Nothing happens by itself."""

@@ -1,4 +1,4 @@
-"""A stand-in for an original node: what it answers, asks, stores and hands on, faults included.
+"""A stand-in for an original node: what it answers, requests, stores and hands on, faults included.
 
 It follows what was seen of the original nodes on the wire, not their code: one REP socket per
 peer, one REQ socket per request, requests one after another, the newest header of every topic by
@@ -62,7 +62,7 @@ class Pull:
     """What came of a pull."""
 
     offered: list[bytes] = field(default_factory=list)
-    asked: list[bytes] = field(default_factory=list)
+    requested: list[bytes] = field(default_factory=list)
     stored: list[bytes] = field(default_factory=list)
     ended: bool = False  # the end was acknowledged
 
@@ -85,7 +85,7 @@ class Original:
     ) -> None:
         self.robot = team.robot(name)
         self.override = override
-        self.requests: list[bytes] = []  # all that was asked of it, without the ids
+        self.requests: list[bytes] = []  # all that it received, without the ids
         self.dead: set[str] = set()
         self.stopped = False  # its database is locked for good
         self.messages: dict[tuple[int, int], dict[bytes, Held]] = {}
@@ -164,21 +164,21 @@ class Original:
         `give_up_after`: the answer to the request after that many takes too long; it lets go.
         """
         pull = Pull()
-        listed = self.ask(peer, b"GHEAD")
+        listed = self.reply_of(peer, b"GHEAD")
         if listed is None or len(listed) % HEADER:
             return pull  # the real one's channel is busy for ever after such a length
         pull.offered = split(listed)
         for raw in [raw for raw in pull.offered if self._is_newer(raw)]:
-            pull.asked.append(raw)
-            body = self.ask(peer, b"GDATA" + raw)
+            pull.requested.append(raw)
+            body = self.reply_of(peer, b"GDATA" + raw)
             if body is None or give_up_after == len(pull.stored):
                 return pull
             self.put(raw, body)  # SERRM as well: it cannot tell it from a message
             pull.stored.append(raw)
-        pull.ended = self.ask(peer, b"DENDT" + self.robot.name.encode()) == b"Ack"
+        pull.ended = self.reply_of(peer, b"DENDT" + self.robot.name.encode()) == b"Ack"
         return pull
 
-    def ask(self, peer: str, request: bytes, timeout_s: float | None = None) -> bytes | None:
+    def reply_of(self, peer: str, request: bytes, timeout_s: float | None = None) -> bytes | None:
         """The body of the reply to one request on a connection of its own; None: no answer."""
         robot = self._team.robot(peer)
         request_id = os.urandom(ID)

@@ -2,7 +2,7 @@
 
 Written from docs/sync-protocol.md, docs/protocol.md, and what they link to of the team file and of
 a message's trailer: ZeroMQ, struct and LZ4, and nothing of ours, so that what it understands of a
-node is what the pages say.
+node is what the pages have.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 import lz4.frame
 import zmq
 
-OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS, TOPICS = range(1, 12)
+OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, ANNOUNCE, TOPICS = range(1, 12)
 SINCE, HAVE, DIGEST = 1, 2, 3  # forms of the list in OPEN
 VERSION = 4
 MAX_PARTIALS, MAX_RANGES = 64, 16
@@ -55,7 +55,7 @@ class MessageId:
 
 
 class Configuration:
-    """The ids of a team file, as a document, and what is said of them on the wire."""
+    """The ids of a team file, as a document, and what of them is on the wire."""
 
     def __init__(self, team: dict[str, Any]) -> None:
         topics = {name: kind["topics"] for name, kind in team["kinds"].items()}
@@ -151,7 +151,7 @@ class Puller:
         self.receptions: list[int] = []  # of the last pull
         self.received = 0  # bytes of the last pull, and of what is pushed after it
         self.compared = 0  # robots in GROUPS
-        self.news: list[MessageId] = []
+        self.announced: list[MessageId] = []
         self._configuration = configuration
         self._window_bytes, self._frame_bytes = window_bytes, frame_bytes
         self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
@@ -162,7 +162,7 @@ class Puller:
         self._socket.close()
 
     def pull(self, form: int, *, budget: int = 0, cut_bytes: int = 0, follow: bool = False) -> bool:
-        """Pull once; whether it was complete. `cut_bytes`: stop in the middle, without a word."""
+        """Pull once; whether it was complete. `cut_bytes`: stop in the middle, without END."""
         self._id = os.urandom(6)
         self._budget = budget
         self.received, self._allowed = 0, self._window_bytes
@@ -276,8 +276,8 @@ class Puller:
             self._next_round()
         elif kind == GROUPS:
             self._answer(content)
-        elif kind == NEWS:
-            self.news += map(MessageId.of, _cut(content, 8))
+        elif kind == ANNOUNCE:
+            self.announced += map(MessageId.of, _cut(content, 8))
         elif kind == DONE:
             self._done = struct.unpack(">QQIB", content)
 

@@ -117,12 +117,12 @@ def test_every_event_is_documented_with_its_fields():
 
 
 def test_every_metric_is_documented():
-    words = set(re.findall(r"`([\w_]+)`", EMBEDDING))
+    documented = set(re.findall(r"`([\w_]+)`", EMBEDDING))
     for kind in (LinkMetrics, Contact, Reading):
-        assert {part.name for part in dataclasses.fields(kind)} <= words
+        assert {part.name for part in dataclasses.fields(kind)} <= documented
     for state in LinkState:
-        assert state.value in words
-    assert {direction.value for direction in Direction} <= words
+        assert state.value in documented
+    assert {direction.value for direction in Direction} <= documented
 
 
 def test_every_radio_and_unit_is_documented():
@@ -188,7 +188,7 @@ def test_every_key_is_documented_with_its_default(model):
             assert rows[name] == "none"
         else:
             shown = rows[name].strip('`"')
-            default = getattr(field.default, "name", field.default)  # of a word
+            default = getattr(field.default, "name", field.default)  # of an enumeration
             assert shown == str(default).lower() or float(shown) == default
 
 

@@ -46,13 +46,13 @@ def test_a_host_has_one_form(text, host):
         ("a b", "no host name"),
     ],
 )
-def test_what_is_no_host_says_what_to_write(text, why):
+def test_the_error_of_an_invalid_host_has_what_to_write(text, why):
     with pytest.raises(ValueError, match=r"is |has ") as error:
         as_host(text)
     assert why in str(error.value)
 
 
-def test_numbers_are_told_from_names():
+def test_numbers_are_distinguished_from_names():
     assert [is_number(each) for each in ("::1", "10.0.0.4", "titan", "10.0.0", "1.2.3.4.")] == [
         *(True, True),
         *(False, False, False),

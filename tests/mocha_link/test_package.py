@@ -1,4 +1,4 @@
-"""What `import mocha_link` gives: every public name, each from its module when it is asked for."""
+"""What `import mocha_link` gives: every public name, each from its module on its first use."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ def test_every_public_name_is_there():
     assert {"Node", "Team", "LinkEvent"} <= set(mocha_link.__all__) <= set(dir(mocha_link))
 
 
-def test_what_is_not_there_is_told_as_ever():
+def test_a_missing_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'mocha_link' has no attribute 'Nodes'"):
         _ = mocha_link.Nodes
     with pytest.raises(ImportError, match="cannot import name 'Nodes' from 'mocha_link'"):

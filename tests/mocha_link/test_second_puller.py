@@ -190,8 +190,8 @@ def test_a_follower_gets_what_is_published(served):
     assert store.data(A, CLOUD) == [cloud]
     large = noise(100_000)  # is announced
     served.node.publish("/cloud", large)
-    puller.follow(lambda: bool(puller.news))
-    (message,) = puller.news
+    puller.follow(lambda: bool(puller.announced))
+    (message,) = puller.announced
     assert (message.robot, message.topic) == (A, CLOUD)
     assert puller.pull(SINCE)
     assert store.data(A, CLOUD) == [cloud, large]

@@ -98,7 +98,7 @@ def test_a_flood_of_announcements_leaves_a_few(field: Field):
             found.mdns.close()
 
 
-def test_without_zeroconf_the_error_says_what_to_install(field: Field, monkeypatch):
+def test_without_zeroconf_the_error_has_what_to_install(field: Field, monkeypatch):
     monkeypatch.setitem(sys.modules, "zeroconf", None)
     field.team = without_addresses(field.team, "titan")
     node = Node(field.team, "io", radio=ManualRadio())

@@ -16,18 +16,18 @@ WAIT_S = 20
 
 
 class Names:
-    """A name server: what it knows, what it hangs on, and how often it was asked."""
+    """A name server: what it knows, what it hangs on, and how often it was queried."""
 
     def __init__(self) -> None:
         self.known: dict[str, str | list[str]] = {}
-        self.asked: Counter[str] = Counter()
+        self.queried: Counter[str] = Counter()
         self.released = threading.Event()
         self.hangs: set[str] = set()
         self.threads: set[threading.Thread] = set()
 
     def getaddrinfo(self, host: str, *_: object) -> list[tuple]:
         self.threads.add(threading.current_thread())
-        self.asked[host] += 1
+        self.queried[host] += 1
         if host in self.hangs:
             assert self.released.wait(WAIT_S)
         if host not in self.known:
@@ -78,10 +78,10 @@ def test_a_name_is_looked_up_once_and_wakes_when_it_is_known(names, time_s):
     for _ in range(3):
         assert resolver.hosts("titan.local") == ("10.0.0.4",)
     assert resolver.failure("titan.local") is None
-    assert names.asked == {"titan.local": 1}
+    assert names.queried == {"titan.local": 1}
 
 
-def test_what_is_not_known_says_why_and_is_asked_for_again(names, time_s):
+def test_what_is_not_known_has_a_reason_and_is_queried_again(names, time_s):
     resolver = Woken()
     assert resolver.hosts("titan.local") == ()
     resolver.wait()
@@ -93,7 +93,7 @@ def test_what_is_not_known_says_why_and_is_asked_for_again(names, time_s):
     assert resolver.hosts("titan.local") == ()
     resolver.wait()
     assert resolver.hosts("titan.local") == ("10.0.0.4",)
-    assert names.asked["titan.local"] == 2
+    assert names.queried["titan.local"] == 2
 
 
 def test_an_address_that_was_good_stays_while_the_name_server_is_out_of_reach(names, time_s):
@@ -109,7 +109,7 @@ def test_an_address_that_was_good_stays_while_the_name_server_is_out_of_reach(na
         assert resolver.hosts("titan.local") == ("10.0.0.4",)
         assert resolver.failure("titan.local") is None
     names.known["titan.local"] = "10.0.0.5"
-    time_s[0] += RETRY_S + 1  # asked for again sooner than if all were well
+    time_s[0] += RETRY_S + 1  # queried again sooner than if all were well
     resolver.hosts("titan.local")
     resolver.wait()
     assert resolver.hosts("titan.local") == ("10.0.0.5",)
@@ -130,7 +130,7 @@ def test_a_contact_that_fails_has_the_name_resolved_anew(names, time_s):
     resolver.wait()
     names.known["titan.local"] = "10.0.0.5"
     resolver.again("titan.local")  # it was resolved just now
-    assert names.asked["titan.local"] == 1
+    assert names.queried["titan.local"] == 1
     time_s[0] += RETRY_S + 0.1
     resolver.again("titan.local")
     resolver.wait()

@@ -1,4 +1,4 @@
-"""Two nodes of a small team; they pull only when a test says so. One of them is served."""
+"""Two nodes of a small team; they pull only when a test makes them. One of them is served."""
 
 import threading
 

@@ -38,12 +38,12 @@ def pose(name, ros):
 
 
 class FakeMiddleware:
-    """A middleware that keeps what it gets, and hands over what a test says."""
+    """A middleware that keeps what is published, and hands over what a test publishes."""
 
     ros = 1
 
     def __init__(self):
-        self.said = queue.SimpleQueue()
+        self.published = queue.SimpleQueue()
         self.hands = {}
         self.ready = threading.Event()
 
@@ -57,7 +57,7 @@ class FakeMiddleware:
     def publish(self, topic, kind, history, data):
         if b"breaks" in data:
             raise RuntimeError("broken")
-        self.said.put((topic, kind, data))
+        self.published.put((topic, kind, data))
 
     def text(self, data):
         return struct.pack("<I", len(data)) + data
@@ -98,7 +98,7 @@ def stored(one):
     return events
 
 
-def test_what_the_robot_says(server, one, stored, progress, caplog):
+def test_what_the_robot_publishes(server, one, stored, progress, caplog):
     with running(server.endpoint, progress) as middleware:
         kind, hand = middleware.hands["/pose"]
         assert kind == POSE
@@ -120,16 +120,16 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
     assert "/own cannot be subscribed: no such thing" in caplog.text
 
 
-def test_topics_of_which_nothing_comes_are_told_of_once(server, progress, until_said):
+def test_topics_without_messages_are_logged_once(server, progress, until_logged):
     now_s = 0.0
     with running(server.endpoint, progress, lambda: now_s) as middleware:
-        until_said("ready")
+        until_logged("ready")
         middleware.hands["/pose"][1](pose("there", 1))
         now_s = QUIET_S
-        until_said("nothing has come on /goal (std_msgs/String), /log (std_msgs/String) yet")
+        until_logged("nothing has come on /goal (std_msgs/String), /log (std_msgs/String) yet")
 
 
-def test_what_the_robot_said_before_the_end_leaves(server, one, progress):
+def test_what_the_robot_published_before_the_end_leaves(server, one, progress):
     with running(server.endpoint, progress) as middleware:
         for number in range(50):
             middleware.hands["/goal"][1](middleware.text(b"%d" % number))
@@ -141,16 +141,16 @@ def test_a_bridge_ends_while_the_robot_goes_on_talking(server, progress, monkeyp
     publish, talking, over = ServiceClient.publish, threading.Event(), threading.Event()
     try:
         with running(server.endpoint, progress) as middleware:
-            say = middleware.hands["/goal"][1]
+            hand = middleware.hands["/goal"][1]
 
             def answer(*arguments, **options):
                 if not over.is_set():
-                    say(middleware.text(b"2"))  # before this one has left
+                    hand(middleware.text(b"2"))  # before this one has left
                 talking.set()
                 return publish(*arguments, **options)
 
             monkeypatch.setattr(ServiceClient, "publish", answer)
-            say(middleware.text(b"1"))
+            hand(middleware.text(b"1"))
             assert talking.wait(60)
     finally:
         over.set()
@@ -169,44 +169,44 @@ def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
 
 
 @pytest.fixture
-def until_said(monkeypatch, caplog):
-    """Waits until the bridge logs a text; what came before that is heard no more."""
+def until_logged(monkeypatch, caplog):
+    """Waits until the bridge logs a text; what was logged before that is gone."""
     caplog.set_level(logging.DEBUG)
-    heard: queue.SimpleQueue[str] = queue.SimpleQueue()
+    logged: queue.SimpleQueue[str] = queue.SimpleQueue()
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            heard.put(record.getMessage())
+            logged.put(record.getMessage())
 
-    def until_said(text: str) -> None:
-        while text not in heard.get(timeout=60):
+    def until_logged(text: str) -> None:
+        while text not in logged.get(timeout=60):
             pass
 
     logger = logging.getLogger("mocha_link")
     monkeypatch.setattr(logger, "handlers", [*logger.handlers, Listener()])
-    return until_said
+    return until_logged
 
 
-def test_what_others_say(server, two, pulled, progress, until_said):
+def test_what_others_publish(server, two, pulled, progress, until_logged):
     """One after another: only the newest of a topic is kept, and a slow bridge may miss others."""
     with running(server.endpoint, progress) as middleware:
         pulled("/pose", b"nonsense")
-        until_said("/two/pose passed over: not a geometry_msgs/msg/PoseStamped")
+        until_logged("/two/pose passed over: not a geometry_msgs/msg/PoseStamped")
         pulled("/pose", pose("breaks", 2))
-        until_said("/two/pose passed over: broken")
+        until_logged("/two/pose passed over: broken")
         pulled("/pose", pose("here", 2))
         two.publish("/raw", b"grid")
         two.publish("/own", b"\0\1\0\0\7\0")
         pulled("/goal", b"{}")
-        said = [middleware.said.get(timeout=60) for _ in range(3)]
-        assert said[0] == ("/two/pose", POSE, pose("here", 1))
-        assert sorted(said[1:]) == [
+        published = [middleware.published.get(timeout=60) for _ in range(3)]
+        assert published[0] == ("/two/pose", POSE, pose("here", 1))
+        assert sorted(published[1:]) == [
             ("/two/goal", "std_msgs/String", b"\2\0\0\0{}"),
             ("/two/own", "field/Own", b"\7\0"),
         ]
 
 
-def test_what_others_say_to_programs_is_no_fault(progress, caplog):
+def test_what_others_publish_to_programs_is_no_fault(progress, caplog):
     caplog.set_level(logging.INFO)
     about = {"robot": "two", "topic": "/raw", "type": "grid/Map", "header": "00"}
     Bridge("ipc://unused", FakeMiddleware(), progress)._hand_on(about, b"", 1, {"types": {}})
@@ -214,51 +214,51 @@ def test_what_others_say_to_programs_is_no_fault(progress, caplog):
 
 
 def test_several_messages_in_one(server, two, pulled, progress):
-    words = [CODEC.encode("std_msgs/String", {"data": word}, 2) for word in ("first", "a", "b")]
-    for word in words:
-        two.publish("/log", word)
+    texts = [CODEC.encode("std_msgs/String", {"data": text}, 2) for text in ("first", "a", "b")]
+    for text in texts:
+        two.publish("/log", text)
     two.flush("/log")
     with running(server.endpoint, progress) as middleware:
         pulled("/goal", b"1")
-        said = [middleware.said.get(timeout=60)[2] for _ in range(3)]
-        assert [middleware.from_text(data) for data in said] == [b"a", b"b", b"1"]
+        published = [middleware.published.get(timeout=60)[2] for _ in range(3)]
+        assert [middleware.from_text(data) for data in published] == [b"a", b"b", b"1"]
 
 
 def test_a_bridge_that_restarts(server, pulled, progress):
     pulled("/pose", pose("1", 2))
     with running(server.endpoint, progress) as middleware:
-        assert middleware.said.get(timeout=60)[2] == pose("1", 1)
+        assert middleware.published.get(timeout=60)[2] == pose("1", 1)
     pulled("/pose", pose("2", 2))
     with running(server.endpoint, progress) as middleware:
         pulled("/goal", b"3")
-        assert middleware.said.get(timeout=60)[2] == pose("2", 1)
-        assert middleware.said.get(timeout=60)[2] == middleware.text(b"3")
+        assert middleware.published.get(timeout=60)[2] == pose("2", 1)
+        assert middleware.published.get(timeout=60)[2] == middleware.text(b"3")
 
 
-def test_a_node_that_restarts(server, pulled, stored, progress, until_said):
+def test_a_node_that_restarts(server, pulled, stored, progress, until_logged):
     pulled("/pose", pose("1", 2))
     stored.get(timeout=60)
     with running(server.endpoint, progress) as middleware:
-        assert middleware.said.get(timeout=60)[2] == pose("1", 1)
+        assert middleware.published.get(timeout=60)[2] == pose("1", 1)
         server.close()
         middleware.hands["/pose"][1](pose("a", 1))
         middleware.hands["/pose"][1](pose("b", 1))
         pulled("/goal", b"2")
         assert stored.get(timeout=60) == "/goal"
-        until_said("waiting for the node")
+        until_logged("waiting for the node")
         with ServiceServer(server.node, server.endpoint):
             assert [stored.get(timeout=60) for _ in range(2)] == ["/pose", "/pose"]
             assert server.node.latest("one", "/pose").data == pose("b", 1)
             # Numbers begin anew with the service, but nothing is handed on twice.
-            assert middleware.said.get(timeout=60)[2] == middleware.text(b"2")
-            assert middleware.said.empty()
+            assert middleware.published.get(timeout=60)[2] == middleware.text(b"2")
+            assert middleware.published.empty()
 
 
-def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_said, monkeypatch):
-    asked, over = threading.Event(), threading.Event()
+def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_logged, monkeypatch):
+    requested, over = threading.Event(), threading.Event()
 
     def publish(*_, **__):
-        asked.set()
+        requested.set()
         over.wait()
         raise ServiceUnreachableError("no answer")
 
@@ -267,9 +267,9 @@ def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_said, 
     try:
         with running(server.endpoint, progress) as middleware:
             middleware.hands["/goal"][1](middleware.text(b"1"))
-            assert asked.wait(60)
+            assert requested.wait(60)
             server.close()
-            until_said("waiting for the node")
+            until_logged("waiting for the node")
     finally:
         over.set()
         for thread in threading.enumerate():

@@ -80,12 +80,12 @@ def reader(participant, topic):
     return DataReader(participant, made, qos=Qos(RELIABLE, LASTING))
 
 
-def test_another_participant_hears_and_is_heard(dds, domain):
+def test_another_participant_receives_and_is_received(dds, domain):
     other = DomainParticipant(domain)
-    heard = queue.SimpleQueue()
-    dds.subscribe("/point", POINT, 1, heard.put)
+    received = queue.SimpleQueue()
+    dds.subscribe("/point", POINT, 1, received.put)
     writer(other, "rt/point").write(SAMPLE)
-    data = heard.get(timeout=60)
+    data = received.get(timeout=60)
     assert RosCodec().to_json(POINT, RosCodec().decode(POINT, data, 2)) == VALUE
     dds.publish("/io/point", POINT, 1, data)
     assert taken(reader(other, "rt/io/point")) == SAMPLE
@@ -93,33 +93,33 @@ def test_another_participant_hears_and_is_heard(dds, domain):
 
 def test_a_publisher_that_is_not_reliable(domain):
     dds = Dds({}, domain=domain, best_effort=["/point"])
-    heard = queue.SimpleQueue()
-    dds.subscribe("/point", POINT, 1, heard.put)
+    received = queue.SimpleQueue()
+    dds.subscribe("/point", POINT, 1, received.put)
     out = writer(DomainParticipant(domain), "rt/point", Policy.Reliability.BestEffort)
     out.write(SAMPLE)
-    assert heard.get(timeout=60)
+    assert received.get(timeout=60)
     dds.close()
 
 
-def test_a_publisher_that_is_not_reliable_is_told_of_where_the_subscriber_is(
+def test_a_publisher_that_is_not_reliable_is_logged_where_the_subscriber_is(
     dds, domain, monkeypatch
 ):
-    said = queue.SimpleQueue()
-    monkeypatch.setattr("mocha_link.bridges.dds.LOG.warning", lambda *what: said.put(what))
-    dds.subscribe("/point", POINT, 1, said.put)
+    logged = queue.SimpleQueue()
+    monkeypatch.setattr("mocha_link.bridges.dds.LOG.warning", lambda *what: logged.put(what))
+    dds.subscribe("/point", POINT, 1, logged.put)
     out = writer(DomainParticipant(domain), "rt/point", Policy.Reliability.BestEffort)
-    words, *about = said.get(timeout=60)
-    told = "/point is not received: its publisher is not reliable; say --best-effort /point"
-    assert words % tuple(about) == told
+    text, *about = logged.get(timeout=60)
+    wanted = "/point is not received: its publisher is not reliable; pass --best-effort /point"
+    assert text % tuple(about) == wanted
     assert out.topic.name == "rt/point"  # it was there until now
 
 
 def test_what_takes_a_message_may_fail(domain, caplog):
     """The thread goes on, to hand over the next one."""
-    heard = queue.SimpleQueue()
+    received = queue.SimpleQueue()
 
     def take(data):
-        heard.put(data)
+        received.put(data)
         raise RosError("no position")
 
     with Dds({}, domain=domain) as dds:
@@ -127,7 +127,7 @@ def test_what_takes_a_message_may_fail(domain, caplog):
         out = writer(DomainParticipant(domain), "rt/point")
         for _ in range(2):
             out.write(SAMPLE)
-            assert heard.get(timeout=60)
+            assert received.get(timeout=60)
     dds.close()  # again
     assert "no position" in caplog.text
 
@@ -146,10 +146,10 @@ def test_a_domain_that_cannot_be_joined(domain, monkeypatch):
 
 
 def test_types_of_the_team(dds):
-    heard = queue.SimpleQueue()
-    dds.subscribe("/own", "field/Own", 1, heard.put)
+    received = queue.SimpleQueue()
+    dds.subscribe("/own", "field/Own", 1, received.put)
     dds.publish("/own", "field/Own", 1, b"\0\1\0\0\7\0\0\0")
-    assert heard.get(timeout=60) == b"\0\1\0\0\7\0\0\0"
+    assert received.get(timeout=60) == b"\0\1\0\0\7\0\0\0"
     with pytest.raises(RosError, match="field/msg/Other is not a standard one of ROS 2"):
         dds.publish("/other", "field/Other", 1, b"")
 
@@ -167,7 +167,7 @@ def test_types_of_the_team(dds):
         "field/Odd",
     ],
 )
-def test_what_dds_is_told_of_a_type(kind):
+def test_what_dds_gets_of_a_type(kind):
     """Its own serializer agrees with the one of `RosCodec` on an empty message."""
     odd = {"field/Odd": "string<=5 a\nint8[<=3] b\nstd_msgs/Byte[2] c\nbool[] d\nuint64 class\n"}
     types_made = DdsTypes(odd)

@@ -86,15 +86,15 @@ def test_a_python_that_has_not_even_pyzmq():
     assert "has no zmq; install it there" in done.stderr
 
 
-def test_what_is_asked_for_gets_there(monkeypatch):
-    seen, words, levels = [], [], []
-    monkeypatch.setattr("os.execv", lambda _, arguments: words.extend(arguments[2:]))
-    monkeypatch.setattr(run, "run", lambda *asked: seen.append(asked) or 0)
+def test_the_options_get_there(monkeypatch):
+    seen, options_there, levels = [], [], []
+    monkeypatch.setattr("os.execv", lambda _, arguments: options_there.extend(arguments[2:]))
+    monkeypatch.setattr(run, "run", lambda *given: seen.append(given) or 0)
     monkeypatch.setattr(logging, "basicConfig", lambda **options: levels.append(options["level"]))
     options = ["--domain", "7", "--best-effort", "scan", "/front-camera"]
     here = ["--log-level", "error", "bridge", "ros2", "--node", "ipc://x", "--python", "python3"]
-    assert main([*here, *options]) == run.main(words) == 0
-    assert [(kind, asked.domain, list(asked.best_effort)) for kind, asked in seen] == [
+    assert main([*here, *options]) == run.main(options_there) == 0
+    assert [(kind, given.domain, list(given.best_effort)) for kind, given in seen] == [
         ("ros2", 7, ["/scan", "/front_camera"])
     ] * 2
     assert levels == [logging.ERROR, logging.ERROR]
@@ -113,10 +113,10 @@ def rospy(monkeypatch):
     return fake
 
 
-def test_what_is_published_by_another_definition_of_the_type_is_not_heard(rospy):
+def test_what_is_published_by_another_definition_of_the_type_is_not_received(rospy):
     """Its bytes may well be read by ours, and mean something else."""
     taken, subscribed = [], []
-    rospy.Subscriber = lambda _topic, _kind, heard, **_: subscribed.append(heard)
+    rospy.Subscriber = lambda _topic, _kind, callback, **_: subscribed.append(callback)
     bridge = Ros1("bridge", {"field/Own": {"md5": "12ab", "text": "uint16 count"}})
     bridge.subscribe("/own", "field/Own", 1, taken.append)
     for md5 in ("34cd", "12ab"):
@@ -141,7 +141,7 @@ def test_what_is_published_is_announced_as_the_node_has_the_type(rospy):
 
 @pytest.fixture
 def rclpy(monkeypatch):
-    """All modules of it in one, which notes what it is asked for."""
+    """All modules of it in one, which records its calls."""
     fake = mock.MagicMock(ExternalShutdownException=KeyError)
     fake.qos = fake
     fake.spin.side_effect = KeyError
@@ -153,7 +153,7 @@ def rclpy(monkeypatch):
     return fake
 
 
-def test_rclpy_is_asked_for_bytes(rclpy):
+def test_bytes_are_requested_of_rclpy(rclpy):
     hand, call, node = object(), mock.call, rclpy.create_node.return_value
     reliable, best_effort = rclpy.ReliabilityPolicy.RELIABLE, rclpy.ReliabilityPolicy.BEST_EFFORT
     lasting, volatile = rclpy.DurabilityPolicy.TRANSIENT_LOCAL, rclpy.DurabilityPolicy.VOLATILE

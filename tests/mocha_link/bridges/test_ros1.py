@@ -26,7 +26,7 @@ pytestmark = pytest.mark.foreign_process
 
 @pytest.fixture(scope="module", autouse=True)
 def _has_ros():
-    """Asked where these tests run: every worker collects them."""
+    """Called where these tests run: every worker collects them."""
     command = [PYTHON, "-c", "import rospy, zmq, geometry_msgs.msg, rosmaster"]
     try:
         subprocess.run(command, capture_output=True, check=True)

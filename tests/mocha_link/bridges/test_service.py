@@ -1,4 +1,4 @@
-"""Programs on the same machine ask a node: requests, answers, and what is none."""
+"""Programs on the same machine send a node requests: answers, and what is none."""
 
 import base64
 import json
@@ -122,12 +122,12 @@ def test_in_the_form_of_either_ros(client, one, two, pulled):
     assert "not JSON" in errors["/goal"]
 
 
-def said(*words, ros=1):
-    return [RosCodec().encode("std_msgs/String", {"data": word}, ros) for word in words]
+def strings(*texts, ros=1):
+    return [RosCodec().encode("std_msgs/String", {"data": text}, ros) for text in texts]
 
 
 def test_a_damaged_batch(client, one, monkeypatch):
-    for data in said("a", "b"):
+    for data in strings("a", "b"):
         one.publish("/log", data)
     one.flush("/log")
     message = replace(one.latest("one", "/log"), parts=())  # as of a team file without aggregate
@@ -148,7 +148,7 @@ def test_values_in_place_of_bytes(client, one, two, pulled):
     grid = {"base64": base64.b64encode(b"grid").decode()}
     client.request("publish", topic="/raw", value=grid)
     assert one.latest("one", "/raw").data == b"grid"
-    for data in said("goes at once", "a", "bcd", ros=2):
+    for data in strings("goes at once", "a", "bcd", ros=2):
         two.publish("/log", data)
     two.flush("/log")
     pulled("/goal", b"nonsense")
@@ -260,7 +260,7 @@ def test_any_value_or_data_becomes_json(one, topic, value, data):
 
 
 def test_a_value_that_is_nested_too_deeply_costs_only_itself(one, monkeypatch):
-    """From Python 3.12 on more can be read than written: a peer would stop all who ask."""
+    """From Python 3.12 on more can be read than written: a peer would stop all requests."""
     service, answers = Service(one), []
     one.publish("/goal", b"0")
     for depth in range(850, 1000):
@@ -276,8 +276,8 @@ def test_a_value_that_is_nested_too_deeply_costs_only_itself(one, monkeypatch):
 def test_a_mistake_of_ours_costs_only_one_of_those_who_wait(one, monkeypatch, caplog):
     service, answers = Service(one), []
     for number in (1, 2):
-        asked = b'{"request": "since", "wait_s": 9, "sequence": 5, "id": %d}' % number
-        service.request([asked], answers.append, 0.0)
+        request = b'{"request": "since", "wait_s": 9, "sequence": 5, "id": %d}' % number
+        service.request([request], answers.append, 0.0)
     monkeypatch.setattr(one, "stored_since", lambda *_: 1 / 0)
     service.tick(1.0)
     assert [json.loads(answer[0])["id"] for answer in answers] == [1, 2]
@@ -285,15 +285,15 @@ def test_a_mistake_of_ours_costs_only_one_of_those_who_wait(one, monkeypatch, ca
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_any_socket_may_ask(server):
+def test_any_socket_may_send_requests(server):
     with zmq.Context() as context:
         for kind, empty in ((zmq.REQ, []), (zmq.DEALER, [b""]), (zmq.DEALER, [])):
-            with context.socket(kind) as asking:
-                asking.setsockopt(zmq.LINGER, 0)
-                connect(asking, server.endpoint)
-                asking.send_multipart([*empty, b'{"request": "team", "id": "x"}'])
-                assert asking.poll(60_000)
-                answer = asking.recv_multipart()
+            with context.socket(kind) as requester:
+                requester.setsockopt(zmq.LINGER, 0)
+                connect(requester, server.endpoint)
+                requester.send_multipart([*empty, b'{"request": "team", "id": "x"}'])
+                assert requester.poll(60_000)
+                answer = requester.recv_multipart()
                 assert answer[:-1] == empty
                 assert json.loads(answer[-1])["id"] == "x"
 

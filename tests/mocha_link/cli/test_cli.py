@@ -49,7 +49,7 @@ kinds: {{rover: {{topics: [{topic}]}}}}
     return str(path)
 
 
-def test_check_shows_what_the_team_asks_for(tmp_path, capsys):
+def test_check_shows_what_the_team_requests(tmp_path, capsys):
     path = tmp_path / "team.yaml"
     assert main(["check", a_team(path)]) == 0
     out = capsys.readouterr().out
@@ -140,12 +140,12 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     event = {"event": "RssiChanged", "peer": "io", "at_s": 1_795_175_900.25, "rssi_dbm": -61.0}
     nothing = {**event, "event": "SyncEnded", "direction": "in", "messages": 0}
     del nothing["rssi_dbm"]
-    news = [
+    updates = [
         ("links", snapshot),
-        *(("event", each) for each in (event, nothing, nothing)),  # a repetition is no news
+        *(("event", each) for each in (event, nothing, nothing)),  # a repetition is no update
         ("links", snapshot),
     ]
-    monkeypatch.setattr(metrics_command, "watch", lambda *_, **__: iter(news))
+    monkeypatch.setattr(metrics_command, "watch", lambda *_, **__: iter(updates))
     assert main(["metrics", "tcp://x:1", "--follow"]) == 0
     title, heads, *lines = capsys.readouterr().out.splitlines()
     assert title == "links of io, tcp://x:1"
@@ -156,7 +156,7 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     ]
     assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0
     assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == [
-        fields for _, fields in news
+        fields for _, fields in updates
     ]
 
 
@@ -186,7 +186,7 @@ def ctrl_c():
 
 
 def started(command, **options) -> tuple[subprocess.Popen, list[str]]:
-    """A node in a process of its own that is ready, and what it said until then."""
+    """A node in a process of its own that is ready, and what it printed until then."""
     process = subprocess.Popen(
         [sys.executable, "-m", "mocha_link.cli.cli", "node", *command],
         stderr=subprocess.PIPE,
@@ -261,7 +261,7 @@ def test_a_node_in_its_own_process(field, team_file):
         assert process.returncode == 130
 
 
-def test_a_node_says_what_is_stored_and_whom_it_stands_in_for(tmp_path, field, team_file):
+def test_a_node_prints_what_is_stored_and_whom_it_stands_in_for(tmp_path, field, team_file):
     storage = tmp_path / "io.db"
     with Node(field.team, "io", storage=storage) as node:
         node.publish("/pose", b"{}")
@@ -272,7 +272,7 @@ def test_a_node_says_what_is_stored_and_whom_it_stands_in_for(tmp_path, field, t
         process.terminate()
     assert process.returncode == 0
     assert f"{storage} has 1 message\n" in lines
-    assert any("says that io runs the original node" in line for line in lines)
+    assert any("has io as an original node" in line for line in lines)
 
 
 @pytest.mark.parametrize("listen", ["*", "127.0.0.1"])

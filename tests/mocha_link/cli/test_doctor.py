@@ -1,4 +1,4 @@
-"""`mocha-link doctor`: what it finds with real nodes, and what it says of it."""
+"""`mocha-link doctor`: what it finds with real nodes, and how it reports it."""
 
 import json
 import socket
@@ -38,10 +38,11 @@ def test_two_that_talk(pair):
     with Node(pair.team, "titan"):
         findings = doctor_command.diagnose(pair.team, "io", seconds=LONG_S)
     assert texts(findings, good=False) == []
-    here, asked, asks = texts(findings, good=True)
+    here, outgoing, incoming = texts(findings, good=True)
     assert here == f"listens on {pair.host}: {pair.team.robot('io').port_for('titan')}"
-    assert asked.startswith(f"a node answers at {pair.host}:{pair.team.robot('titan').base_port}")
-    assert asks == f"it asks this robot, at port {pair.team.robot('io').base_port}"
+    port = pair.team.robot("titan").base_port
+    assert outgoing.startswith(f"a node answers at {pair.host}:{port}")
+    assert incoming == f"it pulls from this robot, at port {pair.team.robot('io').base_port}"
 
 
 def test_no_node_there(pair):
@@ -52,7 +53,7 @@ def test_no_node_there(pair):
     assert f"another address than {pair.host}, port {pair.team.robot('io').base_port}" in silent
 
 
-def test_who_takes_connections_and_says_nothing(pair):
+def test_who_takes_connections_and_sends_nothing(pair):
     titan = pair.team.robot("titan")
     with socket.create_server((pair.host, titan.base_port)):
         findings = doctor_command.diagnose(pair.team, "io", seconds=SHORT_S)
@@ -63,9 +64,9 @@ def test_beside_the_node_of_the_robot(pair):
     with Node(pair.team, "io"), Node(pair.team, "titan"):
         findings = doctor_command.diagnose(pair.team, "io", seconds=LONG_S)
     assert texts(findings, good=False) == []
-    here, asked = texts(findings, good=True)
+    here, outgoing = texts(findings, good=True)
     assert here.startswith("the ports of io are taken, by its node no doubt")
-    assert asked.startswith("a node answers at")
+    assert outgoing.startswith("a node answers at")
 
 
 def test_a_radio_that_the_node_reads_is_no_fault(field_of):
@@ -105,29 +106,29 @@ def test_a_clock_ahead(pair):
 
 
 @pytest.mark.parametrize(
-    ("readings", "said", "good"),
+    ("readings", "text", "good"),
     [
-        ({}, "does not hear it (it reports nothing at all)", False),
-        ({"callisto": -50.0}, "does not hear it (it reports of others)", False),
-        ({"io": -90.0}, "hears it at -90 dBm; too weak: no contact begins below -70", False),
-        ({"io": -60.0}, "hears it at -60 dBm; a contact begins at -70", True),
+        ({}, "does not receive it (it reports nothing at all)", False),
+        ({"callisto": -50.0}, "does not receive it (it reports of others)", False),
+        ({"io": -90.0}, "receives it at -90 dBm; too weak: no contact begins below -70", False),
+        ({"io": -60.0}, "receives it at -60 dBm; a contact begins at -70", True),
     ],
 )
-def test_the_radio(field_of, monkeypatch, readings, said, good):
+def test_the_radio(field_of, monkeypatch, readings, text, good):
     document = yaml.safe_load(TEAM)
     document["robots"]["titan"]["radio"] = "udp://127.0.0.1:1"
     document["trigger"]["rssi_threshold_dbm"] = -70
     field = field_of(yaml.safe_dump(document))
 
-    class Speaking(ManualRadio):
+    class Reporting(ManualRadio):
         def start(self, report):
             for peer, reading in readings.items():
                 report(peer, reading)
 
-    monkeypatch.setattr(doctor_command, "open_radio", lambda *_: Speaking())
+    monkeypatch.setattr(doctor_command, "open_radio", lambda *_: Reporting())
     findings = doctor_command.diagnose(field.team, "titan", seconds=SHORT_S)
     (signal,) = (each for each in findings if each.peer == "io" and "the radio" in each.text)
-    assert said in signal.text
+    assert text in signal.text
     assert signal.good is good
 
 
@@ -136,14 +137,14 @@ def test_the_page(monkeypatch, tmp_path, capsys):
     path.write_text(PAIR)
     found = [
         doctor_command.Finding(None, True, "listens"),
-        doctor_command.Finding("titan", False, "asked: no"),
+        doctor_command.Finding("titan", False, "no answer"),
     ]
     monkeypatch.setattr(doctor_command, "diagnose", lambda *_, **__: found)
     assert main(["doctor", str(path), "--robot", "io"]) == 1
-    assert capsys.readouterr().out == "io, here\n  ok   listens\ntitan\n  BAD  asked: no\n"
+    assert capsys.readouterr().out == "io, here\n  ok   listens\ntitan\n  BAD  no answer\n"
     assert main(["doctor", str(path), "--robot", "io", "--json"]) == 1
-    told = SimpleNamespace(**json.loads(capsys.readouterr().out))
-    assert (told.good, told.findings[1]["peer"]) == (False, "titan")
+    output = SimpleNamespace(**json.loads(capsys.readouterr().out))
+    assert (output.good, output.findings[1]["peer"]) == (False, "titan")
     del found[1]
     assert main(["doctor", str(path), "--robot", "io", "--json"]) == 0
     capsys.readouterr()

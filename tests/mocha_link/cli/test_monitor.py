@@ -104,7 +104,7 @@ def test_rows_fit_any_width():
         assert len(it.lines(size(80, rows), PLAIN, 100.0)) <= max(1, rows - 1)
 
 
-def test_ages_grow_without_news():
+def test_ages_grow_without_updates():
     it = picture(IO)
     assert "3.5s" in it.lines(size(150, 20), PLAIN, 100.0)[2]
     assert "5.5s" in it.lines(size(150, 20), PLAIN, 102.0)[2]
@@ -115,7 +115,7 @@ def test_ages_grow_without_news():
     assert lines[0].startswith("\x1b[31mNO DATA FOR 9 s  links of titan")
 
 
-def test_news_fill_the_room_below():
+def test_events_fill_the_room_below():
     it = picture(IO)
     for number in range(300):
         it.take("event", event(rssi_dbm=float(-number)), 100.0)
@@ -126,17 +126,17 @@ def test_news_fill_the_room_below():
     ]
 
 
-def test_what_the_table_shows_is_no_news():
+def test_what_the_table_shows_is_no_event_line():
     it = picture(IO)
     nothing, some = (event(event="SyncEnded", direction="in", messages=n) for n in (0, 2))
-    for news in (
+    for fields in (
         event(event="SyncStarted"),
         nothing,
         nothing,
         some,
         {**nothing, "complete": False},
     ):
-        it.take("event", news, 100.0)
+        it.take("event", fields, 100.0)
     lines = it.lines(size(100, 20), PLAIN, 100.0)[4:]
     assert [line.partition("messages=")[2] for line in lines] == ["0", "2", "0 complete=False"]
 
@@ -176,7 +176,7 @@ def test_any_json_is_shown_or_refused(kind, value, key):
 
 
 class FakeNode:
-    """Serves a metrics stream; says what a test wants it to."""
+    """Serves a metrics stream; sends what a test wants it to."""
 
     def __init__(self, host):
         self._context = zmq.Context()
@@ -184,7 +184,7 @@ class FakeNode:
         self._socket.setsockopt(zmq.LINGER, 0)
         self.endpoint = bind(self._socket, f"tcp://{host}:*")
 
-    def say(self, kind, fields):
+    def send(self, kind, fields):
         self._socket.send_multipart([kind.encode(), json.dumps(fields).encode()])
 
     def wait(self):
@@ -253,7 +253,7 @@ def terminal(fake):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
     with contextlib.closing(Terminal(["monitor", fake.endpoint], size(120, 12))) as terminal:
         fake.wait()
-        fake.say("links", snapshot(IO, EUROPA))
+        fake.send("links", snapshot(IO, EUROPA))
         yield terminal
     signal.signal(signal.SIGINT, before)
 
@@ -261,12 +261,12 @@ def terminal(fake):
 def test_live_and_resized(fake, terminal):
     terminal.wait("31 device rajant")
     assert ENTER in terminal.raw
-    fake.say("links", snapshot(LinkMetrics("io", state=LinkState.ENDED)))
-    fake.say("event", event())
+    fake.send("links", snapshot(LinkMetrics("io", state=LinkState.ENDED)))
+    fake.send("event", event())
     terminal.wait("RssiChanged io")
     terminal.resize(size(40, 5))
     os.killpg(terminal.process.pid, signal.SIGWINCH)
-    fake.say("links", snapshot(IO, EUROPA))
+    fake.send("links", snapshot(IO, EUROPA))
     terminal.wait("europa", columns=40)
 
 

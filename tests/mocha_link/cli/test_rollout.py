@@ -1,4 +1,4 @@
-"""What `mocha-link check OLD NEW` says of a roll-out."""
+"""What `mocha-link check OLD NEW` reports of a roll-out."""
 
 import json
 
@@ -53,7 +53,7 @@ def compared(tmp_path, capsys):
     return compare
 
 
-def test_the_same_team_in_other_words(compared):
+def test_the_same_team_in_another_notation(compared):
     assert compared(("base_port: 10, ", "base_port:   10, ")) == [{}, {}]
 
 

@@ -41,7 +41,7 @@ def link(rate=MBIT, rtt_s=0.05, **faults):
 def contacts(mbit, rtt_s, contact_s, *, count=4, **faults):
     """What arrives in each of several contacts, as a share of rate x (contact - round trip).
 
-    One end asks when the contact begins; the other one knows the link from the contact before.
+    One end pulls when the contact begins; the other one knows the link from the contact before.
     """
     up = [(k * (contact_s + 3), k * (contact_s + 3) + contact_s) for k in range(count)]
     world, there, back = link(mbit * MBIT, rtt_s, up=up, **faults)
@@ -49,14 +49,14 @@ def contacts(mbit, rtt_s, contact_s, *, count=4, **faults):
     shares = []
     for begin_s, end_s in up:
         world.run(begin_s)
-        asked = []
+        requests = []
 
-        def answer(room, asked=asked):
-            return bytes(room) if asked else None
+        def answer(room, requests=requests):
+            return bytes(room) if requests else None
 
-        question = numbered(1, 64)
-        server = End(world, there, answer, **known, got=asked)
-        client = End(world, back, question).join(server)
+        request = numbered(1, 64)
+        server = End(world, there, answer, **known, got=requests)
+        client = End(world, back, request).join(server)
         client.flow.on_contact(world.now_s)
         client.go()
         world.run(end_s)
@@ -110,12 +110,12 @@ def test_a_cut_and_what_comes_after(contact):
     a.go()
     world.run(3)
     assert a.flow.down
-    asked = there.offered
+    before = there.offered
     world.run(7.999)
-    assert there.offered - asked < 12  # it does not flood a link that is down
+    assert there.offered - before < 12  # it does not flood a link that is down
     before = b.bytes
     world.run(8)
-    (a if contact else b).flow.on_contact(world.now_s)  # the side that hears of the contact
+    (a if contact else b).flow.on_contact(world.now_s)  # the side that notices the contact
     (a if contact else b).go()
     world.run(8 + rtt_s + 0.05)
     assert not a.flow.down
@@ -203,7 +203,7 @@ def test_a_memory_that_is_wrong(mbit, rtt_s, memory, share):
     assert b.bytes > share * mbit * MBIT * 5
 
 
-def test_a_sender_with_little_to_say_does_not_forget_the_rate():
+def test_a_sender_with_little_data_does_not_forget_the_rate():
     world, there, back = link()
     queue = []
     a = End(world, there, lambda _: queue.pop() if queue else None, rate_bytes_s=MBIT, rtt_s=0.05)
@@ -315,7 +315,7 @@ def test_every_frame_arrives_once_whatever_is_lost(there_lost, back_lost, count,
 
 
 def drop(way, lost):
-    """The first packets of a way get lost as told, the others arrive."""
+    """The first packets of a way get lost as given, the others arrive."""
     pattern = iter(lost)
     send = way.send
     way.send = lambda packet, to: None if next(pattern, False) else send(packet, to)

@@ -11,7 +11,7 @@ from mocha_link.links.metrics import SyncEnded, SyncTimedOut
 from mocha_link.store.database import Database
 from mocha_link.sync.server import Server
 from tests.mocha_link.network import peer_of
-from tests.mocha_link.sync.test_server import TEAM, Asker, at, fill
+from tests.mocha_link.sync.test_server import TEAM, PullingPeer, at, fill
 
 FAR_S = 0.05
 
@@ -29,15 +29,15 @@ def server(database) -> Server:
 
 
 def opening(server: Server, *, padded: int, address_token: int) -> bytes:
-    """The first datagram of a sender that says it is io."""
-    io = Asker(server, address_token=address_token)
+    """The first datagram of a sender that claims to be io."""
+    io = PullingPeer(server, address_token=address_token)
     frames = io.receiver.open(at(0)) + ([bytes(padded)] if padded else [])
     flow = Flow(io.id, lambda _: frames.pop(0) if frames else None)
     (packet,) = flow.transmit(at(0).steady_s)
     return packet
 
 
-def said(server: Server, *, seconds: float = 60) -> list[bytes]:
+def sent_by(server: Server, *, seconds: float = 60) -> list[bytes]:
     """All that it sends by datagrams, whatever it waits for."""
     packets, time_s = server.transmit(at(0)), 0.0
     while time_s < seconds:
@@ -52,7 +52,7 @@ def said(server: Server, *, seconds: float = 60) -> list[bytes]:
 def test_little_is_sent_to_who_has_not_been_reached(server, padded, address_token):
     packet = opening(server, padded=padded, address_token=address_token)
     assert server.packet(packet, at(0))
-    packets = said(server)
+    packets = sent_by(server)
     assert packets
     assert sum(map(len, packets)) <= 3 * len(packet)
 
@@ -91,13 +91,13 @@ def test_a_ticket_is_good_for_a_few_syncs():
 def test_only_syncs_that_got_through_use_tokens_up(server):
     address_token = server.peer.tokens.next
     for number in range(4):
-        io = Asker(server, number.to_bytes(6))
+        io = PullingPeer(server, number.to_bytes(6))
         io.cast(at(100 * number))
-        said(server)
+        sent_by(server)
         server.tick(at(100 * number + 50))
     assert server.peer.tokens.verify(address_token)
     for number in range(3):
-        io = Asker(server, (100 + number).to_bytes(6))
+        io = PullingPeer(server, (100 + number).to_bytes(6))
         io.cast(at(1000 + 100 * number))
         io.run(1000 + 100 * number, FAR_S)
         server.tick(at(1000 + 100 * number + 50))
@@ -112,7 +112,7 @@ def net(team) -> NetworkSim:
 
 
 @pytest.mark.parametrize("path", ["udp", "zmq"])
-def test_copies_neither_end_what_goes_on_nor_say_where_the_peer_is(net, path):
+def test_copies_neither_end_what_goes_on_nor_change_the_peers_address(net, path):
     """Of any pull so far, while the peer follows and while it pulls over its connection."""
     titan = net.nodes["titan"]
     net.pull("io", "titan")
@@ -131,11 +131,11 @@ def test_copies_neither_end_what_goes_on_nor_say_where_the_peer_is(net, path):
             net.publish("titan", "/map", random.Random(1).randbytes(500_000))
             net.nodes["io"].sync("titan", net.now)
             net.wait(3 * FAR_S)
-        before = len(net.told("titan", SyncTimedOut))
+        before = len(net.events_of("titan", SyncTimedOut))
         for packet in recorded:
             assert not titan.packet_in("io", packet, net.now)
             net.wait(0.02)
-        assert len(net.told("titan", SyncTimedOut)) == before
+        assert len(net.events_of("titan", SyncTimedOut)) == before
         net.settle()
         net.publish("titan", "/slow", b"pushed %d" % pulls)
         titan.flush(net.team.topic("titan", "/slow"), net.now)
@@ -147,7 +147,7 @@ def pulled_s(net: NetworkSim) -> float:
     net.publish("titan", "/map", random.Random(1).randbytes(15_000))
     net.pull("io", "titan")
     net.wait(5)
-    end = net.told("io", SyncEnded)[-1]
+    end = net.events_of("io", SyncEnded)[-1]
     assert (end.messages, end.complete) == (1, True)
     return end.duration_s
 

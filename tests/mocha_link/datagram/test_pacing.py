@@ -1,4 +1,4 @@
-"""The model of a link, fed by a link that does exactly what its numbers say."""
+"""The model of a link, fed by a link that does exactly what its numbers are."""
 
 from collections import deque
 
@@ -30,7 +30,7 @@ class Bench:
         end_s = self.now_s + seconds
         while self.now_s < end_s:
             while self._back and self._back[0][0] <= self.now_s:
-                self._heard(*self._back.popleft()[1:])
+                self._acknowledged(*self._back.popleft()[1:])
             while self.may_send():
                 self.send()
             self.now_s += 0.0005
@@ -49,7 +49,7 @@ class Bench:
             self._free_s += PACKET / self.rate
         self._back.append((max(self._free_s, self.now_s) + self.rtt_s, stamp, lost))
 
-    def _heard(self, stamp, lost):
+    def _acknowledged(self, stamp, lost):
         self.in_flight -= PACKET
         if not lost:
             self.delivered += PACKET

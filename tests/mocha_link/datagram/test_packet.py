@@ -48,7 +48,7 @@ def test_what_is_not_as_it_has_to_be(raw):
 
 @FAST
 @given(st.lists(st.integers(0, 300), max_size=200))
-def test_arrivals_are_told_as_they_are(numbers):
+def test_arrivals_are_reported_as_they_are(numbers):
     arrivals = Arrivals()
     known = set()
     for number in numbers:
@@ -101,7 +101,7 @@ def test_numbers_beyond_the_window_are_not_kept():
     assert not arrivals.take(Packet(None, None, 0, 0, []), 0.0)
 
 
-def test_many_gaps_are_told_from_the_newest_end():
+def test_many_gaps_are_reported_from_the_newest_end():
     arrivals = Arrivals()
     for number in range(0, 4000, 2):
         arrivals.take(numbered(number), 0.0)

@@ -36,7 +36,7 @@ IN, OUT = Direction.IN, Direction.OUT
         (50_000, -0.1, 0.1, None),
     ],
 )
-def test_what_says_something_of_the_link(size, taken_s, rtt_s, rate):
+def test_what_measures_the_link(size, taken_s, rtt_s, rate):
     assert throughput_bytes_s(size, taken_s, rtt_s) == rate
 
 
@@ -48,7 +48,7 @@ def test_the_bandwidth_of_what_the_peer_pulls():
     assert link_table.links()["io"].bandwidth_bytes_s is None
     link_table.update(SyncEnded("io", 3, OUT, 4, 200_000, 2.5))
     assert link_table.links()["io"].bandwidth_bytes_s == 100_000
-    link_table.update(SyncEnded("io", 4, OUT, 1, 500, 1.0))  # says nothing new
+    link_table.update(SyncEnded("io", 4, OUT, 1, 500, 1.0))  # measures nothing new
     assert link_table.links()["io"].bandwidth_bytes_s == 100_000
 
 
@@ -140,7 +140,7 @@ def test_a_contact_of_the_radio():
     link_table.update(SyncStarted("io", 12, OUT))
     link_table.count("io", bytes_out=70)
     link_table.update(SyncEnded("io", 12.5, OUT, 2, 70, 0.5))
-    link_table.update(SyncTimedOut("io", 13, OUT, "silence"))  # the radio says when it is over
+    link_table.update(SyncTimedOut("io", 13, OUT, "silence"))  # the radio reports when it is over
     assert link_table.links(500.0)["io"].contacts == (Contact(10, None, 1, 2, 500, 70, ""),)
     link_table.update(ContactEnded("io", 14, 4, "too weak"))
     link = link_table.links()["io"]

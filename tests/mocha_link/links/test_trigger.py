@@ -35,7 +35,7 @@ def test_a_sync_at_once_then_every_interval():
     assert it.due(12) == []
 
 
-def test_a_silent_radio_hears_no_peer():
+def test_a_silent_radio_receives_no_peer():
     it = trigger()
     it.signal_received("io", -70, 0)
     it.expire_signals(6)
@@ -50,8 +50,8 @@ def test_a_silent_radio_hears_no_peer():
     ]
 
 
-def test_a_crowd_that_pushes_is_asked_less_often():
-    """Who does not push is asked every interval all the same."""
+def test_a_crowd_that_pushes_is_pulled_from_less_often():
+    """Who does not push is pulled from every interval all the same."""
     crowd = [f"rover{number}" for number in range(30)]
     it = SyncTrigger(["io", *crowd], SETTINGS, by_timer=True)
     it.follow(crowd)
@@ -67,7 +67,7 @@ def pulls(it: SyncTrigger, seconds: int) -> list[int]:
     return [at_s for at_s in range(seconds) if it.due(at_s)]
 
 
-def test_a_peer_that_pushes_is_asked_ever_less_often():
+def test_a_peer_that_pushes_is_pulled_from_ever_less_often():
     it = trigger(by_timer=True)
     it.follow(["io", "europa"])
     assert pulls(it, 60) == [0, 2, 6, 14, 29, 44, 59]
@@ -77,12 +77,12 @@ def test_a_peer_that_pushes_is_asked_ever_less_often():
     assert it.due(63) == ["io", "europa"]
 
 
-def test_a_peer_that_asks_after_a_while_is_asked_back():
-    """It may be new, or back; two that ask each other back would never rest."""
+def test_a_peer_that_pulls_after_a_while_is_pulled_from_in_return():
+    """It may be new, or back; two that pull from each other in return would never rest."""
     it = trigger(by_timer=True)
     it.follow(["io", "europa"])
     pulls(it, 20)
-    it.peer_pulled("io", 15.9)  # soon after it was asked
+    it.peer_pulled("io", 15.9)  # soon after it was pulled from
     assert it.due(15.9) == []
     it.peer_pulled("io", 15.9, restarted=True)
     assert it.due(15.9) == ["io"]
@@ -93,7 +93,7 @@ def test_a_peer_that_asks_after_a_while_is_asked_back():
     assert it.due(40) == ["io"]
 
 
-def test_it_says_when_something_is_due():
+def test_it_reports_when_something_is_due():
     it = trigger()
     assert it.due_s == inf
     it.signal_received("io", -75, 10)
@@ -136,7 +136,7 @@ def test_sources_are_not_compared():
     assert it.signal_received("io", Reading(40, Unit.DEVICE, "rajant"), 0)
     assert not it.signal_received(
         "io", Reading(-90, Unit.DBM, "wifi"), 0
-    )  # says nothing of the other one
+    )  # is no reading of the other one
     assert it.in_contact("io")
     assert not it.signal_received("io", Reading(-77, Unit.DBM, "wifi"), 1)  # had no contact to hold
     it.signal_received("io", Reading(10, Unit.DEVICE, "rajant"), 1)
@@ -164,7 +164,7 @@ def test_the_sources_of_a_peer_are_bounded():
     assert len(it._links["io"].signals) == MAX_SOURCES
 
 
-def test_contacts_are_news():
+def test_contacts_are_events():
     it = trigger()
     strong, weak = Reading(-70, Unit.DBM, "radio"), -90
     it.signal_received("io", weak, 0)
@@ -206,12 +206,12 @@ def test_contacts_begin_and_end_in_turn(reports):
         now_s += later_s
         it.expire_signals(now_s)
         began = it.signal_received("io", reading, now_s)
-        news = it.take_events()
-        for event in news:
+        events = it.take_events()
+        for event in events:
             if isinstance(event, RssiChanged):
                 continue
             assert type(event) is expected
             expected = ContactEnded if expected is ContactBegan else ContactBegan
-        assert began == (bool(news) and type(news[-1]) is ContactBegan)
+        assert began == (bool(events) and type(events[-1]) is ContactBegan)
         assert it.in_contact("io") == (expected is ContactEnded)
         assert it.reading("io") == reading

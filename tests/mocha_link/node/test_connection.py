@@ -1,4 +1,4 @@
-"""Connections to real sockets: how they begin, what they say when they fail, what they leave."""
+"""Connections to real sockets: how they begin, which error they report, what they leave."""
 
 import contextlib
 import os
@@ -28,7 +28,7 @@ RESET = struct.pack("ii", 1, 0)
 
 
 class Peer:
-    """What listens there: the test says every byte of it."""
+    """The listener there: the test sends every byte of it."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server((HOST, 0))
@@ -61,7 +61,7 @@ def line(peer) -> Iterator[Connection]:
 
 @pytest.fixture
 def greeted(line, peer) -> socket.socket:
-    """The peer's side of a connection on which it has said hello; the line may not know yet."""
+    """The peer's side of a connection on which its greeting was sent, perhaps not yet received."""
     line.turn(100.0)
     connection = peer.accept()
     connection.sendall(GREETING + READY)
@@ -133,7 +133,7 @@ def request(body: bytes) -> bytes:
 
 
 def test_the_handshake_leaves_at_once_the_requests_a_moment_later(line, peer):
-    """They need no word of the other side, but must not come together with the handshake."""
+    """They need no reply of the peer, but must not be sent together with the handshake."""
     line.send(b"one")
     line.send(b"two")
     assert line.turn(100.0)  # it stands
@@ -146,7 +146,7 @@ def test_the_handshake_leaves_at_once_the_requests_a_moment_later(line, peer):
     line.turn(100.0 + SEND_BEFORE_READY_S)
     both = request(b"one") + request(b"two")
     assert read(connection, len(both)) == both
-    line.send(b"three")  # nothing more before the peer has said anything
+    line.send(b"three")  # nothing more before the peer has sent anything
     assert not line.is_ready(set(), 200.0)
     line.turn(200.0)
     assert nothing_to_read(connection)
@@ -218,22 +218,22 @@ def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, pee
 
 @pytest.mark.parametrize("abruptly", [False, True])
 @pytest.mark.parametrize(
-    ("said", "reason"),
+    ("sent", "reason"),
     [
         (b"", BROKE),
         (GREETING, BROKE),
         (GREETING + READY, "the peer closed the connection"),
         (GREETING + READY + b"\1\0\0\5rep", "the peer closed the connection"),
-        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "what answers there does not speak ZeroMQ"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "what answers there is not a ZeroMQ socket"),
     ],
 )
-def test_a_closed_connection(line, peer, said, reason, abruptly):
+def test_a_closed_connection(line, peer, sent, reason, abruptly):
     line.turn(100.0)
     connection = peer.accept()
     read(connection, HELLO_BYTES)
-    connection.sendall(said)
-    if said:
-        turn_until(line, lambda: line._protocol._buffer or line.failure or not said[91:], 100.0)
+    connection.sendall(sent)
+    if sent:
+        turn_until(line, lambda: line._protocol._buffer or line.failure or not sent[91:], 100.0)
     if abruptly:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
     connection.close()
@@ -270,7 +270,7 @@ PINGS = b"\4\x07\4PING\0\0" * 20_000
 
 
 def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, greeted):
-    """It asks for heartbeats as fast as it can, and never reads one."""
+    """It requests heartbeats as fast as it can, and never reads one."""
     greeted.setblocking(False)
     unsent = memoryview(PINGS * 400)  # 72 MB
 
@@ -290,7 +290,7 @@ def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, greeted)
 TITAN, IO, EUROPA, INTRUDER = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3, 4))
 
 
-ZAP = "inproc://zeromq.zap.01"  # where libzmq asks whether a key may enter
+ZAP = "inproc://zeromq.zap.01"  # where libzmq requests the authentication of a key
 
 
 class Hall:
@@ -389,5 +389,5 @@ def test_no_key_where_one_is_wanted(hall):
     with contextlib.closing(Connection(hall.host, hall.port)) as line:
         line.send(b"idididGHEAD")
         hall.serve_until(line, lambda: line.failure)
-        # As far as our handshake comes in one piece, it closes before it says what it wants.
+        # As far as our handshake comes in one piece, it closes before READY.
         assert line.failure == BROKE or "the peer wants CURVE" in line.failure

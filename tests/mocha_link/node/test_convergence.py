@@ -24,14 +24,14 @@ class Life:
     """Three robots to which things happen.
 
     Attributes:
-        said: by robot and topic what it said last since it was started.
+        published: the last data of each robot and topic since the robot was started.
     """
 
     def __init__(self, seed: int, *, datagrams: bool) -> None:
         self.random = random.Random(seed)
         delay_s = self.random.choice((0.0, 0.01, 0.1))
         self.net = NetworkSim(TEAMS[seed % 2], datagrams=datagrams, delay_s=delay_s)
-        self.said: dict[tuple[str, str], bytes] = {}
+        self.published: dict[tuple[str, str], bytes] = {}
 
     def publish(self, number: int) -> None:
         name = self.random.choice(NAMES)
@@ -40,13 +40,15 @@ class Life:
         node, now = self.net.nodes[name], self.net.at(name)
         node.publish(self.net.team.topic(name, topic), data, now, at_once=True)
         node.tick(now)
-        self.said[name, topic] = data
+        self.published[name, topic] = data
 
     def restart(self) -> None:
         name = self.random.choice(NAMES)
-        self.net.wait(0.01)  # no two lives speak within one millisecond
+        self.net.wait(0.01)  # no two processes publish within one millisecond
         self.net.restart(name)
-        self.said = {(who, topic): data for (who, topic), data in self.said.items() if who != name}
+        self.published = {
+            (who, topic): data for (who, topic), data in self.published.items() if who != name
+        }
 
     def meet(self) -> None:
         net, (a, b) = self.net, self.random.sample(NAMES, 2)
@@ -74,7 +76,7 @@ class Life:
 
 @pytest.mark.parametrize("datagrams", [False, True])
 @pytest.mark.parametrize("seed", range(2_000 if EXPLORE else 12))
-def test_all_hold_in_the_end_what_each_has_said_last(seed, datagrams):
+def test_all_hold_in_the_end_what_each_has_published_last(seed, datagrams):
     life = Life(seed, datagrams=datagrams)
     for number in range(life.random.randint(5, 50)):
         life.happen(number)
@@ -86,7 +88,7 @@ def test_all_hold_in_the_end_what_each_has_said_last(seed, datagrams):
                     life.net.pull(client, server)
     held = [life.net.held(name) for name in NAMES]
     assert held[0] == held[1] == held[2]
-    assert life.said.items() <= held[0].items()
+    assert life.published.items() <= held[0].items()
 
 
 @pytest.mark.parametrize("latest", [True, False])

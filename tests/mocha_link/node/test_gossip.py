@@ -52,7 +52,7 @@ def test_a_data_mule_carries_between_robots_that_never_meet(any_ether):
     net.pull("io", "titan")
     assert net.held("io") == {("callisto", "/pose"): b"callisto is here"}
     assert net.nodes["io"].links(net.now)["callisto"].syncs_in == 0
-    stored = net.told("io", MessageStored)
+    stored = net.events_of("io", MessageStored)
     assert [(e.peer, e.robot, e.topic) for e in stored] == [("titan", "callisto", "/pose")]
 
 
@@ -98,13 +98,13 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(net):
 @pytest.mark.parametrize(
     ("way", "path"), [("zmq", "zmq"), ("udp", "udp"), ("original", "original")]
 )
-def test_the_path_and_its_round_trip_are_told(team, way, path):
+def test_the_path_and_its_round_trip_are_reported(team, way, path):
     net = make(team, way, delay_s=0.05)
     net.publish("titan", "/map", b"map" * 1000)
     net.pull("io", "titan")
     link = net.nodes["io"].links(net.now)["titan"]
     assert link.path == path
-    if way != "zmq":  # there the shell asks the kernel
+    if way != "zmq":  # there the shell queries the kernel
         assert link.rtt_s == pytest.approx(0.1, abs=0.03)
     net.nodes["io"].sync("titan", net.now)
     net.nodes["io"].progress("titan", net.now, 0.123)
@@ -172,7 +172,7 @@ def test_whatever_is_cut_everything_arrives_in_the_end(team, way, steps):
     assert all(net.held(name) == newest for name in NAMES)
 
 
-def test_a_sync_whose_end_was_lost_is_ended_when_the_peer_asks_again(team):
+def test_a_sync_whose_end_was_lost_is_ended_when_the_peer_requests_again(team):
     net = make(team, "udp", delay_s=0.05)
     net.publish("titan", "/map", b"a map")
 
@@ -182,9 +182,9 @@ def test_a_sync_whose_end_was_lost_is_ended_when_the_peer_asks_again(team):
     net.lets_by = end_is_lost
     net.pull("io", "titan")
     net.wait(10.0)
-    (ended,) = net.told("titan", SyncEnded)
+    (ended,) = net.events_of("titan", SyncEnded)
     assert (ended.direction, ended.complete) == (Direction.OUT, True)
-    assert net.told("titan", SyncTimedOut) == []
+    assert net.events_of("titan", SyncTimedOut) == []
 
 
 def test_pulls_that_fail_measure_no_round_trip(team):

@@ -1,4 +1,4 @@
-"""The limit of descriptors; what the poller says is ready."""
+"""The limit of descriptors; what the poller reports as ready."""
 
 import contextlib
 import resource
@@ -36,7 +36,7 @@ def test_the_limit_of_descriptors_is_raised_where_that_is_allowed(few):
     assert few[0] == few[1]
 
 
-def test_a_node_with_more_peers_than_descriptors_says_so(few, field):
+def test_a_node_with_more_peers_than_descriptors_reports_it(few, field):
     node = Node(field.team, "titan", radio=ManualRadio())
     with pytest.raises(ListenError, match=r"titan needs \d+ open files for 2 peers, .*ulimit -n"):
         node.start()
@@ -59,7 +59,7 @@ def pair():
         yield ours, theirs
 
 
-def test_what_is_ready_is_told_with_its_owner(poller, pair):
+def test_what_is_ready_is_reported_with_its_owner(poller, pair):
     ours, theirs = pair
     poller.register(ours.fileno(), zmq.POLLIN, "io")
     assert poller.poll(0) == {}

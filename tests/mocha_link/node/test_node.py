@@ -52,7 +52,7 @@ def test_two_nodes_exchange_both_ways(field):
     link = io.links()["titan"]
     assert (link.state_in, link.syncs_in, link.rssi_dbm) == (LinkState.ENDED, 1, -60.0)
     assert link.rtt_s > 0
-    assert link.bandwidth_bytes_s is None  # it was too little to say
+    assert link.bandwidth_bytes_s is None  # it was too little to measure
     assert link.bytes_in >= ended.bytes
     assert link.newest_age_s == 0
     assert io.links()["callisto"].state is LinkState.IDLE
@@ -60,7 +60,7 @@ def test_two_nodes_exchange_both_ways(field):
 
 @pytest.fixture
 def no_node(field):
-    """What answers on titan's port where io asks."""
+    """What answers on titan's port for io."""
     with zmq.Context() as context, context.socket(zmq.ROUTER) as peer:
         peer.setsockopt(zmq.LINGER, 0)
         peer.bind(f"tcp://{field.host}:{field.team.robot('titan').port_for('io')}")
@@ -74,13 +74,13 @@ def test_a_peer_that_is_no_node(field, no_node):
     for frames in ([b"", b"wrong id", b"and parts"], [b"no envelope"], [b""]):
         io.sync("titan")
         before = identity
-        while identity == before:  # what the last pull asked beside
+        while identity == before:  # what the last pull requested beside
             assert no_node.poll(WAIT_MS)
             identity = no_node.recv_multipart()[0]
         for _ in range(100):  # what comes after the first one is not even looked at
             no_node.send_multipart([identity, *frames])
         broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
-        assert broken.reason == "the peer answered what was not asked"
+        assert broken.reason == "the peer answered without a request"
     assert io.links()["titan"].refused == 3
 
 
@@ -184,16 +184,16 @@ def test_what_cannot_be_called_back_is_no_listener(field, callback):
         titan.subscribe(callback)
 
 
-def test_a_callback_may_close_its_node_and_nothing_is_told_after(field):
+def test_a_callback_may_close_its_node_and_no_event_follows(field):
     titan, radio, _ = field.node("titan")
-    heard = []
+    received = []
     closed = threading.Event()
-    titan.subscribe(lambda event: (heard.append(event), titan.close(), closed.set()))
+    titan.subscribe(lambda event: (received.append(event), titan.close(), closed.set()))
     events = titan.events()
-    radio.report("io", -50)  # is told, and begins a sync, which would be told, too
+    radio.report("io", -50)  # emits an event, and begins a sync, which would emit another one
     assert closed.wait(60)
     join_node("titan")
-    assert [type(event) for event in heard] == [RssiChanged]
+    assert [type(event) for event in received] == [RssiChanged]
 
     async def read() -> list[object]:
         return [event async for event in events]

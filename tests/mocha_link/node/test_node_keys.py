@@ -140,7 +140,7 @@ class Wire:
 
 @contextlib.contextmanager
 def tapped(locked: Locked, *, tcp: bool) -> Iterator[Wire]:
-    """A wire before titan's port for io; io's team file says that titan is there."""
+    """A wire before titan's port for io; in io's team file titan is there."""
     field = locked.field
     target = field.team.robot("titan").port_for("io")
     with contextlib.closing(Wire(field.host, target, tcp=tcp)) as between:
@@ -181,8 +181,8 @@ def test_nothing_of_it_can_be_read_on_the_way(locked, way):
         assert io.latest("titan", "/map").data == data
         assert io.links()["titan"].path == ("udp" if datagrams else "zmq")
         assert len(between.seen[way]) > 5_000
-        for word in (b"no peer", b"idid", b"SYNC1", b"GHEAD"):
-            assert word not in between.seen[way]
+        for text in (b"no peer", b"idid", b"SYNC1", b"GHEAD"):
+            assert text not in between.seen[way]
         assert not datagrams or not between.seen["tcp"]
 
 
@@ -209,7 +209,7 @@ def test_datagrams_of_others_are_no_datagrams(locked):
 
 @pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
 def test_a_client_without_encryption_is_refused_and_counted(locked, caplog, kind):
-    """As an original node asks; it hangs up when it sees that a key is wanted, maybe first."""
+    """Like an original node; it hangs up once it sees that a key is required, or before."""
     titan, _, _ = locked(*NAMES).node("titan")
     refused = refusal(titan)
     titan.publish("/map", SECRET_TEXT)
@@ -221,11 +221,11 @@ def test_a_client_without_encryption_is_refused_and_counted(locked, caplog, kind
         assert refused.wait(WAIT_S)
         assert not client.poll(0)
     assert titan.links()["io"].refused >= 1
-    told = "a client (came without encryption|left before it had shown a key)"
-    assert re.search(f"refused from io: {told}", caplog.text)
+    logged = "a client (came without encryption|left before it had shown a key)"
+    assert re.search(f"refused from io: {logged}", caplog.text)
 
 
-def test_a_mixed_team_says_which_links_are_open(locked):
+def test_a_mixed_team_reports_which_links_are_open(locked):
     hall = locked("titan", "io")
     titan, _, titan_saw = hall.node("titan")
     io, _, saw = hall.node("io")

@@ -82,7 +82,7 @@ def test_a_listener_may_publish(field, file):
     with running(field, "titan", storage=file) as (titan, saw):
         titan.subscribe(
             lambda event: (
-                titan.publish("/slow", b"heard", now=True)
+                titan.publish("/slow", b"received", now=True)
                 if isinstance(event, MessageStored) and event.topic == "/map"
                 else None
             )
@@ -90,7 +90,7 @@ def test_a_listener_may_publish(field, file):
         titan.publish("/map", b"grid")
         saw.wait(MessageStored, topic="/slow")
     with running(field, "titan", storage=file) as (titan, _):
-        assert titan.latest("titan", "/slow").data == b"heard"
+        assert titan.latest("titan", "/slow").data == b"received"
 
 
 def test_a_team_that_has_lost_a_topic(field_of, file):
@@ -110,7 +110,7 @@ def test_a_team_that_has_lost_a_topic(field_of, file):
     assert [message.data for message in io.messages()] == [b"grid"]
 
 
-def test_a_file_that_cannot_be_used_is_told_and_done_without(field, file):
+def test_a_file_that_cannot_be_used_is_reported_and_done_without(field, file):
     file.write_bytes(b"something else entirely\n" * 1000)
     content = file.read_bytes()
     with running(field, "titan", storage=file) as (titan, saw):
@@ -134,7 +134,7 @@ def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):
 
 
 def test_a_node_that_cannot_start_gives_up_its_file(field, file):
-    """A robot's program tries again, and is told that another process has the file."""
+    """A robot's program tries again; the error is that another process has the file."""
     first, _, _ = field.node("titan")
     with (
         pytest.raises(PortInUseError),

@@ -1,4 +1,4 @@
-"""What topics can ask for, through whole nodes: aggregation, history, a budget, many and large."""
+"""What topics can request, through whole nodes: aggregation, history, a budget, many and large."""
 
 import pytest
 
@@ -36,7 +36,7 @@ def test_a_message_of_an_original_robot_is_no_batch(field_of):
 def test_many_large_messages_over_one_connection(field_of, way):
     """More under way at once than a connection holds: nothing of it may be dropped."""
     field = field_of(MANY)
-    if way == "original":  # the peer is new, but the team file says that it is not
+    if way == "original":  # the peer is new, but original in the team file
         field.team = field.team.with_robots({"titan": {"original": True}})
     titan, _, _ = field.node("titan")
     for number in range(100):

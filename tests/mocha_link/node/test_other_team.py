@@ -116,18 +116,18 @@ def exchange(field: Field) -> None:
     field.pull("b", "a")
 
 
-def test_what_both_define_otherwise_is_not_exchanged_and_both_say_what(field, caplog):
+def test_what_both_define_otherwise_is_not_exchanged_and_both_log_it(field, caplog):
     exchange(field)
     for name, peer in (("a", "b"), ("b", "a")):
         node = field.nodes[name]
         assert not [each for each in node.database.kept() if each.body not in own(field)[name]]
-        assert not field.told(name, SyncTimedOut)
-        assert all(each.complete for each in field.told(name, SyncEnded))
+        assert not field.events_of(name, SyncTimedOut)
+        assert all(each.complete for each in field.events_of(name, SyncEnded))
         assert differs(field, name)
         assert f"{name}: {peer} {WHY}" in caplog.text
-    # Neither asked the other for anything by ids.
-    asked = field.sent("zmq", "a", "b") + field.sent("zmq", "b", "a")
-    assert not [frame for frame in asked if frame[6:11] in (b"GDATA", b"DENDT")]
+    # Neither requested anything of the other by ids.
+    requested = field.sent("zmq", "a", "b") + field.sent("zmq", "b", "a")
+    assert not [frame for frame in requested if frame[6:11] in (b"GDATA", b"DENDT")]
 
 
 @pytest.mark.parametrize("datagrams", [False, True])
@@ -142,7 +142,7 @@ def test_a_topic_more_on_one_side_stops_nothing_else(datagrams, caplog):
     exchange(field)
     both = {("a", "/pose"): b"here is a", ("b", "/pose"): b"here is b"}
     assert field.held("a") == both
-    assert not field.told("a", SyncTimedOut) + field.told("b", SyncTimedOut)
+    assert not field.events_of("a", SyncTimedOut) + field.events_of("b", SyncTimedOut)
     assert differs(field, "a")
     assert differs(field, "b")
     assert "a: b has another team file; not exchanged: 2 topics as b has them" in caplog.text
@@ -171,9 +171,9 @@ def test_two_processes_of_a_robot_are_known_by_their_boot_ids(caplog):
         field.pull("b", "a")
     assert field.nodes["a"].links(field.now)["b"].duplicate
     assert any(twin.links(field.now)["a"].duplicate for twin in twins)
-    said = [r.message for r in caplog.records if "two processes run as b" in r.message]
-    assert {line.partition(":")[0] for line in said} == {"a", "b"}
-    assert len([line for line in said if line.startswith("a:")]) == 1
+    logged = [r.message for r in caplog.records if "two processes run as b" in r.message]
+    assert {line.partition(":")[0] for line in logged} == {"a", "b"}
+    assert len([line for line in logged if line.startswith("a:")]) == 1
     for _ in range(20):  # one of them was ended
         field.pull("b", "a")
     assert not field.nodes["a"].links(field.now)["b"].duplicate
@@ -210,7 +210,7 @@ def test_with_the_same_file_all_goes_on(field):
     assert not differs(field, "b")
 
 
-def test_the_log_says_it_once_in_a_while(field, caplog):
+def test_it_is_logged_once_in_a_while(field, caplog):
     caplog.set_level(logging.DEBUG, "mocha_link")
 
     def warnings() -> int:
@@ -237,7 +237,7 @@ def test_a_damaged_opening_does_not_make_it_an_original_node(other):
     for _ in range(3):
         field.pull("a", "b")
     assert not field.nodes["a"].database.kept()
-    (reason,) = {e.reason for e in field.told("a", SyncTimedOut)}
+    (reason,) = {e.reason for e in field.events_of("a", SyncTimedOut)}
     assert reason == "b could not read how we began; damaged on its way"
 
 
@@ -248,7 +248,8 @@ def test_a_foreign_node_is_not_taken_for_an_original_one_at_the_first_error(othe
     OldNode(field, "b").publish("/pose", b"here is b")
     field.pull("a", "b")
     assert not field.held("a")
-    assert field.told("a", SyncTimedOut)[-1].reason == "b had another team file; asking once more"
+    broken = field.events_of("a", SyncTimedOut)[-1]
+    assert broken.reason == "b had another team file; requesting once more"
     field.pull("a", "b")
     assert field.held("a") == {("b", "/pose"): b"here is b"}
 
@@ -268,7 +269,7 @@ def hello(*fields: object) -> bytes:
 
 
 @pytest.mark.parametrize("reception", [Reception.WELCOME, Reception.TOPICS_WANTED])
-def test_who_says_another_config_hash_hands_us_nothing(reception):
+def test_who_sends_another_config_hash_hands_us_nothing(reception):
     """Not even if it goes on as if they were ours."""
     field = Field(TEAM)
     publisher = NetworkSim(TEAM, names=("a", "b"))

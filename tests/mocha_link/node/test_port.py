@@ -56,7 +56,7 @@ class Shell:
         return list(self.port.requests(ready))
 
     def serve(self, answer: bytes) -> list[bytes]:
-        """Answer what is asked in one turn; the requests."""
+        """Answer what is requested in one turn; the requests."""
         ready = self.poller.poll(0)
         served = []
         for route, (request,) in self.port.requests(ready):
@@ -229,7 +229,7 @@ def test_only_the_key_of_the_peer_opens_its_port(titan):
 
 
 def test_strangers_do_not_push_out_who_has_the_key(titan):
-    """However many connections they hold, and however long the peer has said nothing."""
+    """However many connections they hold, and however long the peer has sent nothing."""
     with (
         contextlib.closing(Shell(PROTECTED, titan)) as shell,
         contextlib.closing(Clients(protected=True)) as clients,
@@ -252,7 +252,7 @@ def test_strangers_do_not_push_out_who_has_the_key(titan):
 
 
 def asleep(shell: Shell, titan: Robot, clients: Clients) -> tuple[zmq.Socket, int, int]:
-    """A connection that asks and does not read: how many requests it sent, how many got in."""
+    """A client that sends and does not read: how many requests it sent, how many got in."""
     client = clients.dial(titan, asleep=True)
     served = sent = idle = 0
     while idle < 10:

@@ -59,7 +59,7 @@ def test_an_early_message_waits_and_the_newest_one_is_stored(publisher, database
     assert publisher.due(T + 4.9) == []
     (record,) = publisher.due(T + 5)
     assert record.header == third
-    assert record.stamp_s == T + 2  # stamped when it was said, not when it left
+    assert record.stamp_s == T + 2  # stamped when it was published, not when it left
     assert stored(database, slow) == b"3"
     assert publisher.due(T + 20) == []
     assert publisher.publish(slow, b"4", T + 10, at_once=False)[1]
@@ -90,7 +90,7 @@ def test_a_message_held_over_a_recovery_still_leaves(publisher, database, slow):
     assert stored(database, slow) == b"2"
 
 
-def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, database, often):
+def test_a_recovered_message_does_not_replace_what_was_published_since(publisher, database, often):
     assert publisher.recovered(often, T) is None
     publisher.publish(often, b"new", T, at_once=False)
     assert publisher.recovered(often, T) is None
@@ -106,7 +106,7 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
 
 
 def test_two_robots_of_the_same_name_do_not_drive_their_stamps_ahead(team, often, caplog):
-    """Each hears of the other's message, which is newer, and has the newest one in turn."""
+    """Each receives the other's message, which is newer, and has the newest one in turn."""
     ends = []
     for number in range(2):
         database = Database()
@@ -117,7 +117,7 @@ def test_two_robots_of_the_same_name_do_not_drive_their_stamps_ahead(team, often
         for (_, source), (publisher, database) in (ends, ends[::-1]):
             database.insert(source.newest(2, often.topic_id), T + second)
             publisher.recovered(often, T + second)
-            if second > 50:  # and now they say something, too
+            if second > 50:  # and now they publish something, too
                 header, _ = publisher.publish(often, b"%d" % second, T + second, at_once=False)
                 assert header == database.newest(2, often.topic_id).header
     newest_ms = max(database.newest(2, often.topic_id).stamp_ms for _, database in ends)
@@ -146,7 +146,7 @@ def test_too_large_a_message_is_refused_before_anything(publisher, database, slo
     assert publisher.publish(slow, b"1", T, at_once=False)[0] == Header.at(2, 1, int(T * 1000))
 
 
-def test_what_signs_is_asked_for_the_bytes_and_put_into_the_trailer(team, database, often):
+def test_the_signer_gets_the_bytes_and_its_signature_is_in_the_trailer(team, database, often):
     signed: list[bytes] = []
 
     def sign(topic, covered: bytes) -> bytes:

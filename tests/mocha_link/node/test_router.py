@@ -126,7 +126,7 @@ def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypa
         pass
 
 
-def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
+def test_who_requests_a_lot_in_a_pull_stays(shell, titan, clients):
     """Many requests on one connection, and one of the largest size."""
     client = clients.dial(titan)
     for size in (*[17] * 200, MAX_REQUEST_BYTES):
@@ -139,7 +139,7 @@ def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
 
 
 @pytest.mark.parametrize(
-    "said",
+    "sent",
     [
         b"GET / HTTP/1.1\r\nHost: titan\r\n\r\n",
         HELLO + struct.pack(">BQ", 2, MAX_REQUEST_BYTES + 1),
@@ -148,20 +148,20 @@ def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
     ],
     ids=["no ZeroMQ", "too large", "too many", "too many parts"],
 )
-def test_who_says_what_no_node_says_is_sent_away_and_counted(shell, titan, said):
+def test_who_sends_what_no_node_sends_is_sent_away_and_counted(shell, titan, sent):
     with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20) as client:
-        client.sendall(said)
-        while not (told := shell.port.expire(0.0)):
+        client.sendall(sent)
+        while not (reported := shell.port.expire(0.0)):
             assert shell.turn(20) == []
-        assert told == ["a client sent what is no request"]
+        assert reported == ["a client sent what is no request"]
         with contextlib.suppress(ConnectionError):
             while client.recv(1000):
                 pass
     assert shell.port.wait_ms > 100
 
 
-def test_what_was_asked_before_the_end_is_still_a_request(shell, titan):
-    """A peer says its last word and closes."""
+def test_what_was_requested_before_the_end_is_still_a_request(shell, titan):
+    """A peer sends its last request and closes."""
     with dial(titan) as client:
         for number in range(3):
             client.sendall(SESSION.request(b"%d" % number))
@@ -185,7 +185,7 @@ def inside(shell: Shell, count: int) -> None:
 
 
 def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
-    """The one that has said nothing for the longest time."""
+    """The one that has sent nothing for the longest time."""
     monkeypatch.setattr(router, "MAX_CONNECTIONS", 3)
     with contextlib.ExitStack() as stack:
         clients = []
@@ -195,9 +195,9 @@ def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
         clients[0].sendall(SESSION.request(b"?"))
         shell.request()
         stack.enter_context(dial(titan))
-        while not (told := shell.port.expire(0.0)):
+        while not (reported := shell.port.expire(0.0)):
             shell.turn(20)
-        assert told == ["a client connected too often"]
+        assert reported == ["a client connected too often"]
         with contextlib.suppress(ConnectionError):
             while clients[1].recv(1000):
                 pass
@@ -212,7 +212,7 @@ def test_all_ports_together_have_so_many(titan, monkeypatch):
     with contextlib.ExitStack() as stack:
         poller = stack.enter_context(contextlib.closing(Poller()))
         ports = {}
-        told: list[str] = []
+        reported: list[str] = []
         for number, peer in enumerate([peer for peer in titan.peers for _ in range(2)], 1):
             if peer not in ports:
                 ports[peer] = stack.enter_context(
@@ -220,14 +220,14 @@ def test_all_ports_together_have_so_many(titan, monkeypatch):
                 )
                 ports[peer].watch(poller)
             stack.enter_context(dial(titan, peer))
-            while len(clients.routers) + len(told) < number or not all(
+            while len(clients.routers) + len(reported) < number or not all(
                 each.ready for each in clients.routers
             ):
                 ready = poller.poll(20)
                 for port in ports.values():
                     assert list(port.requests(ready)) == []
-                    told += port.expire(0.0)
-        assert told == ["a client connected too often or did not take its replies"] * 2
+                    reported += port.expire(0.0)
+        assert reported == ["a client connected too often or did not take its replies"] * 2
         first, second = ports.values()
         assert list(clients.routers.values()) == [second._router] * 2
         assert not first._router._inside
@@ -259,7 +259,7 @@ def test_without_descriptors_a_client_waits_and_the_node_sleeps(shell, titan, mo
         assert len(inside_of(port)) == 1
 
 
-def test_who_says_nothing_at_all_does_not_stay(shell, titan):
+def test_who_sends_nothing_at_all_does_not_stay(shell, titan):
     with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20):
         while not inside_of(shell.port):
             shell.turn(20)

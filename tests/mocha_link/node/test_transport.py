@@ -64,7 +64,7 @@ def test_no_descriptor_is_left(field, tmp_path):
 
 
 def test_datagrams_from_elsewhere_are_not_listened_to(field):
-    """Without keys the address is all there is to tell the peer from others."""
+    """Without keys only the address distinguishes the peer from others."""
     titan, _, saw = field.node("titan")
     port = titan.robot.port_for("io")
     io = Gossip(field.team, "io", by_timer=False)
@@ -140,8 +140,8 @@ def test_an_error_that_comes_again_and_again_is_logged_now_and_then(caplog):
             raise ValueError(f"at {now_s:g}")
     with pytest.raises(KeyboardInterrupt), guard:
         raise KeyboardInterrupt
-    told = [(entry.getMessage(), str(entry.exc_info[1])) for entry in caplog.records]
-    assert told == [("io: an error", "at 7"), ("io: an error (2 since the last one)", "at 17")]
+    logged = [(entry.getMessage(), str(entry.exc_info[1])) for entry in caplog.records]
+    assert logged == [("io: an error", "at 7"), ("io: an error (2 since the last one)", "at 17")]
     assert guard.errors == 4
 
 
@@ -166,7 +166,7 @@ def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):
         first, _ = io.accept()
         titan.sync("callisto")
         stack.enter_context(callisto.accept()[0])
-        io.close()  # one that has asked before the handshake was over dials once more
+        io.close()  # one that sent requests before the handshake was over dials once more
         first.close()
         saw.wait(SyncTimedOut, peer="io")
         saw.wait(SyncTimedOut, peer="callisto", reason="a test")
@@ -177,7 +177,7 @@ def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):
 
 
 def test_robots_with_several_addresses(field):
-    """Their datagrams may come from another one than the team file says: then all goes over TCP."""
+    """Datagrams may come from another one than the team file has: then all goes over TCP."""
     first = free_ports("0.0.0.0", 6)
     field.team = field.team.with_robots(
         {
@@ -219,7 +219,7 @@ def test_a_node_at_rest_sleeps_and_looks_at_no_connection(field, monkeypatch):
     assert not looks
 
 
-def test_what_is_said_at_once_leaves_in_one_packet(field, monkeypatch):
+def test_what_is_sent_at_once_leaves_in_one_packet(field, monkeypatch):
     """Each packet wakes the peer, and the radios of both."""
     sent: list[int] = []
     flush = ClientConnection.flush
@@ -234,7 +234,7 @@ def test_what_is_said_at_once_leaves_in_one_packet(field, monkeypatch):
     saw.pull("titan")
     monkeypatch.setattr(ClientConnection, "flush", noted)
     assert saw.pull("titan").messages == 0
-    assert len([size for size in sent if size]) == 1  # that it is welcome, and that all is said
+    assert len([size for size in sent if size]) == 1  # HELLO, and DONE
 
 
 def test_who_publishes_does_not_wait_for_all_that_a_peer_has_sent_at_once(field, monkeypatch):
@@ -267,6 +267,6 @@ def test_what_is_stored_after_a_follower_has_hung_up_is_not_sent(field):
     sent = []
     for number in range(5):
         titan.publish("/map", b"grid %d" % number, now=True)
-        witness.wait(MessageStored, topic="/map")  # told before the next turn supplies anything
+        witness.wait(MessageStored, topic="/map")  # emitted before the next turn supplies anything
         sent.append(titan.links()["io"].bytes_out)
-    assert sent[2:] == [sent[2]] * 3  # two turns after, it has heard of that
+    assert sent[2:] == [sent[2]] * 3  # two turns after, it has received that

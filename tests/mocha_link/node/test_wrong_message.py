@@ -1,4 +1,4 @@
-"""A request of the original protocol that is damaged in the header it asks for."""
+"""A request of the original protocol that is damaged in the header that it requests."""
 
 import pytest
 
@@ -20,24 +20,24 @@ TEAM = team_of(
     ("place", "value"), [(11, C), (12, 1)], ids=["another robot", "another topic"]
 )
 def test_the_message_of_another_one_of_the_same_time_is_refused(place, value):
-    """Nothing else in it would tell: type, time and size may be the same."""
+    """Nothing else in it would show it: type, time and size may be the same."""
     net = NetworkSim(TEAM, names="abc")
     net.publish("b", "/pose", b"b is here")
     net.publish("b", "/goal", b"b goes there")
     net.publish("c", "/pose", b"c is here")
     net.pull("c", "b")
-    asked = []
+    requested = []
 
     def alter(piece):
         data = piece.data
         if piece[:3] == ("zmq", "a", "c") and data[6:13] == GDATA + bytes((B, 0)):
-            asked.append(data)
+            requested.append(data)
             data = data[:place] + bytes((value,)) + data[place + 1 :]
         return data
 
     net.alter = alter
     net.pull("a", "c")
-    assert len(asked) == 1
+    assert len(requested) == 1
     assert net.held("a") == {("b", "/goal"): b"b goes there", ("c", "/pose"): b"c is here"}
     assert net.nodes["a"].links(net.now)["c"].refused == 1
     net.alter = lambda piece: piece.data

@@ -19,14 +19,14 @@ GREETING = bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48)
 READY = bytes.fromhex("04190552454144590b536f636b65742d5479706500000003524550")
 
 
-def heard(connection: ZmtpSession, data: bytes) -> list[list[bytes]]:
+def replies_to(connection: ZmtpSession, data: bytes) -> list[list[bytes]]:
     """What comes of some bytes."""
     connection.receive(data)
     return list(connection.replies())
 
 
 def ready() -> ZmtpSession:
-    """A connection on which the other side has said hello."""
+    """A connection on which the greeting of the other side was received."""
     connection = ZmtpSession(LIMIT)
     connection.receive(GREETING + READY)
     assert connection.ready
@@ -44,7 +44,7 @@ class Peer:
         port = self.zmq.bind_to_random_port("tcp://127.0.0.1")
         self.tcp = socket.create_connection(("127.0.0.1", port), timeout=60)
         self.connection = ZmtpSession(limit)
-        self.heard = b""
+        self.received = b""
 
     def until(self, count: int) -> list[list[bytes]]:
         """Receive until so many replies are there."""
@@ -61,7 +61,7 @@ class Peer:
     def _receive(self) -> None:
         data = self.tcp.recv(65536)
         assert data, "closed"
-        self.heard += data
+        self.received += data
         self.tcp.sendall(self.connection.receive(data))
 
     def close(self) -> None:
@@ -91,7 +91,7 @@ def test_a_request_to_rep_and_its_reply(size):
 
 @functools.cache
 def recorded() -> bytes:
-    """All that a libzmq ROUTER says: handshake, short and long replies, several parts."""
+    """All that a libzmq ROUTER sends: handshake, short and long replies, several parts."""
     with peer(zmq.ROUTER) as router:
         router.tcp.sendall(router.connection.hello)
         router.until_ready()
@@ -101,7 +101,7 @@ def recorded() -> bytes:
             router.zmq.send_multipart([identity, b"", reply])
         router.zmq.send_multipart([identity, b"", b"a" * 300, b"", b"b"])
         router.until(6)
-        return router.heard
+        return router.received
 
 
 REPLIES = [[b"short"], [b""], [b"x" * 255], [b"y" * 256], [b"z" * 700], [b"a" * 300, b"", b"b"]]
@@ -111,7 +111,7 @@ def test_cut_anywhere_it_is_the_same():
     wire = recorded()
     for place in range(len(wire) + 1):
         connection = ZmtpSession(LIMIT)
-        replies = heard(connection, wire[:place]) + heard(connection, wire[place:])
+        replies = replies_to(connection, wire[:place]) + replies_to(connection, wire[place:])
         assert replies == REPLIES
 
 
@@ -140,10 +140,10 @@ def test_libzmq_takes_our_answers_to_its_heartbeats():
 @pytest.mark.parametrize(
     ("data", "why"),
     [
-        (b"SSH-2.0-OpenSSH", "does not speak ZeroMQ"),
-        (b"\xff" + bytes(9), "does not speak ZeroMQ"),  # ZMTP 1
-        (GREETING[:10] + b"\1" + GREETING[11:], "speaks ZMTP 1, too old"),
-        (GREETING[:10] + b"\2" + GREETING[11:], "speaks ZMTP 2, too old"),
+        (b"SSH-2.0-OpenSSH", "is not a ZeroMQ socket"),
+        (b"\xff" + bytes(9), "is not a ZeroMQ socket"),  # ZMTP 1
+        (GREETING[:10] + b"\1" + GREETING[11:], "uses ZMTP 1, too old"),
+        (GREETING[:10] + b"\2" + GREETING[11:], "uses ZMTP 2, too old"),
         (GREETING[:12] + b"CURVE".ljust(20, b"\0") + bytes(32), "wants CURVE: it has a key"),
         (GREETING[:12] + b"\xff" * 20 + bytes(32), "give both the same team file"),
         (GREETING + b"\4\x09\5ERROR\3No!", "the peer refused us"),
@@ -164,7 +164,7 @@ def test_what_is_no_node(data, why):
 
 def test_a_later_version_may_add_commands():
     connection = ready()
-    assert heard(connection, b"\4\6\5OTHER" + b"\0\2ok") == [[b"ok"]]
+    assert replies_to(connection, b"\4\6\5OTHER" + b"\0\2ok") == [[b"ok"]]
 
 
 def outcome(connection: ZmtpSession, pieces: list[bytes]) -> tuple[list[list[bytes]], str]:

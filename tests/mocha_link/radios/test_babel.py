@@ -1,4 +1,4 @@
-"""What babeld says on its local socket, captured from babeld 1.12.1, and the radio made of it.
+"""What babeld sends on its local socket, captured from babeld 1.12.1, and the radio made of it.
 
 In the captures two nodes (10.9.0.1, ours, and 10.9.0.2) see each other by a relay (10.9.0.3) only.
 In the first the relay is killed after some seconds and started again twenty seconds later.
@@ -135,7 +135,7 @@ ROUTE = (
         ("10.9.0.2/32", "0.0.0.0/0", "no"),
     ],
 )
-def test_other_routes_say_nothing_of_a_peer(route):
+def test_other_routes_measure_no_peer(route):
     assert percent(fed(ROUTE.format(*route))) == {}
 
 
@@ -219,7 +219,7 @@ def test_without_an_address_nobody_is_found(team):
 
 
 class Babeld:
-    """A socket that the test speaks through as babeld does."""
+    """A socket on which the test sends as babeld does."""
 
     def __init__(self, path, stack):
         self.path = path
@@ -314,13 +314,13 @@ def test_a_babeld_that_answers_is_kept(made):
 
 
 @pytest.mark.parametrize(
-    "said", ["HTTP/1.1 400 Bad Request\n", "BABEL 1.0\nok\nbad\n", "BABEL 1.0\nok\nno memory\n"]
+    "sent", ["HTTP/1.1 400 Bad Request\n", "BABEL 1.0\nok\nbad\n", "BABEL 1.0\nok\nno memory\n"]
 )
-def test_what_is_not_babeld_or_refuses_is_said_once_and_tried_again(made, caplog, said):
+def test_what_is_not_babeld_or_refuses_is_logged_once_and_tried_again(made, caplog, sent):
     babeld, _ = made()
     babeld.listen()
     for _ in range(3):
-        babeld.accept(said)
+        babeld.accept(sent)
     babeld.accept(BEGIN)
     babeld.wait("titan", 50.0)
     assert len([each for each in caplog.records if each.levelname == "WARNING"]) <= 2

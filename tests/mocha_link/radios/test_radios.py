@@ -42,7 +42,7 @@ def refused(name):
     return (Path(__file__).parents[2] / "data" / "refused" / f"{name}.txt").read_text().splitlines()
 
 
-class Heard:
+class Received:
     """What a radio reports, for a test to wait for."""
 
     def __init__(self):
@@ -58,8 +58,8 @@ class Heard:
 
 
 @pytest.fixture
-def heard():
-    return Heard()
+def received():
+    return Received()
 
 
 def dbm(value, source="radio"):
@@ -231,7 +231,7 @@ def test_peers_go_by_the_ids_of_their_radios(team):
     }
 
 
-def test_radios_that_cannot_tell_who_is_who(team):
+def test_radios_that_cannot_tell_peers_apart(team):
     with pytest.raises(RadioError, match=r"no peer of io has a radio_id in .*team.yaml"):
         open_radio("wifi://wlan0", team, "io")
     same = team.with_robots({name: {"radio_id": "1"} for name in ("titan", "callisto")})
@@ -247,55 +247,55 @@ def test_radios_that_cannot_tell_who_is_who(team):
 # Streams.
 
 
-def test_a_manual_radio_says_what_it_is_told():
-    radio, heard = ManualRadio(), []
+def test_a_manual_radio_reports_what_it_is_given():
+    radio, received = ManualRadio(), []
     radio.report("io", -50)
-    radio.start(lambda *report: heard.append(report))
+    radio.start(lambda *report: received.append(report))
     radio.report("io", -51)
     radio.close()
     radio.report("io", -52)
-    assert heard == [("io", -51)]
+    assert received == [("io", -51)]
 
 
-def test_datagrams(heard):
+def test_datagrams(received):
     radio = UdpRadio("udp://127.0.0.1:0")
-    radio.start(heard)
+    radio.start(received)
     with contextlib.closing(radio), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for datagram in (b"junk", b"mars -50", b"io -50", b""):
             sender.sendto(datagram, ("127.0.0.1", radio.port))
         sender.sendto(b"io none\n", ("127.0.0.1", radio.port))
-        assert heard.next() == ("io", dbm(-50.0, "udp"))
-        assert heard.next() == ("io", None)
+        assert received.next() == ("io", dbm(-50.0, "udp"))
+        assert received.next() == ("io", None)
         assert radio.refused == 3
         with pytest.raises(RadioError, match="cannot listen for radio reports on udp://"):
-            UdpRadio(f"udp://127.0.0.1:{radio.port}").start(heard)
+            UdpRadio(f"udp://127.0.0.1:{radio.port}").start(received)
 
 
-def test_reports_by_ipv6(heard):
+def test_reports_by_ipv6(received):
     for radio, kind in (
         (UdpRadio("udp://[::1]:0"), socket.SOCK_DGRAM),
         (TcpRadio("tcp://[::1]:0"), socket.SOCK_STREAM),
     ):
-        radio.start(heard)
+        radio.start(received)
         with contextlib.closing(radio), socket.socket(socket.AF_INET6, kind) as sender:
             sender.connect(("::1", radio.port))
             sender.sendall(b"io -50\n")
-            peer, reading = heard.next()
+            peer, reading = received.next()
             assert (peer, reading.value) == ("io", -50.0)
 
 
-def test_lines_over_tcp(heard, caplog):
+def test_lines_over_tcp(received, caplog):
     radio = TcpRadio("tcp://127.0.0.1:0")
-    radio.start(heard)
+    radio.start(received)
     place = ("127.0.0.1", radio.port)
     with contextlib.closing(radio), contextlib.ExitStack() as stack:
         programs = [stack.enter_context(socket.create_connection(place)) for _ in range(8)]
         programs[0].sendall(b'io -50\n{"peer": "io", "snr_')
-        assert heard.next() == ("io", dbm(-50.0, "tcp"))
+        assert received.next() == ("io", dbm(-50.0, "tcp"))
         programs[7].sendall(b"x" * (MAX_LINE_BYTES + 1) + b"\nio -51\n")
-        assert heard.next() == ("io", dbm(-51.0, "tcp"))
+        assert received.next() == ("io", dbm(-51.0, "tcp"))
         programs[0].sendall(b'db": 12}\n')
-        assert heard.next() == ("io", Reading(12.0, Unit.SNR_DB, "tcp"))
+        assert received.next() == ("io", Reading(12.0, Unit.SNR_DB, "tcp"))
         with socket.create_connection(place) as ninth:
             assert ninth.recv(1) == b""
         assert radio.refused == 2  # it, and the line that was too long
@@ -303,20 +303,20 @@ def test_lines_over_tcp(heard, caplog):
         programs[1].close()  # a reset
         programs[2].close()
         programs[3].sendall(b"io -52\n")
-        assert heard.next() == ("io", dbm(-52.0, "tcp"))
+        assert received.next() == ("io", dbm(-52.0, "tcp"))
         with pytest.raises(RadioError, match="cannot listen"):
-            TcpRadio(f"tcp://127.0.0.1:{radio.port}").start(heard)
+            TcpRadio(f"tcp://127.0.0.1:{radio.port}").start(received)
         radio.close()  # while programs are connected
     assert "Traceback" not in caplog.text
 
 
-def test_programs_that_are_connected_are_asked_whether_they_are_still_there(heard):
-    """One that is gone without a word, e.g. out of range, would keep its place for ever."""
+def test_programs_that_are_connected_are_probed(received):
+    """One that is gone without closing, e.g. out of range, would keep its place for ever."""
     radio = TcpRadio("tcp://127.0.0.1:0")
-    radio.start(heard)
+    radio.start(received)
     with contextlib.closing(radio), socket.create_connection(("127.0.0.1", radio.port)) as program:
         program.sendall(b"io -50\n")
-        assert heard.next() == ("io", dbm(-50.0, "tcp"))
+        assert received.next() == ("io", dbm(-50.0, "tcp"))
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
         ours = f":{radio.port:04X}", f":{program.getsockname()[1]:04X}"
         (timer,) = [row[5] for row in rows if (row[1][8:], row[2][8:]) == ours]
@@ -325,24 +325,24 @@ def test_programs_that_are_connected_are_asked_whether_they_are_still_there(hear
     assert int(hundredths, 16) <= 15 * 100
 
 
-def test_lines_on_standard_input(heard):
+def test_lines_on_standard_input(received):
     reader, writer = os.pipe()
     with os.fdopen(reader, "rb") as file, os.fdopen(writer, "wb", buffering=0) as program:
         radio = StdinRadio(file)
-        radio.start(heard)
+        radio.start(received)
         program.write(b"io -50\njunk\nio -5")
-        assert heard.next() == ("io", dbm(-50.0, "stdin"))
+        assert received.next() == ("io", dbm(-50.0, "stdin"))
         program.close()
-        assert heard.next() == ("io", dbm(-5.0, "stdin"))  # its end stands for the line's
+        assert received.next() == ("io", dbm(-5.0, "stdin"))  # its end stands for the line's
         assert radio.refused == 1
         radio.close()
     reader, writer = os.pipe()
     with os.fdopen(reader, "rb") as file, os.fdopen(writer, "wb"):
         radio = StdinRadio(file)
-        radio.start(heard)
+        radio.start(received)
         radio.close()  # while nothing comes
     with pytest.raises(RadioError, match="no standard input"):
-        StdinRadio(io.BytesIO()).start(heard)
+        StdinRadio(io.BytesIO()).start(received)
 
 
 # MAVLink.
@@ -376,12 +376,12 @@ def test_any_datagram_is_mavlink_or_a_radio_error(junk, changes):
         parse_radio_status(bytes(raw))
 
 
-def test_a_mavlink_radio(heard):
+def test_a_mavlink_radio(received):
     radio = MavlinkRadio(RadioUrl.parse("mavlink://127.0.0.1:0?peer=io"), "io")
     assert radio.port == 0
-    radio.start(heard)
+    radio.start(received)
     with contextlib.closing(radio), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for datagram in (b"junk", status(120, 110), status(255, 255)):
             sender.sendto(datagram, ("127.0.0.1", radio.port))
-        assert heard.next() == ("io", Reading(110.0, Unit.DEVICE, "mavlink"))
-        assert heard.next() == ("io", None)
+        assert received.next() == ("io", Reading(110.0, Unit.DEVICE, "mavlink"))
+        assert received.next() == ("io", None)

@@ -42,7 +42,7 @@ def test_stations():
     assert parse_station_dump(SAMPLES["iw_mesh.txt"]) == {
         "02:ca:ff:ee:00:13": Reading(-60.0, Unit.DBM, "wifi"),
         "02:ca:ff:ee:00:14": Reading(-77.0, Unit.DBM, "wifi"),
-    }  # the third has not been heard for 41 s
+    }  # the third has not been received for 41 s
     assert parse_station_dump(SAMPLES["iw_old_driver.txt"]) == {
         "02:ca:ff:ee:00:14": Reading(-83.0, Unit.DBM, "wifi")
     }
@@ -246,7 +246,7 @@ def test_a_monitor_elsewhere(seen, start):
             pass
 
 
-def test_a_monitor_that_has_become_silent_is_asked_anew(seen, start):
+def test_a_monitor_that_has_become_silent_is_queried_anew(seen, start):
     """Its machine has lost power: no end of the connection comes."""
     with socket.create_server(("127.0.0.1", 0)) as monitor:
         url = RadioUrl.parse(f"rajant://127.0.0.1:{monitor.getsockname()[1]}")

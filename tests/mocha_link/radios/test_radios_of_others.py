@@ -78,7 +78,7 @@ def test_it_takes_the_place_of_none_of_ours(register, team):
         ("missing", "AttributeError: "),
     ],
 )
-def test_one_that_is_broken_is_said_with_its_package(register, team, function, why):
+def test_one_that_is_broken_is_reported_with_its_package(register, team, function, why):
     register(silvus=function)
     with pytest.raises(
         RadioError, match=f"'silvus:' of the package 'of-others' is broken: .*{why}"

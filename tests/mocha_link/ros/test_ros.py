@@ -75,7 +75,7 @@ def test_types_of_the_team(codec):
         goal = codec.decode("field/Goal", data, ros)
         assert goal.places[0].at.z == math.pi
         assert goal.places[0].mark.tolist() == [1, 2, 3, 4]
-        assert goal.from_ == ["here", "there"]  # a word of Python's
+        assert goal.from_ == ["here", "there"]  # a keyword of Python
         plain = codec.to_json("field/Goal", goal)
         assert plain["places"][0]["weights"] == [0.5, 1.0]
         assert plain["places"][1] == {

@@ -61,27 +61,27 @@ def client(endpoint: str, kind: int = zmq.DEALER) -> Iterator[zmq.Socket]:
         yield found
 
 
-def test_a_free_port_is_told():
+def test_a_free_port_is_reported():
     with contextlib.closing(listen("tcp://127.0.0.1:*")) as listener:
         assert listener.endpoint.rpartition(":")[2].isdecimal()
 
 
 @pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
-def test_what_is_asked_is_answered_whatever_its_size(echo, kind):
-    with client(echo.endpoint, kind) as asking:
+def test_what_is_requested_is_answered_whatever_its_size(echo, kind):
+    with client(echo.endpoint, kind) as requester:
         for size in (0, 1, 300, 20_000, MOST - 1000):
-            asking.send_multipart([b"?", bytes(size)])
-            assert asking.poll(WAIT_MS)
-            assert asking.recv_multipart() == [b"?", bytes(size)]
+            requester.send_multipart([b"?", bytes(size)])
+            assert requester.poll(WAIT_MS)
+            assert requester.recv_multipart() == [b"?", bytes(size)]
 
 
 def test_what_another_program_has_stays_its_own(echo):
     with pytest.raises(PortInUseError, match="in use; choose another one"):
         listen(echo.endpoint)
-    with client(echo.endpoint) as asking:
-        asking.send(b"still there?")
-        assert asking.poll(WAIT_MS)
-        assert asking.recv_multipart() == [b"still there?"]
+    with client(echo.endpoint) as requester:
+        requester.send(b"still there?")
+        assert requester.poll(WAIT_MS)
+        assert requester.recv_multipart() == [b"still there?"]
 
 
 def test_what_a_process_that_is_gone_has_left_is_cleared_away(tmp_path):
@@ -109,7 +109,7 @@ def test_a_link_is_a_file_of_that_name(tmp_path):
     assert (tmp_path / "s").is_symlink()
 
 
-def test_only_who_knows_the_key_is_heard():
+def test_only_messages_of_who_knows_the_key_are_received():
     with contextlib.closing(Echo("tcp://127.0.0.1:*")) as echo:
         endpoint = echo.endpoint
         path = key_file(endpoint)
@@ -134,7 +134,7 @@ def test_only_who_knows_the_key_is_heard():
 
 
 def raw(endpoint: str) -> socket.socket:
-    """A connection that says what a test wants."""
+    """A connection that sends what a test wants."""
     kind, _, place = endpoint.partition("://")
     if kind == "ipc":
         found = socket.socket(socket.AF_UNIX)
@@ -163,9 +163,9 @@ def test_a_message_whose_parts_never_end_costs_its_sender_the_connection(tmp_pat
                 most = max(most, kept_bytes(echo))
         assert sent < 8_000_000
         assert most < 2 * MOST
-        with client(echo.endpoint) as asking:
-            asking.send(b"?")
-            assert asking.poll(WAIT_MS)
+        with client(echo.endpoint) as requester:
+            requester.send(b"?")
+            assert requester.poll(WAIT_MS)
 
 
 def test_parts_that_never_end_are_no_better_with_the_key():
@@ -180,16 +180,16 @@ def test_parts_that_never_end_are_no_better_with_the_key():
             hostile.send(b"")
             assert parted.poll(WAIT_MS)
             hostile.disable_monitor()
-        with client(echo.endpoint) as asking:
-            asking.send(b"?")
-            assert asking.poll(WAIT_MS)
+        with client(echo.endpoint) as requester:
+            requester.send(b"?")
+            assert requester.poll(WAIT_MS)
 
 
 @pytest.mark.parametrize("echo", ["ipc"], indirect=True)
 def test_large_messages_that_come_in_part_are_bounded_together(echo):
     """Each as large as it may be: so many are not kept. On TCP they need the key first."""
     with contextlib.ExitStack() as stack:
-        asking = stack.enter_context(client(echo.endpoint))
+        requester = stack.enter_context(client(echo.endpoint))
         hostiles = [stack.enter_context(raw(echo.endpoint)) for _ in range(20)]
         for hostile in hostiles:  # all are there before the first brings anything
             hostile.sendall(ZmtpSession(1).hello)
@@ -198,9 +198,9 @@ def test_large_messages_that_come_in_part_are_bounded_together(echo):
             with contextlib.suppress(ConnectionError):
                 hostile.sendall(b"\2" + MOST.to_bytes(8, "big") + bytes(MOST // 2))
         for _ in range(20):  # each answer after a turn of all connections
-            asking.send(b"?")
-            assert asking.poll(WAIT_MS)
-            assert asking.recv() == b"?"
+            requester.send(b"?")
+            assert requester.poll(WAIT_MS)
+            assert requester.recv() == b"?"
             assert kept_bytes(echo) <= 5 * MOST  # four, and one that comes
 
 
@@ -216,29 +216,29 @@ def greet(connection: socket.socket) -> None:
 def test_held_connections_keep_out_nobody_who_has_greeted(echo):
     """Of too many the oldest goes that has not: what the others have sent would be lost."""
     with contextlib.ExitStack() as stack:
-        asking = stack.enter_context(raw(echo.endpoint))
-        greet(asking)
+        requester = stack.enter_context(raw(echo.endpoint))
+        greet(requester)
         held = [stack.enter_context(raw(echo.endpoint)) for _ in range(3 * router.MAX_CONNECTIONS)]
         with contextlib.suppress(ConnectionError):
             while held[0].recv(1000):
                 pass
         assert len(echo.listener._router._inside) <= router.MAX_CONNECTIONS
-        asking.sendall(b"\0\1?")
-        assert asking.recv(1000) == b"\0\1?"
+        requester.sendall(b"\0\1?")
+        assert requester.recv(1000) == b"\0\1?"
 
 
 @pytest.mark.parametrize("echo", ["ipc"], indirect=True)
 def test_held_connections_that_have_greeted_keep_out_nobody(echo):
-    """Of too many that have the one goes that has said nothing for the longest time."""
+    """Of too many that have the one goes that has sent nothing for the longest time."""
     with contextlib.ExitStack() as stack:
         held = [stack.enter_context(raw(echo.endpoint)) for _ in range(router.MAX_CONNECTIONS)]
         for each in held:
             greet(each)
-        with client(echo.endpoint) as asking:
+        with client(echo.endpoint) as requester:
             for number in range(3):
-                asking.send(b"%d" % number)
-                assert asking.poll(WAIT_MS)
-                assert asking.recv() == b"%d" % number
+                requester.send(b"%d" % number)
+                assert requester.poll(WAIT_MS)
+                assert requester.recv() == b"%d" % number
         with contextlib.suppress(ConnectionError):
             while held[0].recv(1000):
                 pass
@@ -246,12 +246,12 @@ def test_held_connections_that_have_greeted_keep_out_nobody(echo):
 
 def test_held_connections_keep_no_client_out(echo):
     with contextlib.ExitStack() as stack:
-        asking = stack.enter_context(client(echo.endpoint))
+        requester = stack.enter_context(client(echo.endpoint))
         held = [stack.enter_context(raw(echo.endpoint)) for _ in range(3 * router.MAX_CONNECTIONS)]
         for number in range(3):
-            asking.send(b"%d" % number)
-            assert asking.poll(WAIT_MS)
-            assert asking.recv() == b"%d" % number
+            requester.send(b"%d" % number)
+            assert requester.poll(WAIT_MS)
+            assert requester.recv() == b"%d" % number
         assert len(echo.listener._router._inside) <= router.MAX_CONNECTIONS
         with contextlib.suppress(ConnectionError):
             while held[0].recv(1000):
@@ -299,5 +299,7 @@ def test_what_others_could_reach(endpoint, why):
     "endpoint", ["nonsense", "tcp://127.0.0.1", "ipc:///no/such/place", "tcp://192.0.2.1:5"]
 )
 def test_what_cannot_be_served(endpoint):
-    with pytest.raises(ListenError, match=f"cannot serve news on {endpoint}: .*; write ipc://path"):
-        listen(endpoint, "cannot serve news")
+    with pytest.raises(
+        ListenError, match=f"cannot serve metrics on {endpoint}: .*; write ipc://path"
+    ):
+        listen(endpoint, "cannot serve metrics")

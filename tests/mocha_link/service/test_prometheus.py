@@ -106,7 +106,7 @@ def place(server):
     return host, int(port)
 
 
-def ask(server, method="GET", path="/metrics"):
+def fetch(server, method="GET", path="/metrics"):
     connection = http.client.HTTPConnection(*place(server))
     with contextlib.closing(connection):
         connection.request(method, path)
@@ -115,7 +115,7 @@ def ask(server, method="GET", path="/metrics"):
 
 
 def test_over_http(node, server):
-    reply, body = ask(server)
+    reply, body = fetch(server)
     assert reply.headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8"
     assert body == exposition(node)
     for method, path, code in [
@@ -124,7 +124,7 @@ def test_over_http(node, server):
         ("GET", "/etc/passwd", 404),
         ("POST", "/metrics", 501),
     ]:
-        assert ask(server, method, path)[0].status == code
+        assert fetch(server, method, path)[0].status == code
 
 
 def test_over_ipv6(node):
@@ -136,7 +136,7 @@ def test_over_ipv6(node):
 
 
 def test_a_node_of_the_command_line(field, tmp_path):
-    """Its radio speaks on standard input, and Prometheus reads what it hears."""
+    """Radio reports come on standard input, and Prometheus reads them."""
     team = tmp_path / "team.yaml"
     team.write_text(field.team.with_robots({"io": {"radio": "stdin:"}}).dump())
     command = [str(team), "--robot", "io", "--json", "--prometheus", f"{field.host}:0"]
@@ -157,7 +157,7 @@ def test_a_node_of_the_command_line(field, tmp_path):
         process.stdin.flush()
         assert json.loads(process.stdout.readline())["signal"]["unit"] == "dB"
         shown = 'mocha_link_signal_snr_decibels{peer="titan",robot="io",source="stdin"} 9.5'
-        assert shown in ask(SimpleNamespace(url=url))[1].splitlines()
+        assert shown in fetch(SimpleNamespace(url=url))[1].splitlines()
 
 
 def test_no_more_than_so_many_at_a_time(server):
@@ -169,7 +169,7 @@ def test_no_more_than_so_many_at_a_time(server):
     idle.pop().close()
     while True:  # until its thread notices
         try:
-            assert ask(server)[0].status == 200
+            assert fetch(server)[0].status == 200
             break
         except (http.client.HTTPException, ConnectionError):
             continue

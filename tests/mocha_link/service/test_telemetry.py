@@ -79,7 +79,7 @@ def test_what_waits_for_subscribers_is_bounded(field, tmp_path, monkeypatch):
         assert hung_up.poll(20_000)
 
 
-def test_an_event_that_cannot_be_told_is_left_out(server, caplog):
+def test_an_event_that_cannot_be_encoded_is_left_out(server, caplog):
     stream = watch(server.endpoint, timeout_s=20)
     next(stream)
     for number in range(3):

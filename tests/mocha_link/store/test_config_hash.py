@@ -43,7 +43,7 @@ def test_a_robot_that_joins_gets_no_other_robot_s_messages(field_of, file, caplo
         assert {m.data for m in io.messages()} == {b"callisto is here", b"way"}
 
 
-def test_what_was_refused_before_is_asked_for_again(field_of, file):
+def test_what_was_refused_before_is_requested_again(field_of, file):
     """titan took nothing from relays, and the knowledge of what callisto has is on disk."""
     field = field_of(TEAM)
     io, _, _ = field.node("io")
@@ -63,7 +63,7 @@ def test_what_was_refused_before_is_asked_for_again(field_of, file):
 
 
 def test_a_file_whose_configuration_is_altered(field, file, monkeypatch, caplog):
-    """It is told, though a new file is good before there is a node to tell it."""
+    """It is reported, though a new file is good before there is a node to report it."""
     with running(field, "titan", storage=file) as (titan, _):
         titan.publish("/map", b"grid")
     with contextlib.closing(sqlite3.connect(file)) as connection:

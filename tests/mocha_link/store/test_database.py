@@ -36,7 +36,7 @@ def wants(database: Database, record: Record, now_s: float) -> bool:
 
 @pytest.mark.parametrize("gap_s", [300, 1200, 2 * HOUR])
 @pytest.mark.parametrize("ahead_s", [0, -HOUR, -3 * HOUR, -3 * HOUR - 60, 5 * HOUR, -WRAP, -YEAR])
-def test_whatever_our_clock_says_the_next_message_of_an_original_node_is_newer(ahead_s, gap_s):
+def test_whatever_our_clock_shows_the_next_message_of_an_original_node_is_newer(ahead_s, gap_s):
     """Also where the border between past and future runs between the two, and over the wrap."""
     database = Database()
     for number, time_s in enumerate(range(WRAP - 20 * HOUR + 7, WRAP + 20 * HOUR, gap_s)):
@@ -69,7 +69,7 @@ def test_a_stamp_that_is_not_the_header_s_time_is_not_taken():
     assert database.kept() == ()
 
 
-# What a database does, said as plainly as it can be: sort, cut, compare. For full stamps.
+# What a database does, as plainly as it can be: sort, cut, compare. For full stamps.
 
 
 @dataclass

@@ -46,7 +46,7 @@ def test_pieces_in_any_order_make_the_whole(pieces):
 
 
 @given(st.sets(st.integers(0, 999), max_size=200))
-def test_many_gaps_are_asked_for_together(places):
+def test_many_gaps_are_requested_together(places):
     fragment = Fragment(1_000)
     for place in places:
         fragment.add(place, piece(place, place + 1))

@@ -41,7 +41,7 @@ def record(number: int, *, topic_id: int | None = None, body: bytes = b"\0\0body
 
 
 class Shelter:
-    """A database on a file, and what was said of it."""
+    """A database on a file, and the faults that it reported."""
 
     def __init__(self, path, *, depth=1, **settings):
         self.faults = queue.SimpleQueue()
@@ -131,14 +131,14 @@ def test_numbers_are_never_given_twice(shelter, tmp_path):
     for name in ("messages.db", "messages.db-wal"):  # as a backup does, or a crash soon after
         shutil.copy(tmp_path / name, tmp_path / f"copy-{name}")
     node.write(*range(10, 20))
-    told = node.database.sequence  # to peers, while the disk may not have got so far
+    announced = node.database.sequence  # to peers, while the disk may not have got so far
     node.storage.close()
     crashed = shelter("copy-messages.db")
     assert crashed.database.epoch == node.database.epoch
     assert numbers(crashed.database) == list(range(10))
-    assert crashed.database.sequence > told
+    assert crashed.database.sequence > announced
     crashed.write(50)
-    assert crashed.database.since(told) == [record(50)]
+    assert crashed.database.since(announced) == [record(50)]
     reached = crashed.database.sequence
     crashed.storage.close()
     restarted = shelter("messages.db")
@@ -155,7 +155,7 @@ def test_numbers_go_on_far_beyond_those_on_disk_however_the_dice_fall(shelter, m
     assert shelter().database.sequence >= node.database.sequence + 2**32
 
 
-def test_what_a_peer_was_told_ends_with_what_is_on_disk(shelter, monkeypatch):
+def test_what_a_peer_has_received_ends_with_what_is_on_disk(shelter, monkeypatch):
     """The numbers behind it may be given again, to messages that the peer knows nothing of."""
     monkeypatch.setattr("secrets.randbits", lambda bits: 2**bits - 1)
     first = shelter()
@@ -168,8 +168,8 @@ def test_what_a_peer_was_told_ends_with_what_is_on_disk(shelter, monkeypatch):
     third = shelter()
     assert third.database.since(third.database.knowledge("io").own_sequence) == []
     third.write(10, 11)
-    told = third.database.knowledge("io").own_sequence
-    assert third.database.since(told) == [record(10), record(11)]
+    received = third.database.knowledge("io").own_sequence
+    assert third.database.since(received) == [record(10), record(11)]
 
 
 # How it is written
@@ -183,7 +183,7 @@ def test_what_is_not_kept_is_not_on_disk_either(shelter, tmp_path):
     with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
         stamps = file.execute("SELECT stamp_ms FROM record ORDER BY number").fetchall()
     assert stamps == [(T_MS + 135,), (T_MS + 140,), (T_MS + 145,)]
-    again = shelter(depth=1)  # the team file says less now
+    again = shelter(depth=1)  # the team file has less now
     assert numbers(again.database) == [145]
     assert again.storage.wait(60)
     again.storage.close()
@@ -284,7 +284,7 @@ def test_an_error_in_the_callback_is_logged(shelter, tmp_path, caplog):
     assert node.retry()
 
 
-def told(caplog):
+def logged(caplog):
     return [entry.getMessage() for entry in caplog.records if entry.levelname == "ERROR"]
 
 
@@ -326,8 +326,8 @@ def test_a_full_disk(shelter, caplog, from_the_start):
         assert not node.retry()
     for number in range(200, 300):  # replaces some, among them some that are on disk
         node.database.insert(record(number, body=bytes(3000)), NOW_S)
-    assert len(told(caplog)) == 1
-    assert "no room to write" in told(caplog)[0]
+    assert len(logged(caplog)) == 1
+    assert "no room to write" in logged(caplog)[0]
     limits[0] = 10_000
     if not from_the_start:  # else it is opened anew
         gates[-1].execute("PRAGMA max_page_count = 10000")
@@ -472,7 +472,7 @@ def test_a_directory_that_is_missing(shelter, tmp_path, caplog):
     node.write(1, 2, 3)
     assert not node.retry()
     assert [str(node.fault())] == [f"there is no directory {tmp_path}/none; make it"]
-    assert len(told(caplog)) == 1
+    assert len(logged(caplog)) == 1
     (tmp_path / "none").mkdir()
     check_recovery(node, shelter, "none/messages.db")
 
@@ -557,7 +557,7 @@ def test_a_file_that_is_deleted_while_it_is_used(shelter, tmp_path, caplog):
     ids=["no database", "a later version", "another program's", "without its table"],
 )
 def test_a_file_that_is_none_of_ours_stays_as_it_is(shelter, tmp_path, caplog, change, fault):
-    error, words = fault
+    error, text = fault
     path = tmp_path / "messages.db"
     if change is None:
         path.write_bytes(random.Random(2).randbytes(20_000))
@@ -572,8 +572,8 @@ def test_a_file_that_is_none_of_ours_stays_as_it_is(shelter, tmp_path, caplog, c
     node.write(150, 151)
     assert not node.retry()
     assert not node.retry()
-    assert len(told(caplog)) == 1
-    assert words in told(caplog)[0]
+    assert len(logged(caplog)) == 1
+    assert text in logged(caplog)[0]
     assert path.read_bytes() == before
     path.rename(tmp_path / "other.db")
     check_recovery(node, shelter)
@@ -584,7 +584,7 @@ def test_a_file_that_is_none_of_ours_stays_as_it_is(shelter, tmp_path, caplog, c
 
 @pytest.fixture
 def mortal(tmp_path):
-    """Starts writers on a file; gives each as its process id and the lines that it says."""
+    """Starts writers on a file; gives each as its process id and the lines that it prints."""
     command = [sys.executable, str(MORTAL)]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     with subprocess.Popen(
@@ -594,8 +594,8 @@ def mortal(tmp_path):
         def start(number):
             mother.stdin.write(f"{tmp_path}/messages.db {number}\n")
             mother.stdin.flush()
-            word, pid = mother.stdout.readline().split()
-            assert word == "pid"
+            key, pid = mother.stdout.readline().split()
+            assert key == "pid"
             return int(pid), mother.stdout
 
         yield start

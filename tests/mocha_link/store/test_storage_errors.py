@@ -105,10 +105,10 @@ def made(folder, how):
     return path
 
 
-def flip(path, word):
-    """One bit of a word in a file is another one, so that it is no UTF-8 any more."""
+def flip(path, text):
+    """Flip one bit of a text in a file, so that it is no UTF-8 any more."""
     content = bytearray(path.read_bytes())
-    content[content.index(word) + 2] ^= 0x80
+    content[content.index(text) + 2] ^= 0x80
     path.write_bytes(content)
 
 
@@ -162,7 +162,7 @@ def test_a_file_altered_in_a_name_is_set_aside(tmp_path):
     assert len(database.kept()) == 3
     database.insert(record(5), NOW_S)
     assert kept.wait(WAIT_S)
-    assert kept.close(WAIT_S)  # its thread tells of the end of a fault when all is on disk
+    assert kept.close(WAIT_S)  # its thread reports the end of a fault when all is on disk
     assert [type(fault) for fault in faults] == [StorageDamagedError, type(None)]
     assert (tmp_path / "messages.db.damaged-1").exists()
     with closing(sqlite3.connect(path)) as file:

@@ -168,7 +168,7 @@ def test_a_bomb_is_refused():
         wire.unpack(body, limit=4_999_999)
 
 
-def test_a_bomb_that_does_not_say_so_is_refused_within_bounds():
+def test_a_bomb_without_its_size_is_refused_within_bounds():
     bomb = b"\0\0" + lz4.frame.compress(bytes(60 * MIB), store_size=False)
     for read in (wire.unpack, wire.check):
         with (
@@ -238,12 +238,12 @@ def test_too_large_to_send(monkeypatch):
     st.binary(max_size=9),
     st.none() | st.tuples(st.integers(0, 255), st.integers(0, 255)),
 )
-def test_the_trailer_says_what_pack_was_told(data, stamp_ms, signature, behind, ids):
+def test_the_trailer_has_what_pack_was_given(data, stamp_ms, signature, behind, ids):
     sign = None if signature is None else lambda _: signature
     body = wire.pack(3, 1, data, stamp_ms=stamp_ms, ids=ids, sign=sign)
-    told = Trailer(stamp_ms, signature, 2 if ids else 1)
+    given = Trailer(stamp_ms, signature, 2 if ids else 1)
     for each in (body, body + behind):
-        assert wire.check(each, ids) == told
+        assert wire.check(each, ids) == given
         assert wire.unpack(each) == data
         assert lz4.frame.decompress(each[2:]) == data  # as an original node reads it
     plain = packed(3, 1, data)
@@ -271,14 +271,14 @@ def test_a_stamp_that_is_no_time(stamp_ms):
 
 
 def test_a_message_of_another_robot_or_topic_is_refused():
-    """Of the same time, perhaps, so that nothing else in it tells."""
+    """Of the same time, perhaps, so that nothing else in it shows it."""
     assert wire.check(NAMED, IDS) == Trailer(STAMP_MS)
     for ids in ((2, 7), (3, 6), (7, 3), None):
         with pytest.raises(PayloadError, match="its checksum is another one"):
             wire.check(NAMED, ids)
 
 
-def test_what_was_made_before_the_checksum_said_whose_it_is_still_passes():
+def test_what_was_made_before_the_checksum_covered_the_ids_still_passes():
     """Storages hold it, and relays hand it on."""
     for body in (SMALL, SIGNED):
         found = wire.check(body, IDS)
@@ -302,7 +302,7 @@ def test_any_one_damaged_byte_is_found(body):
     st.integers(0),
     st.integers(1, 255),
 )
-def test_two_damaged_bytes_never_change_what_it_says(body, first, second, bits):
+def test_two_damaged_bytes_never_change_its_content(body, first, second, bits):
     damaged = bytearray(body)
     damaged[first % len(body)] ^= bits
     damaged[-1 - second % min(90, len(body))] ^= bits

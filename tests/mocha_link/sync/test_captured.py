@@ -1,4 +1,4 @@
-"""The recorded sync of original nodes: read byte for byte, answered and asked as they did."""
+"""The recorded sync of original nodes: read byte for byte, answered and requested as they did."""
 
 import json
 from typing import NamedTuple
@@ -31,7 +31,7 @@ def exchange(*connections: int) -> list[tuple[bytes, bytes]]:
 
 
 class Pull(NamedTuple):
-    """One recorded pull: who asked whom, and what each of them held before."""
+    """One recorded pull: who pulled from whom, and what each of them held before."""
 
     connections: range
     server: str
@@ -121,7 +121,9 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
 
 @pytest.mark.parametrize("pull", PULLS)
 @pytest.mark.parametrize("window", [1, 8])
-def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
+def test_our_client_requests_what_the_real_one_requested(
+    recorded_team, bodies, pull, window, monkeypatch
+):
     monkeypatch.setattr(original, "MIN_WINDOW", window)
     monkeypatch.setattr(original, "MAX_WINDOW", window)
     recorded = exchange(*pull.connections)
@@ -132,17 +134,17 @@ def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, wi
     )
     session = ClientSession(peer)
     replies = dict(recorded)
-    asked, pending = [], [session.start(NOW)]
+    requested, pending = [], [session.start(NOW)]
     while pending:
-        asked.append(pending.pop(0))
-        pending += session.reply([replies[asked[-1]]], NOW)
+        requested.append(pending.pop(0))
+        pending += session.reply([replies[requested[-1]]], NOW)
     assert not peer.log.refusals
-    assert asked == [request for request, _ in recorded]
+    assert requested == [request for request, _ in recorded]
     assert session.over
     assert session.failure is None
     stored = [event for event in peer.log.events if isinstance(event, MessageStored)]
     assert session.messages == len(stored) == len(recorded) - 2
-    assert [event.header.pack() for event in stored] == [r[11:] for r in asked[1:-1]]
+    assert [event.header.pack() for event in stored] == [r[11:] for r in requested[1:-1]]
     for event in stored:
         record = own.newest(event.header.robot_id, event.header.topic_id)
         assert record.body == bodies[event.header.pack()]

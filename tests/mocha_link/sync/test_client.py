@@ -1,4 +1,4 @@
-"""The asking side: checks everything that comes, keeps every whole message."""
+"""The pulling side: checks everything that comes, keeps every whole message."""
 
 import random
 
@@ -60,7 +60,7 @@ class Pull:
         self.answer(b"".join(h.pack() if isinstance(h, Header) else h for h in headers))
 
     @property
-    def asked(self) -> list[bytes]:
+    def requested(self) -> list[bytes]:
         return [frame[6:] for frame in self.open]
 
 
@@ -72,14 +72,14 @@ def pull() -> Pull:
 def test_a_window_of_requests_is_under_way(pull):
     headers = [header(i) for i in range(TOPICS)]
     pull.offer(*headers)
-    assert pull.asked == [b"GDATA" + h.pack() for h in headers[:FIRST_WINDOW]]
+    assert pull.requested == [b"GDATA" + h.pack() for h in headers[:FIRST_WINDOW]]
     large = body(random.Random(1).randbytes(20_000))
     for _ in range(FIRST_WINDOW):
         pull.answer(large, steady_s=2)
     for _ in range(20):
         pull.answer(large, steady_s=2)
         assert MIN_WINDOW <= len(pull.open) <= 3 * MIN_WINDOW
-    while pull.asked != [b"DENDTtitan"]:
+    while pull.requested != [b"DENDTtitan"]:
         pull.answer(large, steady_s=3)
     pull.answer(b"Ack")
     assert pull.session.messages == TOPICS
@@ -92,7 +92,7 @@ def test_small_messages_widen_the_window(pull):
     """64 KiB ahead: a link of 300 ms must not wait for a handful of small replies."""
     pull.offer(*[header(i) for i in range(TOPICS)])
     widest = 0
-    while pull.asked != [b"DENDTtitan"]:
+    while pull.requested != [b"DENDTtitan"]:
         pull.answer(body(), steady_s=1)
         assert len(pull.open) <= MAX_WINDOW
         widest = max(widest, len(pull.open))
@@ -112,7 +112,7 @@ def test_unknown_and_unsafe_headers_are_never_fetched(pull):
     unsafe = Header(IO, 3, 1, 0)
     wrong_ms = Header(IO, 4, 50, 999).pack()[:4] + (1000).to_bytes(2)
     pull.offer(header(TOPICS), header(0, robot_id=2), header(0, robot_id=255), unsafe, wrong_ms)
-    assert pull.asked == [b"DENDTtitan"]
+    assert pull.requested == [b"DENDTtitan"]
     assert len(pull.refusals) == 5
     assert "io has no topic with id 200 in the team file" in " ".join(pull.refusals)
     assert "no robot with topics has id 255 in the team file" in " ".join(pull.refusals)
@@ -123,7 +123,7 @@ def test_unknown_and_unsafe_headers_are_never_fetched(pull):
 def test_a_list_that_is_none_ends_the_pull(pull, content):
     pull.answer(content)
     assert pull.session.over
-    assert pull.asked == []
+    assert pull.requested == []
     assert pull.session.failure
     assert len(pull.refusals) == 1
 
@@ -142,7 +142,7 @@ def test_a_list_that_is_none_ends_the_pull(pull, content):
 def test_bodies_are_checked(pull, content, reason):
     pull.offer(header(0))
     pull.answer(content)
-    assert pull.asked == [b"DENDTtitan"]
+    assert pull.requested == [b"DENDTtitan"]
     if reason:
         assert reason in pull.refusals[0]
         assert pull.database.records() == ()
@@ -164,11 +164,11 @@ def test_a_message_that_was_cut_lets_the_others_go_first():
     cut(first)
     again = Pull(peer=first.peer)
     again.offer(header(1), header(2), header(3))
-    assert again.asked == [b"GDATA" + header(i).pack() for i in (2, 3, 1)]
+    assert again.requested == [b"GDATA" + header(i).pack() for i in (2, 3, 1)]
     cut(again)
     third = Pull(peer=first.peer)
     third.offer(header(1), header(2), header(3))
-    assert third.asked == [b"GDATA" + header(i).pack() for i in (3, 1, 2)]
+    assert third.requested == [b"GDATA" + header(i).pack() for i in (3, 1, 2)]
     for _ in range(3):
         third.answer(body())
     assert [third.peer.path.cuts(header(i).key) for i in (1, 2, 3)] == [0, 0, 0]
@@ -182,14 +182,16 @@ def test_a_topic_that_is_always_too_large_starves_no_other_though_it_is_new_each
         large = header(1, age_s=100 - contact)
         pull.offer(large, header(2), header(3))
         if contact:
-            assert pull.asked == [b"GDATA" + each.pack() for each in (header(2), header(3), large)]
+            assert pull.requested == [
+                b"GDATA" + each.pack() for each in (header(2), header(3), large)
+            ]
             pull.answer(body())
             pull.answer(body())
         cut(pull)
     assert [memory.cuts(header(i).key) for i in (1, 2, 3)] == [3, 0, 0]
 
 
-def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
+def test_what_was_only_requested_when_the_link_broke_keeps_its_place():
     """An urgent message of some bytes is not put behind a map because it was the first to miss."""
     first = Pull()
     first.offer(header(0), header(1))
@@ -197,14 +199,14 @@ def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
     first.session.break_off()
     again = Pull(peer=first.peer)
     again.offer(header(1), header(2))
-    assert again.asked == [b"GDATA" + header(i).pack() for i in (1, 2)]
+    assert again.requested == [b"GDATA" + header(i).pack() for i in (1, 2)]
 
 
-def test_nothing_more_is_asked_for_beyond_the_budget():
+def test_nothing_more_is_requested_beyond_the_budget():
     large = body(random.Random(1).randbytes(1_000))
     pull = Pull(budget=3_500)
     pull.offer(*[header(i) for i in range(50)])
-    while pull.asked != [b"DENDTtitan"]:
+    while pull.requested != [b"DENDTtitan"]:
         pull.answer(large)
     pull.answer(b"Ack")
     assert pull.session.cut_short
@@ -214,7 +216,7 @@ def test_nothing_more_is_asked_for_beyond_the_budget():
 
 
 def test_a_message_with_its_full_time(pull):
-    """The trailer's time counts, whatever our clock says; another message's is refused."""
+    """The trailer's time counts, whatever our clock shows; another message's is refused."""
     stamp_ms = 1000 * int(NOW_S - 10 * 86_400) + 7
     own = Header.at(IO, 0, stamp_ms)
     pull.offer(own, header(1))
@@ -236,7 +238,7 @@ def test_messages_that_this_peer_may_not_hand_us():
     pull.offer(header(0), header(1), header(2))
     for _ in range(3):
         pull.answer(body())
-    assert pull.asked == [b"DENDTtitan"]
+    assert pull.requested == [b"DENDTtitan"]
     assert [record.header.topic_id for record in pull.database.records()] == [2, 0]
     assert "not signed" in pull.refusals[0]
 

@@ -14,7 +14,13 @@ from mocha_link.sync.pull import STANDS_S
 from mocha_link.sync.send_round import PUSH_BYTES
 from mocha_link.sync.send_states import SendState
 from mocha_link.sync.session import Session
-from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news
+from mocha_link.sync.sync_messages import (
+    MAX_ANNOUNCED,
+    Have,
+    Open,
+    decode_announce,
+    encode_announce,
+)
 from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import DATA, noise
@@ -46,8 +52,8 @@ def test_a_message_is_there_half_a_round_trip_after_it_was_published(net):
         publish(net, "titan", "/map", b"grid %d" % number)
         net.wait(FAR_S + PROMPT_S)
         assert net.held("io")["titan", "/map"] == b"grid %d" % number
-    assert len(net.told("io", SyncEnded)) == len(net.told("io", SyncStarted)) == 1
-    assert len(net.told("io", MessageStored)) == 21
+    assert len(net.events_of("io", SyncEnded)) == len(net.events_of("io", SyncStarted)) == 1
+    assert len(net.events_of("io", MessageStored)) == 21
 
 
 def test_the_next_pull_brings_what_a_push_did_not(net):
@@ -58,7 +64,7 @@ def test_the_next_pull_brings_what_a_push_did_not(net):
     assert net.held("io")["titan", "/map"] == b"grid"
     net.pull("io", "titan")
     assert net.held("io")["titan", "/map"] == b"lost"
-    assert net.told("io", SyncTimedOut) == net.told("titan", SyncTimedOut) == []
+    assert net.events_of("io", SyncTimedOut) == net.events_of("titan", SyncTimedOut) == []
     publish(net, "titan", "/map", b"and it follows again")
     net.wait(FAR_S + PROMPT_S)
     assert net.held("io")["titan", "/map"] == b"and it follows again"
@@ -81,30 +87,30 @@ def test_a_large_message_is_announced_and_pulled(net):
 
 
 def contact(net, *pairs):
-    """Radios hear each other from now on."""
+    """Radios receive each other from now on."""
     for name, peer in pairs or (("io", "titan"), ("titan", "io")):
         radio = ManualContact(net, name, peer)
-        radio.say()
+        radio.report()
 
 
 class ManualContact:
-    """Says again and again that a peer is heard, as radios do."""
+    """Reports again and again that a peer is received, as radios do."""
 
     def __init__(self, net, name, peer):
         self._net, self._name, self._peer = net, name, peer
 
-    def say(self):
+    def report(self):
         net = self._net
         net.nodes[self._name].signal_received(self._peer, NEAR_DBM, net.at(self._name))
-        net.later(self.say, net.time_s + 1)
+        net.later(self.report, net.time_s + 1)
 
 
 def test_an_idle_contact_is_quiet(net):
     contact(net)
     net.wait(30)
-    before, pulls = len(net.carried), len(net.told("io", SyncStarted))
+    before, pulls = len(net.carried), len(net.events_of("io", SyncStarted))
     net.wait(60)
-    assert len(net.told("io", SyncStarted)) - pulls <= 10  # in and out
+    assert len(net.events_of("io", SyncStarted)) - pulls <= 10  # in and out
     size = sum(len(piece.data) + HEADERS_BYTES for piece in net.carried[before:])
     assert size / 60 < (100 if net.nodes["io"].links(net.now)["titan"].path == "zmq" else 250)
 
@@ -118,7 +124,9 @@ def at_rest(team):
 
 
 def pulls(net, name):
-    return [each.at_s for each in net.told(name, SyncStarted) if each.direction is Direction.IN]
+    return [
+        each.at_s for each in net.events_of(name, SyncStarted) if each.direction is Direction.IN
+    ]
 
 
 def until_the_next_pull(net, name):
@@ -136,7 +144,7 @@ def test_of_two_at_rest_each_pulls_when_the_other_does_and_rarely(team):
     io, titan = pulls(net, "io"), pulls(net, "titan")
     assert len(io) == len(titan) == 8
     assert all(abs(a - b) < 1 for a, b in zip(io, titan, strict=True))
-    assert net.told("io", SyncTimedOut) == net.told("titan", SyncTimedOut) == []
+    assert net.events_of("io", SyncTimedOut) == net.events_of("titan", SyncTimedOut) == []
 
 
 def test_what_a_push_did_not_bring_the_next_pull_of_either_brings(team):
@@ -186,7 +194,7 @@ def test_who_cannot_reach_a_peer_gets_all_that_it_has_when_the_peer_reaches_it(t
     assert net.held("io")["titan", "/map"] == b"pushed"
 
 
-def test_a_peer_that_has_been_away_in_its_turn_is_asked_back(team):
+def test_a_peer_that_has_been_away_is_pulled_from_in_return(team):
     """Its connection has broken, so ours may have, too."""
     net = at_rest(team)
     until_the_next_pull(net, "io")
@@ -200,15 +208,15 @@ def test_a_peer_that_has_been_away_in_its_turn_is_asked_back(team):
 def test_both_pull_when_a_program_wants_to_exchange(net):
     contact(net)
     net.wait(21)
-    before = len(net.told("titan", SyncEnded))
+    before = len(net.events_of("titan", SyncEnded))
     net.nodes["titan"].sync("io", net.now, both=True)
     net.nodes["titan"].tick(net.now)
     net.wait(2.5)
-    assert {end.direction for end in net.told("titan", SyncEnded)[before:]} == set(Direction)
+    assert {end.direction for end in net.events_of("titan", SyncEnded)[before:]} == set(Direction)
 
 
 def test_what_a_peer_does_not_follow_itself_is_announced_to_it(team):
-    """Callisto, out of io's reach, is heard of through titan within an interval."""
+    """Messages of callisto, out of io's reach, come through titan within an interval."""
     net = NetworkSim(team, delay_s=FAR_S)
     contact(net, *(pair for a in ("io", "callisto") for pair in ((a, "titan"), ("titan", a))))
     net.wait(40)
@@ -221,7 +229,7 @@ def test_what_a_peer_does_not_follow_itself_is_announced_to_it(team):
     publish(net, "callisto", "/pose", b"there")
     net.wait(0.9)
     assert net.held("io")["callisto", "/pose"] == b"there"
-    assert len(net.carried) - before == 2  # it crosses each link once, and no more is said of it
+    assert len(net.carried) - before == 2  # it crosses each link once, and is not announced again
     net.nodes["io"].signal_received("callisto", None, net.now)
     net.blocked = {("zmq", "callisto", "io"), ("zmq", "io", "callisto")}
     publish(net, "callisto", "/pose", b"elsewhere")
@@ -230,12 +238,12 @@ def test_what_a_peer_does_not_follow_itself_is_announced_to_it(team):
 
 
 def test_many_that_are_announced_are_not_listed():
-    assert decode_news(encode_news(range(MAX_NEWS))) == tuple(range(MAX_NEWS))
-    assert encode_news(range(MAX_NEWS + 1)) == b""
+    assert decode_announce(encode_announce(range(MAX_ANNOUNCED))) == tuple(range(MAX_ANNOUNCED))
+    assert encode_announce(range(MAX_ANNOUNCED + 1)) == b""
     with pytest.raises(SyncFrameError):
-        decode_news(b"1234567")
+        decode_announce(b"1234567")
     with pytest.raises(SyncFrameError):
-        decode_news(bytes(8 * (MAX_NEWS + 1)))
+        decode_announce(bytes(8 * (MAX_ANNOUNCED + 1)))
 
 
 def test_who_is_not_in_contact_any_more_gets_nothing(net):
@@ -247,14 +255,14 @@ def test_who_is_not_in_contact_any_more_gets_nothing(net):
     assert net.held("io")["titan", "/map"] == b"grid"
 
 
-def test_a_peer_that_went_away_is_forgotten_without_a_word(net):
+def test_a_peer_that_went_away_is_forgotten_without_an_event(net):
     net.silent = {"io"}
     net.wait(FOLLOW_S + 1)
     publish(net, "titan", "/map", b"to whom")
     before = len(net.carried)
     net.wait(1)
     assert len(net.carried) == before
-    assert net.told("titan", SyncTimedOut) == []
+    assert net.events_of("titan", SyncTimedOut) == []
 
 
 @pytest.mark.parametrize("linked", [True, False])
@@ -271,7 +279,7 @@ def test_of_others_only_that_is_pushed_which_the_peer_gets_no_other_way(team, li
     assert net.held("io")["callisto", "/pose"] == b"here"
 
 
-def test_who_follows_before_all_was_said_ends_the_pull():
+def test_who_follows_before_all_was_sent_ends_the_pull():
     sender = SyncSender(peer_of())
     sender.receive(message_frame(OPEN, 0, Open(9, 0, Have(())).encode(), 0, 1000))
     sender.receive(message_frame(FOLLOW, 0, b"", 0, 1000))
@@ -301,7 +309,7 @@ def test_a_pull_goes_on_over_the_connection_that_stands(net):
     frames = [len(piece.data) for piece in net.carried[before:]]
     assert len(frames) == 3 * 4  # OPEN, HELLO, DONE, FOLLOW
     assert sum(frames) < 3 * IDLE_BYTES
-    assert all(end.complete for end in net.told("io", SyncEnded))
+    assert all(end.complete for end in net.events_of("io", SyncEnded))
     publish(net, "titan", "/map", b"still pushed")
     net.wait(FAR_S + PROMPT_S)
     assert net.held("io")["titan", "/map"] == b"still pushed"
@@ -321,23 +329,23 @@ def test_what_was_pushed_before_the_next_pull_reached_the_peer_is_taken(net):
 
 
 @standing
-@pytest.mark.parametrize("told", [True, False], ids=["closed", "silent"])
-def test_where_the_connection_is_gone_the_pull_goes_on_over_a_new_one(net, told):
+@pytest.mark.parametrize("closed", [True, False], ids=["closed", "silent"])
+def test_where_the_connection_is_gone_the_pull_goes_on_over_a_new_one(net, closed):
     net.lines["io", "titan"].dead = True
     publish(net, "titan", "/map", b"new")
-    ends = len(net.told("io", SyncEnded))
+    ends = len(net.events_of("io", SyncEnded))
     io = net.nodes["io"]
     io.sync("titan", net.now)
-    if told:
+    if closed:
         io.lost("titan", "the peer closed the connection", net.now)
     net.settle()
     assert net.held("io")["titan", "/map"] == b"new"
-    assert len(net.told("io", SyncStarted)) == len(net.told("io", SyncEnded)) == ends + 1
-    assert net.told("io", SyncTimedOut) == []
+    assert len(net.events_of("io", SyncStarted)) == len(net.events_of("io", SyncEnded)) == ends + 1
+    assert net.events_of("io", SyncTimedOut) == []
 
 
 @standing
-def test_what_waits_says_when_it_is_due(net):
+def test_what_waits_reports_when_it_is_due(net):
     """A node sleeps until then; of a peer only its long silence is waited for."""
     io, titan = net.nodes["io"], net.nodes["titan"]
     assert io.due_in_s(net.now) == math.inf
@@ -377,12 +385,12 @@ def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
 
 
 def linked(net, *names):
-    """All of them hear each other from now on."""
+    """All of them receive each other from now on."""
     contact(net, *itertools.permutations(names, 2))
 
 
 def test_what_a_lost_peer_stores_comes_by_another_at_once(team):
-    """A peer that is asked rarely leaves out what is followed elsewhere; that is over now."""
+    """A peer that is pulled from rarely leaves out what is followed elsewhere; that is over now."""
     net = NetworkSim(team, by_timer=True, delay_s=0.01)
     net.wait(50)
     callisto = net.link("callisto", "titan").session
@@ -404,8 +412,8 @@ def test_a_pull_from_one_does_not_have_the_others_pulled_from(team, datagrams):
         linked(net, *pair)
         net.wait(4 + number)
     net.wait(45)
-    before = {name: len(net.told(name, SyncStarted)) for name in net.nodes}
+    before = {name: len(net.events_of(name, SyncStarted)) for name in net.nodes}
     net.wait(60)
     for name, seen in before.items():
-        pulls = net.told(name, SyncStarted)[seen:]
+        pulls = net.events_of(name, SyncStarted)[seen:]
         assert sum(pull.direction is Direction.IN for pull in pulls) <= 10

@@ -25,7 +25,7 @@ from tests.mocha_link.load import (
     NodeUnderLoad,
     message,
     requests,
-    say,
+    send,
 )
 
 pytestmark = pytest.mark.long
@@ -103,12 +103,12 @@ def test_bad_answers_of_a_new_node(loaded, recorded):
     checked = 0
     with Liar(loaded) as liar:
         while loaded.frames < 1_875 * SHARE:
-            with liar.asked() as (connection, parser):
-                say(connection, HANDSHAKE_OF_ROUTER)
+            with liar.pulled() as (connection, parser):
+                send(connection, HANDSHAKE_OF_ROUTER)
                 request_id = requests(connection, parser)[0][:ID_BYTES]
                 answers = [fuzzer.good_reply(HELLO, request_id)]
                 answers += [fuzzer.reply(request_id) for _ in range(20)]
-                say(connection, b"".join(map(message, answers)))
+                send(connection, b"".join(map(message, answers)))
             if loaded.frames - checked > CHECK_EVERY:
                 checked = loaded.frames
                 loaded.check()
@@ -120,18 +120,18 @@ def test_bad_answers_of_an_original_node(loaded, recorded):
     checked = 0
     with Liar(loaded) as liar:
         while loaded.frames < 1_000 * SHARE:
-            with liar.asked() as (connection, parser):
-                say(connection, HANDSHAKE_OF_ROUTER)
+            with liar.pulled() as (connection, parser):
+                send(connection, HANDSHAKE_OF_ROUTER)
                 left = 60
-                while left > 0 and (asked := requests(connection, parser)):
-                    for each in asked:
+                while left > 0 and (received := requests(connection, parser)):
+                    for each in received:
                         request_id, code = each[:ID_BYTES], each[ID_BYTES:][:CODE_BYTES]
                         answer = fuzzer.reply(request_id)
                         if code == SYNC1:
                             answer = request_id + SERRM
                         elif code == GHEAD:
                             answer = request_id + some_list(fuzzer, loaded.field.clock.now_s())
-                        say(connection, message(answer))
+                        send(connection, message(answer))
                         left -= 1
             if loaded.frames - checked > CHECK_EVERY:
                 checked = loaded.frames
@@ -159,12 +159,12 @@ def test_bad_datagrams_in_answer(loaded, recorded):
             for _ in range(CHECK_EVERY // BATCH):
                 peer.path.measured(0.05)
                 peer.path.datagrams_carried()
-                with liar.asked() as (connection, parser):
-                    say(connection, HANDSHAKE_OF_ROUTER)
+                with liar.pulled() as (connection, parser):
+                    send(connection, HANDSHAKE_OF_ROUTER)
                     token = requests(connection, parser)[0][:ID_BYTES]
                     source = liar.called(token)
                     for _ in range(BATCH):
                         liar.caster.sendto(fuzzer.packet("down", token), source)
                     loaded.wait(1)  # they are taken in one after another before anything else
-                    say(connection, message(b"no such id"))
+                    send(connection, message(b"no such id"))
             loaded.check()

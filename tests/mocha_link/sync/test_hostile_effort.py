@@ -47,11 +47,11 @@ DEEP = team_of(
 
 def opened(peer: Peer, knowledge: Have | Digest) -> SyncSender:
     sender = SyncSender(peer)
-    say(sender, sync.OPEN, Open(7, 0, knowledge).encode())
+    deliver(sender, sync.OPEN, Open(7, 0, knowledge).encode())
     return sender
 
 
-def say(sender: SyncSender, kind: int, content: bytes) -> None:
+def deliver(sender: SyncSender, kind: int, content: bytes) -> None:
     for frame in sync.message_frames(kind, 0, content, 60_000):
         sender.receive(frame)
 
@@ -73,7 +73,7 @@ def test_an_answer_that_repeats_itself_is_looked_at_once(monkeypatch):
     answers = [struct.pack(">BHH", ROBOT, 1 << each % GROUPS, 0) for each in range(MAX_ROBOTS)]
     with pytest.raises(SyncFrameError, match="more robots"):
         decode_answers(b"".join([*answers, answers[0]]))
-    say(sender, sync.ANSWER, b"".join(answers))
+    deliver(sender, sync.ANSWER, b"".join(answers))
     assert sorted(looks) == list(range(GROUPS))
     while sender.next(60_000):
         pass
@@ -136,7 +136,7 @@ def test_more_messages_than_fit_in_a_frame_go_in_several():
         header = Header.at(each >> 8, each & 255, START_MS)
         titan.database.insert(Record(header, 0, b"x", START_MS, NOW.unix_s), NOW.unix_s)
     pull = Pull(io, titan)
-    pull.ask()
+    pull.deliver_up()
     sizes = []
     while frame := pull.give(MAX_CHUNK):
         if frame[0] == sync.CHUNKS:
@@ -144,7 +144,7 @@ def test_more_messages_than_fit_in_a_frame_go_in_several():
     assert sizes == [MAX_CHUNKS, 10]
 
 
-def test_a_frame_larger_than_any_that_was_asked_for_is_not_read():
+def test_a_frame_larger_than_any_that_was_requested_is_not_read():
     """What it holds may unpack to 255 times as much."""
     io = Node("io").peer("titan")
     receiver = SyncReceiver(io)

@@ -1,6 +1,6 @@
-"""Beside original nodes: every fault that such a peer can cause, asked by us and asking us.
+"""Beside original nodes: every fault that such a peer can cause, when we pull and when it pulls.
 
-The peer is the stand-in of `original.py` on real sockets; docs/protocol.md says how live,
+The peer is the stand-in of `original.py` on real sockets; docs/protocol.md has what live,
 unmodified original nodes did in the same situations.
 """
 
@@ -36,9 +36,9 @@ def old(field):
         yield start
 
 
-@pytest.fixture(params=[False, True], ids=["found out", "said in the team"])
+@pytest.fixture(params=[False, True], ids=["found out", "set in the team"])
 def mixed(request, field):
-    """That io runs the original node is said in the team file, or has to be found out."""
+    """That io runs the original node is set in the team file, or has to be found out."""
     if request.param:
         field.team = field.team.with_robots({"io": {"original": True}})
     return field
@@ -52,7 +52,7 @@ def body_of(field, robot, topic, data, **changes) -> bytes:
 
 def lists(old_peer, node) -> list[bytes]:
     """What a node offers to an original one."""
-    return original.split(old_peer.ask(node.name, b"GHEAD"))
+    return original.split(old_peer.reply_of(node.name, b"GHEAD"))
 
 
 def test_the_stand_in_answers_as_recorded():
@@ -63,11 +63,11 @@ def test_the_stand_in_answers_as_recorded():
         if frame["conn"] in range(1, 5)
     ]
     titan = Original(team, "titan", now_s=lambda: 0.0)
-    for asked, reply in zip(frames[::2], frames[1::2], strict=True):
-        if asked[6:11] == b"GDATA":
-            titan.put(asked[11:], reply[6:])
-    for asked, reply in zip(frames[::2], frames[1::2], strict=True):
-        assert titan.answer("io", [asked]) == reply
+    for request, reply in zip(frames[::2], frames[1::2], strict=True):
+        if request[6:11] == b"GDATA":
+            titan.put(request[11:], reply[6:])
+    for request, reply in zip(frames[::2], frames[1::2], strict=True):
+        assert titan.answer("io", [request]) == reply
     assert titan.answer("io", [b"idididSYNC1\xff\x80"]) == b"ididid" + JUNK
     for parts in ([b"idididGDAT\xff"], [b"idididDENDT\xff"], [b"idididGHEAD", b""]):
         titan.dead.clear()
@@ -100,7 +100,7 @@ def test_a_relay_across_an_original_node(mixed, old):
     titan, _, saw = mixed.node("titan")
     callisto, _, callisto_saw = mixed.node("callisto")
     sent = titan.publish("/map", LARGE).pack()
-    body = io.ask("titan", b"GDATA" + sent)
+    body = io.reply_of("titan", b"GDATA" + sent)
     assert io.pull("titan").stored == [sent]
     assert io.body(sent) == body
     assert callisto_saw.pull("io").messages == 1
@@ -142,7 +142,7 @@ def test_ids_types_and_priorities_that_are_none_of_the_team(mixed, old):
     sent = io.publish("/pose", SMALL)
     assert saw.pull("io").messages == 2
     assert titan.links()["io"].refused >= 5
-    # The priority of a topic is what the team says, not what a peer says.
+    # The priority of a topic is that of the team file, not that of a peer's message.
     assert lists(callisto, titan) == [sent, urgent]
     assert titan.latest("callisto", "/path").priority.name == "MEDIUM"
     # 1000 ms and more are read as seconds by original nodes; here they are no header.
@@ -206,9 +206,9 @@ def test_a_message_that_is_too_slow_for_an_original_node_starves_nothing_else(fi
     large = titan.publish("/map", LARGE).pack()  # high priority: first in the list
     small = titan.publish("/slow", SMALL).pack()
     assert lists(io, titan) == [large, small]
-    assert io.pull("titan", give_up_after=0).asked == [large]
+    assert io.pull("titan", give_up_after=0).requested == [large]
     done = io.pull("titan", give_up_after=1)
-    assert done.asked == [small, large]
+    assert done.requested == [small, large]
     assert io.data("titan", "/slow") == SMALL
     newer = titan.publish("/map", LARGE[1:]).pack()  # its topic stays behind until it gets through
     assert lists(io, titan) == [small, newer]

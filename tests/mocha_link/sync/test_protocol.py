@@ -25,20 +25,20 @@ def at(steady_s: float) -> Instant:
 
 
 class Session:
-    """A session that answers with what it tells as well."""
+    """A session that returns its events as well."""
 
     def __init__(self, database: Database) -> None:
         self._peer = peer_of(database)
         self._session = ServerSession(self._peer)
 
     def handle(self, parts: list[bytes], now: Instant) -> tuple[bytes, list[object]]:
-        return self._session.handle(parts, now), self._told()
+        return self._session.handle(parts, now), self._events()
 
     def tick(self, now: Instant) -> list[object]:
         self._session.tick(now)
-        return self._told()
+        return self._events()
 
-    def _told(self) -> list[object]:
+    def _events(self) -> list[object]:
         return self._peer.log.take_events()
 
 
@@ -84,7 +84,7 @@ def test_silence_and_a_new_beginning_break_a_pull_off(database):
     session.handle([ID + b"GHEAD"], at(0))
     assert session.tick(at(13)) == []
     (broken,) = session.tick(at(13.1))
-    assert broken == SyncTimedOut("io", 2000, OUT, "the peer asked nothing for 13 s")
+    assert broken == SyncTimedOut("io", 2000, OUT, "the peer requested nothing for 13 s")
     assert session.tick(at(50)) == []
     session.handle([ID + b"GHEAD"], at(60))
     assert session.handle([ID + b"GHEAD"], at(61))[1] == [
@@ -95,23 +95,23 @@ def test_silence_and_a_new_beginning_break_a_pull_off(database):
 
 def test_what_was_offered_stays_available(database):
     session = Session(database)
-    ask = ID + b"GDATA" + record(1500).header.pack()
+    request = ID + b"GDATA" + record(1500).header.pack()
     session.handle([ID + b"GHEAD"], at(0))
     database.insert(record(1600, b"\0\0newer"), 2000)
     # Old nodes would store an error reply as a message: a slow one gets what it was promised.
-    assert session.handle([ask], at(100))[0] == ID + b"\0\0body"
+    assert session.handle([request], at(100))[0] == ID + b"\0\0body"
     assert session.handle([ID + b"GDATA" + record(1600).header.pack()], at(100))[0] == (
         ID + b"\0\0newer"
     )
     session.handle([ID + b"GHEAD"], at(101))
     # It may still be busy with the list before: 13 s after the new one it is not.
-    assert session.handle([ask], at(114))[0] == ID + b"\0\0body"
-    assert session.handle([ask], at(114.1))[0] == ID + b"SERRM"
-    assert Session(database).handle([ask], at(0))[0] == ID + b"SERRM"
+    assert session.handle([request], at(114))[0] == ID + b"\0\0body"
+    assert session.handle([request], at(114.1))[0] == ID + b"SERRM"
+    assert Session(database).handle([request], at(0))[0] == ID + b"SERRM"
 
 
 def test_a_list_makes_no_header_anew(database, monkeypatch):
-    """Original nodes ask for it every few seconds, and it may have 65,536 messages."""
+    """Original nodes request it every few seconds, and it may have 65,536 messages."""
     for topic_id in range(1, 50):
         database.insert(Record(Header(0, topic_id, 1500, 0), 0, b"\0\0body", 1_500_000, 1500), 2000)
     made = []
@@ -122,7 +122,7 @@ def test_a_list_makes_no_header_anew(database, monkeypatch):
     assert made == []
 
 
-def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
+def test_a_peer_that_keeps_requesting_does_not_fill_the_memory(database):
     """Only the two last lists are remembered, each with one message of a topic."""
     session = Session(database)
     for second in range(1501, 1600):
@@ -131,8 +131,8 @@ def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
     database.insert(record(1600), 2000)
 
     def holds(second: int, steady_s: float) -> bool:
-        ask = ID + b"GDATA" + record(second).header.pack()
-        return not session.handle([ask], at(steady_s))[0].endswith(b"SERRM")
+        request = ID + b"GDATA" + record(second).header.pack()
+        return not session.handle([request], at(steady_s))[0].endswith(b"SERRM")
 
     assert [second for second in range(1500, 1601) if holds(second, 1)] == [1598, 1599, 1600]
     assert [second for second in range(1500, 1601) if holds(second, 14)] == [1599, 1600]
@@ -141,10 +141,10 @@ def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
 def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
     """Otherwise every peer ever met would keep all that there was then."""
     session = Session(database)
-    ask = ID + b"GDATA" + record(1500).header.pack()
+    request = ID + b"GDATA" + record(1500).header.pack()
     session.handle([ID + b"GHEAD"], at(0))
     database.insert(record(1600, b"\0\0newer"), 2000)
     session.tick(at(50))
-    assert session.handle([ask], at(50))[0] == ID + b"\0\0body"
+    assert session.handle([request], at(50))[0] == ID + b"\0\0body"
     session.tick(at(111))
-    assert session.handle([ask], at(111))[0] == ID + b"SERRM"
+    assert session.handle([request], at(111))[0] == ID + b"SERRM"

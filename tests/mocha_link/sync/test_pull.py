@@ -34,7 +34,7 @@ def path(net: NetworkSim, client: str = "io", server: str = "titan") -> str | No
 
 
 def ended(net: NetworkSim, name: str = "io") -> SyncEnded:
-    return net.told(name, SyncEnded)[-1]
+    return net.events_of(name, SyncEnded)[-1]
 
 
 def until_some_came(net: NetworkSim, size: int = 100_000) -> None:
@@ -115,7 +115,7 @@ def test_an_original_peer_on_a_slow_link(team):
     for _ in range(30):  # the reply is coming in
         io.progress("titan", net.now)
         net.wait(1)
-    assert not net.told("io", SyncTimedOut)
+    assert not net.events_of("io", SyncTimedOut)
     assert len(net.sent(*UP)) == before  # each of them would take of the link
     assert io.wake_s == net.now.steady_s - 1 + TIMEOUT_S  # nothing but the end of patience
 
@@ -135,7 +135,7 @@ def test_where_one_path_is_closed_the_other_serves(net, closed, open_path):
     net.pull("io", "titan")
     assert path(net) == open_path
     assert net.held("io") == net.held("titan")
-    assert not net.told("io", SyncTimedOut)
+    assert not net.events_of("io", SyncTimedOut)
 
 
 def test_where_answers_by_udp_are_blocked_the_connection_serves_before_long(net):
@@ -149,12 +149,12 @@ def test_where_answers_by_udp_are_blocked_the_connection_serves_before_long(net)
         assert ended(net).duration_s < 10 * 2 * FAR_S
         assert net.held("io") == net.held("titan")
         net.wait(1)
-    assert not net.told("io", SyncTimedOut)
-    assert not [e for e in net.told("titan", SyncTimedOut) if e.direction is not OUT]
+    assert not net.events_of("io", SyncTimedOut)
+    assert not [e for e in net.events_of("titan", SyncTimedOut) if e.direction is not OUT]
 
 
 @pytest.mark.parametrize("until", [0, 1, 2, 5])
-def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
+def test_a_contact_that_dies_proves_nothing_of_datagrams(team, until):
     """A relay on the way accepts the connection, and the contact is over after some datagrams."""
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
     net.publish("titan", "/map", noise(500_000))
@@ -172,7 +172,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         net.pull("io", "titan")
         assert net.sent(*UP), "not tried"
         net.wait(20)
-    assert not net.told("io", SyncEnded)
+    assert not net.events_of("io", SyncEnded)
     assert net.link("io", "titan").peer.path.udp_misses == 0
 
 
@@ -206,7 +206,7 @@ def test_a_connection_that_is_lost_does_not_matter_while_datagrams_get_through(n
     until_some_came(net, 1_000)
     io.lost("titan", "cannot connect to titan: refused", net.now)
     net.settle()
-    assert not net.told("io", SyncTimedOut)
+    assert not net.events_of("io", SyncTimedOut)
     assert net.held("io") == net.held("titan")
 
 
@@ -237,7 +237,7 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     io.packet_back("titan", held[0], net.now)
     io.lost("titan", "the peer closed the connection", net.now)
     net.wait(0.01)
-    (broken,) = (e for e in net.told("io", SyncTimedOut) if e.direction is IN)
+    (broken,) = (e for e in net.events_of("io", SyncTimedOut) if e.direction is IN)
     assert broken.reason == "the peer closed the connection"
 
 
@@ -263,14 +263,14 @@ def test_what_answers_is_no_node(team, parts):
     events = io.take()[1]
     assert [type(event) for event in events] == [SyncStarted, SyncTimedOut]
     assert events[1].reason in (
-        "the peer answered what was not asked",
+        "the peer answered without a request",
         "what answers there is not a node",
     )
     assert io.links(net.now)["titan"].refused == 1
 
 
 def test_a_peer_that_restarts_in_mid_pull(net):
-    """It knows nothing of the sync any more, says so, and the next pull has the rest."""
+    """It knows nothing of the sync any more, reports it, and the next pull has the rest."""
     net.publish("titan", "/slow", noise(3_000_000))
     net.blocked = {UP, DOWN}
     io = net.nodes["io"]
@@ -281,7 +281,7 @@ def test_a_peer_that_restarts_in_mid_pull(net):
         net.team, "titan", by_timer=False, datagrams=True, database=before.database
     )
     net.settle()
-    (broken,) = net.told("io", SyncTimedOut)
+    (broken,) = net.events_of("io", SyncTimedOut)
     assert broken.reason == "the peer does not know of the sync any more"
     net.pull("io", "titan")
     assert net.held("io") == net.held("titan")
@@ -291,7 +291,7 @@ def test_silence_times_out(net):
     net.silent.add("titan")
     begin_s = net.time_s
     net.pull("io", "titan")
-    (broken,) = net.told("io", SyncTimedOut)
+    (broken,) = net.events_of("io", SyncTimedOut)
     assert broken.reason == "no connection within 5 s"
     assert 5 < net.time_s - begin_s < 5.6
 
@@ -300,7 +300,7 @@ def test_silence_times_out(net):
 
 
 def test_a_new_contact_ends_a_short_gap_at_once(net):
-    """The radio hears the peer again: do not wait for timers that have grown meanwhile."""
+    """The radio receives the peer again: do not wait for timers that have grown meanwhile."""
 
     net.publish("titan", "/slow", noise(2_000_000))
     io = net.nodes["io"]
@@ -324,7 +324,7 @@ def test_a_long_gap_keeps_every_chunk(net):
     until_some_came(net)
     net.silent.add("titan")
     net.wait(20)
-    assert len(net.told("io", SyncTimedOut)) == len(net.told("titan", SyncTimedOut)) == 1
+    assert len(net.events_of("io", SyncTimedOut)) == len(net.events_of("titan", SyncTimedOut)) == 1
     net.silent.clear()
     net.pull("io", "titan")
     assert net.held("io") == net.held("titan")
@@ -369,9 +369,9 @@ def test_the_end_is_lost(team, seed, follow):
     net.wait(20)
     assert net.held("io") == net.held("titan")
     assert ended(net).complete
-    told = [type(e) for e in net.events["titan"] if getattr(e, "direction", None) is OUT]
-    assert told == [SyncStarted, SyncEnded]
-    assert not net.told("io", SyncTimedOut)
+    events = [type(e) for e in net.events["titan"] if getattr(e, "direction", None) is OUT]
+    assert events == [SyncStarted, SyncEnded]
+    assert not net.events_of("io", SyncTimedOut)
 
 
 def budgeted(team: Team, budget_bytes: int, **options: object) -> NetworkSim:
@@ -394,7 +394,7 @@ def test_the_next_contact_has_a_budget_of_its_own():
         assert min(40, 8 * contact) <= held <= 10 * contact
         assert io.links(net.now)["titan"].bytes_in < 22_000 * contact
         for name, direction in (("io", IN), ("titan", OUT)):
-            last = [end for end in net.told(name, SyncEnded) if end.direction is direction][-1]
+            last = [end for end in net.events_of(name, SyncEnded) if end.direction is direction][-1]
             assert last.complete == (held == 40)
         net.wait(3)
         io.signal_received("titan", -60, net.now)
@@ -404,5 +404,5 @@ def test_the_next_contact_has_a_budget_of_its_own():
         if held == 40:
             break
     assert net.held("io") == net.held("titan")
-    assert len(net.told("io", MessageStored)) == 40
+    assert len(net.events_of("io", MessageStored)) == 40
     assert io.links(net.now)["titan"].bytes_in < 40 * 2_100 + 10_000

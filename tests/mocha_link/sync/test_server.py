@@ -1,4 +1,4 @@
-"""The answering side: two paths, credit, original clients, and peers that say what they like."""
+"""The serving side: two paths, credit, original clients, and peers that send what they like."""
 
 import random
 
@@ -54,8 +54,8 @@ def record(topic_id: int, size: int = 100, age_ms: int = 60_000) -> Record:
     return Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S)
 
 
-class Asker:
-    """io: asks over a connection, over datagrams, or both, and says what a test wants."""
+class PullingPeer:
+    """io: pulls over a connection, over datagrams, or both, and sends what a test wants."""
 
     def __init__(
         self,
@@ -84,9 +84,9 @@ class Asker:
     def open(
         self, grant: bytes = PLENTY, route: tuple[bytes, ...] = ROUTE, now: Instant | None = None
     ) -> bytes | None:
-        return self.ask(b"SYNC1" + grant + self.opening, route, now)
+        return self.request(b"SYNC1" + grant + self.opening, route, now)
 
-    def ask(
+    def request(
         self, content: bytes, route: tuple[bytes, ...] = ROUTE, now: Instant | None = None
     ) -> bytes | None:
         return self.server.handle(route, [self.id + content], now or at(0))
@@ -99,14 +99,14 @@ class Asker:
         return given
 
     def read(self, now: Instant | None = None) -> None:
-        """All that the server gives for connections, and what is said to it."""
+        """Receive all that the server supplies for connections, and send the replies."""
         now = now or at(0)
         while supplied := self.server.supply():
             frame, *more = supplied[1]
             assert frame[:ID_BYTES] == self.id
             self.frames.append(frame)
             for each in self.receiver.receive(frame[ID_BYTES:], now, more):
-                self.ask(b"SYNCF" + each, now=now)
+                self.request(b"SYNCF" + each, now=now)
 
     # --- by datagrams
 
@@ -168,8 +168,8 @@ class Asker:
         return {each.header: each.body for each in self.database.records()}
 
 
-def told_by(server: Server) -> list[object]:
-    """What it has told since this was asked last."""
+def take_events(server: Server) -> list[object]:
+    """The events that it emitted since the last call."""
     return list(server.peer.log.take_events())
 
 
@@ -187,8 +187,8 @@ def server(database) -> Server:
 
 
 @pytest.fixture
-def io(server) -> Asker:
-    return Asker(server)
+def io(server) -> PullingPeer:
+    return PullingPeer(server)
 
 
 def reception(reply: bytes) -> Reception:
@@ -212,11 +212,11 @@ def fill(database: Database, topics: int = 4, size: int = 200_000) -> None:
 
 def test_a_sync_over_the_connection(server, io, database):
     assert io.open() is None
-    assert told_by(server) == [SyncStarted("io", NOW_S, OUT)]
+    assert take_events(server) == [SyncStarted("io", NOW_S, OUT)]
     io.read(at(2))
     assert io.got == all_of(database)
     assert io.receiver.complete
-    (ended,) = told_by(server)
+    (ended,) = take_events(server)
     assert ended == SyncEnded(
         "io", NOW_S + 2, OUT, TOPICS, ended.bytes, pytest.approx(2), complete=True
     )
@@ -241,7 +241,7 @@ def test_frames_wait_for_credit_and_hardly_exceed_it(server, io, database):
         assert sent < limit + MIN_ROOM + ID_BYTES
         assert io.drain() == []
         limit += 3_000
-        assert io.ask(b"SYNCC" + GRANT.pack(limit, MIN_CHUNK)) is None
+        assert io.request(b"SYNCC" + GRANT.pack(limit, MIN_CHUNK)) is None
 
 
 @pytest.mark.parametrize(
@@ -257,15 +257,15 @@ def test_hostile_grants(server, io, database, grant):
     """However much they promise, a frame has a size that a connection takes."""
     fill(database, topics=40)
     assert io.open(grant) is None
-    io.ask(b"SYNCC" + grant)
-    io.ask(b"SYNCC" + grant[:-1])  # one that is none changes nothing
-    io.ask(b"SYNCC" + grant + b"\0")
-    io.ask(b"SYNCC")
+    io.request(b"SYNCC" + grant)
+    io.request(b"SYNCC" + grant[:-1])  # one that is none changes nothing
+    io.request(b"SYNCC" + grant + b"\0")
+    io.request(b"SYNCC")
     for _ in range(10):
         supplied = server.supply()
         if supplied:
             assert sum(map(len, supplied[1])) <= max(MAX_CHUNK, MIN_CHUNK)
-    assert [type(event) for event in told_by(server)] == [SyncStarted]
+    assert [type(event) for event in take_events(server)] == [SyncStarted]
 
 
 @pytest.mark.parametrize(
@@ -277,33 +277,33 @@ def test_hostile_grants(server, io, database, grant):
     ],
 )
 def test_what_opens_nothing_is_refused(server, io, content):
-    """Like an original node does it: who asks goes on with what it understands."""
-    assert io.ask(content) == b"idididSERRM"
-    assert told_by(server) == []
-    assert io.ask(b"GHEAD").startswith(b"ididid\1")
+    """Like an original node does it: the client goes on with what it understands."""
+    assert io.request(content) == b"idididSERRM"
+    assert take_events(server) == []
+    assert io.request(b"GHEAD").startswith(b"ididid\1")
 
 
 @pytest.mark.parametrize(
     "rest", [b"", PLENTY[:-1], PLENTY, PLENTY + b"garbage", PLENTY + bytes(40)]
 )
 def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, io, rest):
-    """Who begins so is a new node, which is told; it must not go on with ids."""
-    reply = io.ask(b"SYNC1" + rest)
+    """Who begins so is a new node, and gets UNREADABLE; it must not go on with ids."""
+    reply = io.request(b"SYNC1" + rest)
     assert reception(reply) is Reception.UNREADABLE
     io.receiver.receive(reply[ID_BYTES:], at(0))
     assert "could not read how we began" in io.receiver.rejection
-    assert told_by(server) == []
-    assert io.ask(b"GHEAD") is None
+    assert take_events(server) == []
+    assert io.request(b"GHEAD") is None
 
 
 def test_another_version_of_the_sync(server, io):
     opening = b"\x07" + Open(1, 0, Have(())).encode()[1:]
     (frame,) = message_frames(OPEN, 0, opening, 1000)
-    assert reception(io.ask(b"SYNC1" + PLENTY + frame)) is Reception.UNREADABLE
-    began, ended = told_by(server)
+    assert reception(io.request(b"SYNC1" + PLENTY + frame)) is Reception.UNREADABLE
+    began, ended = take_events(server)
     assert isinstance(began, SyncStarted)
     assert ended == SyncTimedOut("io", NOW_S, OUT, ended.reason)
-    assert "io speaks another version of the sync" in ended.reason
+    assert "io uses another version of the sync" in ended.reason
 
 
 # --- the fallback for original nodes
@@ -311,20 +311,20 @@ def test_another_version_of_the_sync(server, io):
 
 def test_the_fallback_is_ignored_where_the_sync_is(server, io):
     io.open(GRANT.pack(0, 65_536))
-    assert io.ask(b"GHEAD") is None
-    assert [type(event) for event in told_by(server)] == [SyncStarted]
+    assert io.request(b"GHEAD") is None
+    assert [type(event) for event in take_events(server)] == [SyncStarted]
 
 
 def test_the_fallback_is_answered_elsewhere(server, io, database):
-    """The same id on another connection, or another id on this one: a peer asks the old way."""
+    """The same id on another connection, or another id on this one: the original protocol."""
     io.open(GRANT.pack(0, 65_536))
-    told_by(server)
-    assert io.ask(b"GHEAD", OTHER) == b"ididid" + database.header_list()
+    take_events(server)
+    assert io.request(b"GHEAD", OTHER) == b"ididid" + database.header_list()
     assert server.handle(ROUTE, [b"others" + b"GHEAD"], at(0)) == (
         b"others" + database.header_list()
     )
-    assert io.ask(b"DENDTio") == b"idididAck"
-    assert io.ask(b"GDATA" + record(3).header.pack()) == b"ididid" + record(3).body
+    assert io.request(b"DENDTio") == b"idididAck"
+    assert io.request(b"GDATA" + record(3).header.pack()) == b"ididid" + record(3).body
 
 
 # --- beginnings and ends
@@ -334,12 +334,12 @@ def test_a_new_pull_replaces_the_one_before(server, io, database):
     """After a cut the peer comes again, with another id, while the old pull is still open."""
     io.open(GRANT.pack(500, 1_400))
     io.drain()
-    again = Asker(server, b"again!")
+    again = PullingPeer(server, b"again!")
     again.open(route=OTHER)
-    events = told_by(server)
+    events = take_events(server)
     assert [type(event) for event in events] == [SyncStarted, SyncTimedOut, SyncStarted]
     assert events[1].reason == "the peer began anew"
-    assert io.ask(b"SYNCC" + PLENTY) == b"idididSERRM"
+    assert io.request(b"SYNCC" + PLENTY) == b"idididSERRM"
     again.read()
     assert again.got == all_of(database)
 
@@ -348,14 +348,14 @@ def test_silence_ends_a_sync(server, io):
     io.open()
     io.drain(at(0))
     server.tick(at(PATIENCE_S))
-    assert [type(event) for event in told_by(server)] == [SyncStarted]
+    assert [type(event) for event in take_events(server)] == [SyncStarted]
     server.tick(at(PATIENCE_S + 0.1))
-    (broken,) = told_by(server)
+    (broken,) = take_events(server)
     assert broken == SyncTimedOut(
-        "io", NOW_S + PATIENCE_S + 0.1, OUT, "the peer said nothing for 13 s"
+        "io", NOW_S + PATIENCE_S + 0.1, OUT, "the peer sent nothing for 13 s"
     )
     server.tick(at(60))
-    assert told_by(server) == []
+    assert take_events(server) == []
     assert server.supply() is None
 
 
@@ -370,7 +370,7 @@ def test_a_near_peer_is_moved_to_the_connection(server, io, database):
     assert io.got == all_of(database)
     assert len(io.frames) > 10
     assert not io.peer.log.refusals
-    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+    assert [type(event) for event in take_events(server)] == [SyncStarted, SyncEnded]
 
 
 def test_a_connection_that_loses_much_serves_until_datagrams_are_known_to_reach_the_peer(
@@ -383,14 +383,14 @@ def test_a_connection_that_loses_much_serves_until_datagrams_are_known_to_reach_
     io.cast(at(0))
     (probe,) = server.transmit(at(0))
     assert parse(probe).frames == []
-    io.ask(b"SYNCC" + GRANT.pack(6_000, 1_400))
+    io.request(b"SYNCC" + GRANT.pack(6_000, 1_400))
     assert io.drain()
     assert io.flow.receive(probe, at(0.05).steady_s) == []
     io.pass_on(at(0.1))
-    io.ask(b"SYNCC" + PLENTY, now=at(0.1))
+    io.request(b"SYNCC" + PLENTY, now=at(0.1))
     assert io.drain() == []
     assert any(parse(each).frames for each in server.transmit(at(0.1)))
-    assert [type(event) for event in told_by(server)] == [SyncStarted]
+    assert [type(event) for event in take_events(server)] == [SyncStarted]
 
 
 def test_datagrams_of_a_near_peer_change_nothing_for_its_connection(server, io, database):
@@ -401,7 +401,7 @@ def test_datagrams_of_a_near_peer_change_nothing_for_its_connection(server, io, 
     (probe,) = server.transmit(at(0))
     io.flow.receive(probe, at(0.001).steady_s)
     io.pass_on(at(0.002))
-    io.ask(b"SYNCC" + PLENTY, now=at(0.002))
+    io.request(b"SYNCC" + PLENTY, now=at(0.002))
     assert io.drain()
     assert not any(parse(each).frames for each in server.transmit(at(0.1)))
 
@@ -470,12 +470,12 @@ def test_where_tcp_loses_much_datagrams_go_on_far_away(server, io, database, con
     assert len(io.frames) == 3
     assert io.got == all_of(database)
     assert io.receiver.complete
-    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+    assert [type(event) for event in take_events(server)] == [SyncStarted, SyncEnded]
 
 
 def test_what_comes_late_of_a_pull_that_is_over_takes_the_next_off_no_connection(server, database):
     fill(database, size=20_000)
-    first, second = Asker(server, b"first."), Asker(server, b"second")
+    first, second = PullingPeer(server, b"first."), PullingPeer(server, b"second")
     first.cast(at(0))
     end_s = first.run(0, 0.05)
     second.open(GRANT.pack(3_000, 1_400), now=at(end_s + 0.1))
@@ -483,7 +483,7 @@ def test_what_comes_late_of_a_pull_that_is_over_takes_the_next_off_no_connection
     first.flow.receive(first.last, at(end_s + 0.2).steady_s)  # once more, so it is acknowledged
     (late,) = first.flow.transmit(at(end_s + 0.2).steady_s)
     server.packet(late, at(end_s + 0.2))
-    second.ask(b"SYNCC" + PLENTY, now=at(end_s + 0.2))
+    second.request(b"SYNCC" + PLENTY, now=at(end_s + 0.2))
     assert second.drain()
 
 
@@ -495,7 +495,7 @@ def test_datagrams_that_were_in_doubt_carry_again_once_one_is_acknowledged(serve
     io.open(GRANT.pack(3_000, 1_400), now=at(0.05))
     assert server.route(lambda _route: LOSING)
     server.tick(at(0.3))
-    io.ask(b"SYNCC" + GRANT.pack(6_000, 1_400), now=at(0.3))
+    io.request(b"SYNCC" + GRANT.pack(6_000, 1_400), now=at(0.3))
     assert io.drain()
     io.run(0.4, 0.05)
     assert io.got == all_of(database)
@@ -504,7 +504,7 @@ def test_datagrams_that_were_in_doubt_carry_again_once_one_is_acknowledged(serve
 
 def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
     """Its END was lost with the acknowledgement in it; what is repeated is the END alone."""
-    io = Asker(server)
+    io = PullingPeer(server)
     lost: list[bytes] = []
     io.pass_on = lambda now: lost.extend(io.flow.transmit(now.steady_s))
     io.cast(at(0))
@@ -513,7 +513,7 @@ def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
     end_s = io.run(0, 0.05) + 1
     for packet in io.flow.transmit(at(end_s).steady_s):
         server.packet(packet, at(end_s))
-    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+    assert [type(event) for event in take_events(server)] == [SyncStarted, SyncEnded]
     for tenth in range(1, 100):
         server.transmit(at(end_s + tenth / 10))
         server.tick(at(end_s + tenth / 10))
@@ -521,9 +521,9 @@ def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
     assert server.wake_s is None
 
 
-def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, database):
+def test_what_was_lost_with_a_connection_is_sent_again_on_the_next(server, database):
     """The peer's first connection broke when we had sent something on it."""
-    io = Asker(server)
+    io = PullingPeer(server)
     io.open(route=ROUTE)
     assert io.drain()
     io.open(route=OTHER)
@@ -546,21 +546,21 @@ def test_a_pull_whose_connection_is_gone_goes_on_over_the_next(server, io, datab
 
 @pytest.mark.parametrize("stands", [True, False])
 def test_who_followed_on_a_connection_that_is_gone_does_not_any_more(server, database, stands):
-    io = Asker(server, follow=True)
+    io = PullingPeer(server, follow=True)
     io.open()
     io.read()
-    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+    assert [type(event) for event in take_events(server)] == [SyncStarted, SyncEnded]
     assert server.route(lambda _route: Standing() if stands else None) == (
         ROUTE if stands else None
     )
     assert database.insert(record(0, age_ms=0), NOW_S)
     assert server.wants_push({1}) is stands
     assert (server.wake_s is not None) is bool(io.drain()) is stands
-    assert told_by(server) == []
+    assert take_events(server) == []
 
 
 def test_who_follows_by_datagrams_needs_no_connection(server, database):
-    io = Asker(server, follow=True)
+    io = PullingPeer(server, follow=True)
     io.cast(at(0))
     io.open()
     end_s = io.run(0, 0.05)
@@ -572,14 +572,14 @@ def test_who_follows_by_datagrams_needs_no_connection(server, database):
 @pytest.mark.parametrize("by_datagram", [False, True])
 def test_only_an_opening_begins_a_sync(server, by_datagram):
     """An END of a pull that no node remembers."""
-    io = Asker(server)
+    io = PullingPeer(server)
     (io.opening,) = message_frames(END, 0, b"", 1100)
     if by_datagram:
         (packet,) = io.openings(at(0))
         assert not server.packet(packet, at(0))
     else:
         assert reception(io.open()) is Reception.UNREADABLE
-    assert told_by(server) == []
+    assert take_events(server) == []
 
 
 CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
@@ -588,7 +588,7 @@ CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
 @given(
     st.lists(
         st.one_of(
-            st.tuples(st.just("ask"), st.sampled_from(CODES), st.binary(max_size=60)),
+            st.tuples(st.just("request"), st.sampled_from(CODES), st.binary(max_size=60)),
             st.tuples(st.just("good"), st.sampled_from(CODES), st.just(b"")),
             st.tuples(st.just("packet"), st.just(b""), st.binary(max_size=80)),
             st.tuples(st.just("open"), st.just(b""), st.just(b"")),
@@ -599,25 +599,25 @@ CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
     ),
     st.randoms(use_true_random=False),
 )
-def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
+def test_whatever_a_peer_sends_the_next_pull_succeeds(steps, rng):
     held = Database()
     for topic_id in range(3):
         held.insert(record(topic_id), NOW_S)
     server = Server(peer_of(held, team=TEAM))
-    asker = Asker(server)
+    peer = PullingPeer(server)
     time_s = 0.0
     for what, code, rest in steps:
         now = at(time_s)
         route = rng.choice((ROUTE, OTHER))
-        if what == "ask":
+        if what == "request":
             server.handle(route, [rng.choice((b"ididid", b"others")) + code + rest], now)
         elif what == "good":
-            asker.ask(code + PLENTY + asker.opening, route, now)
-            asker.ask(code + asker.opening, route, now)
+            peer.request(code + PLENTY + peer.opening, route, now)
+            peer.request(code + peer.opening, route, now)
         elif what == "packet":
             server.packet(b"\x51ididid" + rest, now)
         elif what == "open":
-            caster = Asker(server, rng.choice((b"ididid", b"casted")))
+            caster = PullingPeer(server, rng.choice((b"ididid", b"casted")))
             server.packet(caster.openings(at(0))[0], now)
         elif what == "supply":
             server.supply()
@@ -625,12 +625,12 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
         else:
             time_s += 5
             server.tick(at(time_s))
-    last = Asker(server, b"last!!")
+    last = PullingPeer(server, b"last!!")
     assert last.open(now=at(time_s)) is None
     last.read(at(time_s))
     assert last.got == all_of(held)
     started = ended = 0
-    for event in told_by(server):
+    for event in take_events(server):
         assert event.direction is OUT
         started += isinstance(event, SyncStarted)
         ended += isinstance(event, SyncEnded | SyncTimedOut)
@@ -641,7 +641,7 @@ def test_datagrams_without_an_answer_open_nothing_for_a_while():
     server = Server(peer_of(team=TEAM))
     taken = []
     for number in range(5):
-        (opening,) = Asker(server, b"open %d" % number).openings(at(number))
+        (opening,) = PullingPeer(server, b"open %d" % number).openings(at(number))
         taken.append(server.packet(opening, at(number)))
     assert taken == [True, True, True, True, False]
 
@@ -650,20 +650,22 @@ def test_an_old_opening_does_not_end_a_sync_that_goes_well():
     database = Database()
     database.insert(record(0, 20_000), NOW_S)
     server = Server(peer_of(database, team=TEAM))
-    first, second = (Asker(server, token).openings(at(0))[0] for token in (b"first.", b"second"))
+    first, second = (
+        PullingPeer(server, token).openings(at(0))[0] for token in (b"first.", b"second")
+    )
     assert server.packet(first, at(0))
     assert not server.packet(second, at(0.3))
     assert server.packet(second, at(0.9))
 
 
 def test_a_pull_takes_nothing_of_the_datagrams_of_the_pull_before(server, database):
-    before = Asker(server, b"before")
+    before = PullingPeer(server, b"before")
     before.cast(at(0))
     assert server.transmit(at(0))  # none of these arrives
     before.open(now=at(0.01))
     server.tick(at(0.02))
-    before.ask(b"SYNCF" + message_frames(END, 0, b"", 1100)[0], now=at(0.02))
-    after = Asker(server, b"after.")
+    before.request(b"SYNCF" + message_frames(END, 0, b"", 1100)[0], now=at(0.02))
+    after = PullingPeer(server, b"after.")
     after.open(now=at(0.5))
     server.tick(at(0.51))
     frames = [frame for _, frame in after.drain()]
@@ -673,9 +675,9 @@ def test_a_pull_takes_nothing_of_the_datagrams_of_the_pull_before(server, databa
 
 
 def test_an_old_opening_does_not_end_a_pull_over_the_connection_that_we_opened(server):
-    goes_well = Asker(server, b"goes.w")
+    goes_well = PullingPeer(server, b"goes.w")
     goes_well.open(route=DIALLED)
-    stranger = Asker(server, b"strang", address_token=5)
+    stranger = PullingPeer(server, b"strang", address_token=5)
     stranger.cast(at(0.9))
     assert server.transmit(at(0.9)) == []
     assert {frame[:ID_BYTES] for _, frame in goes_well.drain()} == {goes_well.id}

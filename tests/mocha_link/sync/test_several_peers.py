@@ -1,7 +1,7 @@
 """Several peers have the same message: one of them brings it, and what one makes wrong is its own.
 
-A message that several relays announce, or have at first contact, is asked from one of them. Another
-one is asked when that one goes silent, fails or takes long, and nothing is lost by it.
+A message that several relays announce, or have at first contact, is requested of one of them, and
+of another one when that one goes silent, fails or takes long; nothing is lost by it.
 """
 
 import random
@@ -19,7 +19,7 @@ from mocha_link.sync.frames import record_id
 from tests.mocha_link.network import NOW, START_MS, Node, Pull, peer_of
 
 SIZE = 1_000_000
-WINDOW = 65_536  # what an unknown peer may send before it hears that it need not
+WINDOW = 65_536  # what an unknown peer may send before it receives SKIP
 FAR_S = 0.02
 MAP = ("zed", "/map")
 
@@ -85,13 +85,13 @@ def test_of_those_that_announce_a_message_one_brings_it(count, datagrams):
     until_it_came(net, limit_s=4)
     net.wait(5)
     assert crossed(net) < 1.1
-    assert len(net.told("io", MessageStored)) == 1
+    assert len(net.events_of("io", MessageStored)) == 1
     assert not any(link.peer.offers.left for link in net.links("io"))
 
 
 @pytest.mark.parametrize("count", [3, 6])
 def test_of_those_that_are_met_at_once_one_brings_it(count):
-    """What the others have sent before they hear of it crosses in vain."""
+    """What the others have sent before they receive SKIP crosses in vain."""
     net = field(count)
     meet(net)
     until_it_came(net, limit_s=2)
@@ -99,25 +99,25 @@ def test_of_those_that_are_met_at_once_one_brings_it(count):
     assert crossed(net) < 1.1 + (count - 1) * WINDOW / SIZE
 
 
-@pytest.mark.parametrize("told", [True, False], ids=["lost", "silent"])
-def test_where_the_one_that_brings_it_goes_another_one_goes_on(told):
+@pytest.mark.parametrize("closed", [True, False], ids=["lost", "silent"])
+def test_where_the_one_that_brings_it_goes_another_one_goes_on(closed):
     net = field(3)
     meet(net)
     while net.nodes["io"].links(net.now)["r0"].bytes_in < SIZE / 2:
         net.wait(0.01)
     net.silent = {"r0"}
-    if told:  # so it is waited for no longer
+    if closed:  # so it is waited for no longer
         net.nodes["io"].lost("r0", "the peer closed the connection", net.at("io"))
-    again_s = 0.0 if told else STALL_S + 0.1
+    again_s = 0.0 if closed else STALL_S + 0.1
     for relay in relays_of(net):
-        ask = partial(net.nodes["io"].sync, relay)
-        net.later(lambda ask=ask: ask(net.at("io")), net.time_s + again_s)
+        pull = partial(net.nodes["io"].sync, relay)
+        net.later(lambda pull=pull: pull(net.at("io")), net.time_s + again_s)
     until_it_came(net, limit_s=again_s + STALL_S / 2)
     assert crossed(net, "r1", "r2") < 0.6 + 2 * WINDOW / SIZE
 
 
-def test_what_was_left_to_a_peer_that_does_not_bring_it_is_asked_for_by_what_is_here():
-    """The others take it for ours: they are told of all that is here instead of what is new."""
+def test_what_was_left_to_a_peer_that_does_not_bring_it_is_requested_by_what_is_here():
+    """The others take it for ours: OPEN lists all that is here instead of what is new."""
     net = field(2, by_timer=True)
     net.wait(20)
     net.lets_by = lambda piece: (
@@ -133,7 +133,7 @@ def test_what_was_left_to_a_peer_that_does_not_bring_it_is_asked_for_by_what_is_
 
 @pytest.mark.parametrize("listed", [512, 0], ids=["listed", "digests"])
 def test_nothing_is_lost_of_what_was_left_to_a_peer_that_fails(monkeypatch, listed):
-    """Nor if the pull that asks for it does not get through."""
+    """Nor if the pull that requests it does not get through."""
     monkeypatch.setattr(holdings, "MAX_LISTED", listed)
     monkeypatch.setattr(holdings, "SPARE_BYTES", 0)
     asker, one, other = Node("asker"), Node("one"), Node("other")
@@ -175,17 +175,17 @@ def begun(asker, server, frames):
     """A pull of which so many frames have come, after all others were long over."""
     Pull.steady_s += SLOW_S
     pull = Pull(asker, server)
-    pull.ask()
+    pull.deliver_up()
     for _ in range(frames):
         pull.give(10_000)
         pull.deliver()
         while pull.up:
-            pull.ask()
+            pull.deliver_up()
     return pull
 
 
 def test_wrong_parts_do_not_spoil_what_another_peer_brings(good, bad):
-    """Nor while they come on and on, whatever is said to who sends them."""
+    """Nor while they come on and on, whatever their sender receives."""
     asker = Node("asker")
     wrong = begun(asker, bad, 20)
     while wrong.give(10_000):
@@ -193,7 +193,7 @@ def test_wrong_parts_do_not_spoil_what_another_peer_brings(good, bad):
     pull = begun(asker, good, 0)
     while pull.up or pull.down or pull.give(10_000):
         if pull.up:
-            pull.ask()
+            pull.deliver_up()
         if pull.down:
             pull.deliver()
         if wrong.down:

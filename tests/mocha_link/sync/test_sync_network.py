@@ -68,7 +68,7 @@ class World:
         for node in self.nodes:
             assert node.content == expected
             assert not {message_id for message_id, _ in node.reassembly.of("")} & expected.keys()
-        for asker in self.nodes:  # nothing is left to say
+        for asker in self.nodes:  # nothing is left to send
             for server in self.nodes:
                 if asker is not server:
                     assert Pull(asker, server).run().data_down == 0
@@ -143,22 +143,22 @@ def test_damage_on_the_way_is_never_kept(seed, nodes, ordered):
 def test_a_message_written_during_a_pull_does_not_come_back_through_a_third_node():
     ugv, peer, uav = Node("ugv"), Node("peer"), Node("uav")
     pull = Pull(ugv, peer)
-    pull.ask()
-    written = ugv.store(0, 0, START_MS, size=100_000)  # the peer cannot hear of it in this pull
+    pull.deliver_up()
+    written = ugv.store(0, 0, START_MS, size=100_000)  # the peer cannot learn of it in this pull
     assert pull.run().receiver.complete
     Pull(uav, ugv).run()
     Pull(peer, uav).run()
     assert peer.content == {record_id(written): written.body}
-    telling = Pull(ugv, peer).run()
-    assert telling.data_down == 0
-    assert Pull(ugv, peer).bytes_up < telling.bytes_up  # it is told once
+    listing = Pull(ugv, peer).run()
+    assert listing.data_down == 0
+    assert Pull(ugv, peer).bytes_up < listing.bytes_up  # it is listed once
 
 
 def test_an_urgent_message_is_in_the_very_next_frame():
     asker, server = Node("asker"), Node("server")
     server.store(0, 0, START_MS, size=5_000_000, priority=1)
     pull = Pull(asker, server)
-    pull.ask()
+    pull.deliver_up()
     for _ in range(100):
         assert pull.give()
     urgent = server.store(0, 1, START_MS + 1, size=200, priority=3)
@@ -195,14 +195,14 @@ def headers_of(pull: Pull) -> int:
     return pull.bytes_up + pull.bytes_down - pull.data_down
 
 
-def test_few_bytes_say_what_is_new():
+def test_few_bytes_list_what_is_new():
     """4,096 entries, 10 of which differ: what the frames take beside the bodies, both ways."""
     asker, server = filled("asker"), filled("server")
     changed = changes(server, START_MS + 100_000)
     pull = Pull(asker, server, room=65_536).run()
     assert pull.arrived.keys() == set(changed)
     assert asker.content == server.content
-    back = Pull(server, asker, room=65_536).run()  # as an unknown peer: it has never asked before
+    back = Pull(server, asker, room=65_536).run()  # as an unknown peer: it has never pulled before
     assert back.data_down == 0
     strangers = headers_of(pull) + headers_of(back)
     assert strangers < 5_000, strangers

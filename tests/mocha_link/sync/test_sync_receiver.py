@@ -1,4 +1,4 @@
-"""The asking side: what it says of itself, what it takes, and what it makes of whatever comes."""
+"""The pulling side: what it sends, what it takes, and what it makes of whatever comes."""
 
 import random
 import tracemalloc
@@ -30,8 +30,8 @@ def body(stamp_ms: int | None = START_MS, data: bytes = b"data", dtype: int = 0)
 LONG = sync.message_id_of(3, 4, START_MS)
 
 
-class Asking:
-    """A receiver whose peer says what the test wants."""
+class PullingSide:
+    """A receiver whose peer sends what the test wants."""
 
     def __init__(self, node: Node | None = None, **options: object) -> None:
         self.node = node or Node("asker")
@@ -41,7 +41,7 @@ class Asking:
             self.peer = peer_of(self.node.database, reassembly=self.node.reassembly, verify=verify)
         self.receiver = SyncReceiver(self.peer, **options)
         self.sync_messages = sync.MessageAssembler(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
-        self.said: list[object] = []
+        self.sent: list[object] = []
         self.events: list[object] = []
         self.refusals: list[str] = []
         self.round = 0
@@ -62,14 +62,14 @@ class Asking:
                     sync.SKIP: sync_messages.decode_skip,
                     sync.END: lambda _: "END",
                 }
-                self.said.append(read[message.kind](message.content))
+                self.sent.append(read[message.kind](message.content))
 
-    def hear(self, frame: bytes) -> None:
+    def receive(self, frame: bytes) -> None:
         self.take(self.receiver.receive(frame, NOW))
 
     def message(self, kind: int, content: bytes) -> None:
         for frame in sync.message_frames(kind, self.round, content, 500):
-            self.hear(frame)
+            self.receive(frame)
 
     def chunks(self, *wholes: tuple[int, bytes], pieces=()) -> bytes:
         """The next frame with these messages and (long id, body, start, end) of pieces."""
@@ -92,7 +92,7 @@ class Asking:
 
     @property
     def knowledge(self):
-        return self.said[-1].knowledge
+        return self.sent[-1].knowledge
 
 
 def test_of_many_new_ones_the_largest_are_listed_if_the_others_are_small():
@@ -100,69 +100,69 @@ def test_of_many_new_ones_the_largest_are_listed_if_the_others_are_small():
     node.database.learn("io", Knowledge(EPOCH, 40, 0))
     for number in range(600):
         node.store(number % 256, number >> 8, START_MS, size=0 if number < 200 else 300)
-    listed = Asking(node).knowledge.message_ids
+    listed = PullingSide(node).knowledge.message_ids
     assert len(listed) == 512
     assert {sync.message_id_of(n % 256, n >> 8, START_MS) for n in range(200, 600)} <= set(listed)
     for number in range(600, 800):
         node.store(number % 256, number >> 8, START_MS, size=300)
-    assert isinstance(Asking(node).knowledge, Digest)
+    assert isinstance(PullingSide(node).knowledge, Digest)
 
 
 def test_an_opening_comes_in_frames_that_fit():
     node = Node("asker")
     for number in range(400):
         node.store(number % 256, number >> 8, START_MS)
-    frames = Asking(node, room=300).receiver.open(NOW)
+    frames = PullingSide(node, room=300).receiver.open(NOW)
     assert len(frames) == -(-(400 * 8 + 21) // 286)
     assert all(len(frame) <= 300 for frame in frames)
 
 
-def test_a_message_is_stored_and_told():
-    asking = Asking()
-    asking.message(sync.HELLO, Hello().encode())
-    asking.hear(asking.chunks((LONG, body())))
-    (record,) = asking.node.database.kept()
+def test_a_message_is_stored_and_reported():
+    pulling = PullingSide()
+    pulling.message(sync.HELLO, Hello().encode())
+    pulling.receive(pulling.chunks((LONG, body())))
+    (record,) = pulling.node.database.kept()
     assert record.body == body()
     assert record.stamp_ms == START_MS
     assert record.received_s == NOW.unix_s
     assert not record.extrapolated
-    assert asking.events == [
+    assert pulling.events == [
         MessageStored("io", NOW.unix_s, "r003", "/t4", record.header, len(body()))
     ]
-    assert asking.receiver.messages == 1
-    asking.done()
-    assert asking.said[-1] == "END"
-    assert asking.receiver.over
-    assert asking.receiver.complete
-    assert asking.refusals == []
-    assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
+    assert pulling.receiver.messages == 1
+    pulling.done()
+    assert pulling.sent[-1] == "END"
+    assert pulling.receiver.over
+    assert pulling.receiver.complete
+    assert pulling.refusals == []
+    assert pulling.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
 
 
 def test_of_a_flood_of_messages_not_all_are_remembered():
     """What is not remembered to be the peer's is named to it in the next pull."""
-    asking = Asking(remembered=3)
+    pulling = PullingSide(remembered=3)
     wholes = [(sync.message_id_of(3, 4, START_MS + n), body(START_MS + n)) for n in range(3)]
-    asking.hear(asking.chunks(*wholes, (sync.message_id_of(5, 6, START_MS), body())))
-    asking.done()
-    assert asking.receiver.complete
-    assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 3)
-    assert Asking(asking.node).knowledge.message_ids == (sync.message_id_of(5, 6, START_MS),)
+    pulling.receive(pulling.chunks(*wholes, (sync.message_id_of(5, 6, START_MS), body())))
+    pulling.done()
+    assert pulling.receiver.complete
+    assert pulling.node.database.knowledge("io") == Knowledge(EPOCH, 50, 3)
+    assert PullingSide(pulling.node).knowledge.message_ids == (sync.message_id_of(5, 6, START_MS),)
 
 
 def test_a_pull_that_the_budget_cut_short_is_over_but_teaches_nothing():
-    asking = Asking(budget=100)
-    asking.done(cut_short=True)
-    assert asking.receiver.over
-    assert not asking.receiver.complete
-    assert asking.node.database.knowledge("io") is None
-    assert asking.said[-1] == "END"
+    pulling = PullingSide(budget=100)
+    pulling.done(cut_short=True)
+    assert pulling.receiver.over
+    assert not pulling.receiver.complete
+    assert pulling.node.database.knowledge("io") is None
+    assert pulling.sent[-1] == "END"
 
 
-def test_a_server_that_never_remembers_is_not_asked_for_ever():
-    asking = Asking()
+def test_a_server_that_never_remembers_is_not_requested_for_ever():
+    pulling = PullingSide()
     for _ in range(20):
-        asking.message(sync.HELLO, Hello(Reception.UNKNOWN).encode())
-    assert asking.round == sync.ROUNDS - 1
+        pulling.message(sync.HELLO, Hello(Reception.UNKNOWN).encode())
+    assert pulling.round == sync.ROUNDS - 1
 
 
 @pytest.mark.parametrize(
@@ -173,13 +173,13 @@ def test_a_server_that_never_remembers_is_not_asked_for_ever():
         (body()[:-5], "ends within its trailer"),
         (body().replace(b"data", b"dada"), "damaged on its way"),
         (body(None)[:-4], "ends within its LZ4 frame"),
-        (body(START_MS + 1), f"of time {START_MS + 1} ms, said to be of {START_MS} ms"),
+        (body(START_MS + 1), f"of time {START_MS + 1} ms, but its id has {START_MS} ms"),
         (body(None, dtype=7), "type id 7, but /t4 is a/B (0) here"),
     ],
 )
 @pytest.mark.parametrize("in_pieces", [False, True])
-def test_what_may_be_damaged_is_asked_for_once_more(bad, reason, in_pieces):
-    asking = Asking()
+def test_what_may_be_damaged_is_requested_once_more(bad, reason, in_pieces):
+    pulling = PullingSide()
 
     def give(content: bytes) -> None:
         if in_pieces:
@@ -187,39 +187,39 @@ def test_what_may_be_damaged_is_asked_for_once_more(bad, reason, in_pieces):
             for start, end in ((0, half), (half, len(content))):
                 if end > start:
                     piece = (LONG, content, start, end)
-                    asking.hear(asking.chunks(pieces=[piece]))
+                    pulling.receive(pulling.chunks(pieces=[piece]))
         else:
-            asking.hear(asking.chunks((LONG, content)))
+            pulling.receive(pulling.chunks((LONG, content)))
 
     give(bad)
-    assert len(asking.refusals) == 1
-    assert reason in asking.refusals[0]
-    assert len(asking.node.reassembly) == 0
-    asking.done()
-    assert asking.round == 1
-    assert asking.knowledge == Have(())
+    assert len(pulling.refusals) == 1
+    assert reason in pulling.refusals[0]
+    assert len(pulling.node.reassembly) == 0
+    pulling.done()
+    assert pulling.round == 1
+    assert pulling.knowledge == Have(())
     give(bad)
-    asking.done()
-    assert asking.receiver.over  # given up until the next pull
-    assert not asking.receiver.complete
-    assert asking.node.database.knowledge("io") is None
-    asking = Asking(asking.node)
+    pulling.done()
+    assert pulling.receiver.over  # given up until the next pull
+    assert not pulling.receiver.complete
+    assert pulling.node.database.knowledge("io") is None
+    pulling = PullingSide(pulling.node)
     give(bad)
-    asking.done()
+    pulling.done()
     give(body())
-    asking.done()
-    assert asking.receiver.complete
-    assert asking.node.content == {LONG: body()}
+    pulling.done()
+    assert pulling.receiver.complete
+    assert pulling.node.content == {LONG: body()}
 
 
 def test_an_intact_message_of_another_type_is_refused_for_good():
-    asking = Asking()
-    asking.hear(asking.chunks((LONG, body(dtype=7))))
-    asking.done()
-    assert "type id 7, but /t4 is a/B (0) here; use the same team file" in asking.refusals[0]
-    assert asking.receiver.complete
-    assert asking.node.content == {}
-    assert asking.node.database.knowledge("io")
+    pulling = PullingSide()
+    pulling.receive(pulling.chunks((LONG, body(dtype=7))))
+    pulling.done()
+    assert "type id 7, but /t4 is a/B (0) here; use the same team file" in pulling.refusals[0]
+    assert pulling.receiver.complete
+    assert pulling.node.content == {}
+    assert pulling.node.database.knowledge("io")
 
 
 def test_what_the_team_does_not_trust_is_refused_for_good():
@@ -228,12 +228,12 @@ def test_what_the_team_does_not_trust_is_refused_for_good():
         assert trailer.stamp_ms == START_MS
         raise PayloadError(f"{header.robot_id} did not sign it")
 
-    asking = Asking(verify=verify)
-    asking.hear(asking.chunks((LONG, body())))
-    asking.done()
-    assert "3 did not sign it" in asking.refusals[0]
-    assert asking.receiver.complete
-    assert asking.node.content == {}
+    pulling = PullingSide(verify=verify)
+    pulling.receive(pulling.chunks((LONG, body())))
+    pulling.done()
+    assert "3 did not sign it" in pulling.refusals[0]
+    assert pulling.receiver.complete
+    assert pulling.node.content == {}
 
 
 @pytest.mark.parametrize("pieces", [False, True])
@@ -246,15 +246,15 @@ def test_what_the_team_does_not_trust_is_refused_for_good():
     ],
 )
 def test_impossible_and_unsafe_times_are_refused(message_id, why, pieces):
-    asking = Asking()
+    pulling = PullingSide()
     if pieces:
-        asking.hear(asking.chunks(pieces=[(message_id, body(), 0, 10)]))
+        pulling.receive(pulling.chunks(pieces=[(message_id, body(), 0, 10)]))
     else:
-        asking.hear(asking.chunks((message_id, body())))
-    assert len(asking.refusals) == 1
-    assert why in asking.refusals[0] or (pieces and "a piece of" in asking.refusals[0])
-    assert asking.node.content == {}
-    assert len(asking.node.reassembly) == 0
+        pulling.receive(pulling.chunks((message_id, body())))
+    assert len(pulling.refusals) == 1
+    assert why in pulling.refusals[0] or (pieces and "a piece of" in pulling.refusals[0])
+    assert pulling.node.content == {}
+    assert len(pulling.node.reassembly) == 0
 
 
 def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
@@ -262,79 +262,79 @@ def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
     peer = peer_of(node.database, team=team)
     receiver = SyncReceiver(peer)
     receiver.open(NOW)
-    asking = Asking()
+    pulling = PullingSide()
     for robot_id, topic_id, why in (
         (3, 0, "no robot with topics has id 3 in the team file"),
         (0, 3, "callisto has no topic with id 3 in the team file"),
         (255, 255, "no robot with topics has id 255 in the team file"),
     ):
         message_id = sync.message_id_of(robot_id, topic_id, START_MS)
-        frame = asking.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
+        frame = pulling.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
         receiver.receive(frame, NOW)
         assert len(peer.log.refusals) == 2
         assert why in peer.log.refusals[0]
         peer.log.take_refusals()
     assert node.content == {}
-    done = Done(EPOCH, 50, asking.number, cut_short=False).encode()
+    done = Done(EPOCH, 50, pulling.number, cut_short=False).encode()
     receiver.receive(sync.message_frames(sync.DONE, 0, done, 500)[0], NOW)
-    assert receiver.complete  # there is nothing to be had by asking again
+    assert receiver.complete  # there is nothing to be had by requesting again
 
 
-def test_a_peer_that_damages_everything_is_not_asked_for_ever():
-    asking = Asking()
+def test_a_peer_that_damages_everything_is_not_requested_for_ever():
+    pulling = PullingSide()
     for _ in range(10):
-        asking.chunks()
-        asking.hear(b"junk")
-        asking.done()
-    assert asking.receiver.over
-    assert not asking.receiver.complete
-    assert asking.round == 2
+        pulling.chunks()
+        pulling.receive(b"junk")
+        pulling.done()
+    assert pulling.receiver.over
+    assert not pulling.receiver.complete
+    assert pulling.round == 2
 
 
 def test_parts_of_too_many_messages_are_refused():
-    asking = Asking()
+    pulling = PullingSide()
     for number in range(1_030):
-        asking.hear(asking.chunks(pieces=[(LONG + number, body(), 0, 1)]))
-    assert asking.refusals == ["parts of too many messages"] * 6
-    assert len(asking.node.reassembly) == 1_024
+        pulling.receive(pulling.chunks(pieces=[(LONG + number, body(), 0, 1)]))
+    assert pulling.refusals == ["parts of too many messages"] * 6
+    assert len(pulling.node.reassembly) == 1_024
 
 
 def test_one_frame_is_not_complained_of_for_ever():
-    asking = Asking()
-    asking.hear(asking.chunks(*[(LONG + number, b"\0") for number in range(1_000)]))
-    assert len(asking.refusals) == 100
+    pulling = PullingSide()
+    pulling.receive(pulling.chunks(*[(LONG + number, b"\0") for number in range(1_000)]))
+    assert len(pulling.refusals) == 100
 
 
 def serving_frames() -> list[bytes]:
-    """What a serving side says in pulls of all sorts."""
+    """What a serving side sends in pulls of all sorts."""
     server, asker = Node("server"), Node("asker")
     for number in range(30):
         server.store(number % 5, number, START_MS, size=number * 40)
     pull = Pull(asker, server)
-    pull.ask()
+    pull.deliver_up()
     while pull.give(500):
         pass
     groups = [(robot_id, range(16)) for robot_id in range(9)]
-    said = pull.down
-    said += sync.message_frames(sync.HELLO, 0, Hello(Reception.UNKNOWN).encode(), 400)
-    said += sync.message_frames(sync.GROUPS, 1, sync_messages.encode_groups(groups), 400)
-    said += sync.message_frames(sync.DONE, 1, Done(1, 2, 3, cut_short=True).encode(), 400)
-    return said
+    frames = pull.down
+    frames += sync.message_frames(sync.HELLO, 0, Hello(Reception.UNKNOWN).encode(), 400)
+    frames += sync.message_frames(sync.GROUPS, 1, sync_messages.encode_groups(groups), 400)
+    frames += sync.message_frames(sync.DONE, 1, Done(1, 2, 3, cut_short=True).encode(), 400)
+    return frames
 
 
 @given(st.integers(0, 2**32))
 def test_whatever_comes_an_receiver_keeps_only_good_messages(seed):
     rng = random.Random(seed)
-    said = serving_frames()
+    frames = serving_frames()
     node = Node("asker")
-    asking = Asking(node)
+    pulling = PullingSide(node)
     for _ in range(60):
-        frame = rng.choice(said)
+        frame = rng.choice(frames)
         if rng.random() < 0.7:
             frame = mutated(rng, frame)
-        asking.receiver.receive(frame, NOW)
-        if asking.receiver.over:
-            asking = Asking(node)
+        pulling.receiver.receive(frame, NOW)
+        if pulling.receiver.over:
+            pulling = PullingSide(node)
     for record in node.database.kept():
         wire.check(record.body)
         assert record.body[0] == 0
@@ -343,7 +343,7 @@ def test_whatever_comes_an_receiver_keeps_only_good_messages(seed):
 
 def test_memory_grows_with_what_came_and_not_with_what_was_announced():
     rng = random.Random(1)
-    asking = Asking()
+    pulling = PullingSide()
     came = 0
     tracemalloc.start()
     before, _ = tracemalloc.get_traced_memory()
@@ -366,7 +366,7 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
             )
         )
         came += len(frame)
-        asking.receiver.receive(frame, NOW)
+        pulling.receiver.receive(frame, NOW)
     after, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert after - before < 8 * came
@@ -374,15 +374,15 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
 
 
 @pytest.mark.parametrize("ahead", [False, True])
-def test_a_damaged_message_that_the_network_repeats_is_asked_for_again(ahead):
+def test_a_damaged_message_that_the_network_repeats_is_requested_again(ahead):
     """Twice in one pull it would be hopeless; the same frame twice is not twice."""
-    asking = Asking()
-    first = asking.chunks((sync.message_id_of(3, 3, START_MS), body()))
-    damaged = bytearray(asking.chunks((LONG, body())))
+    pulling = PullingSide()
+    first = pulling.chunks((sync.message_id_of(3, 3, START_MS), body()))
+    damaged = bytearray(pulling.chunks((LONG, body())))
     damaged[-1] ^= 1
     for frame in [damaged, damaged, first] if ahead else [first, damaged, damaged]:
-        asking.hear(bytes(frame))
-    asking.done()
-    assert len(asking.refusals) == 1
-    assert not asking.receiver.over
-    assert asking.round == 1
+        pulling.receive(bytes(frame))
+    pulling.done()
+    assert len(pulling.refusals) == 1
+    assert not pulling.receiver.over
+    assert pulling.round == 1

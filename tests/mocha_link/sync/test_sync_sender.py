@@ -27,7 +27,7 @@ from tests.mocha_link.network import START_MS, Node, Pull, mutated, peer_of
 
 
 class Served:
-    """A sender whose peer says what the test wants."""
+    """A sender whose peer sends what the test wants."""
 
     def __init__(self, node: Node, knowledge=None, *, requests=(), budget=0, peer=None) -> None:
         self.node = node
@@ -36,22 +36,22 @@ class Served:
         self.round = -1
         self.open(knowledge or Have(()), requests=requests, budget=budget)
 
-    def say(self, kind: int, content: bytes = b"") -> None:
+    def deliver(self, kind: int, content: bytes = b"") -> None:
         for frame in sync.message_frames(kind, self.round, content, 1_000):
             self.sender.receive(frame)
 
     def open(self, knowledge, *, requests=(), budget=0) -> None:
         self.round += 1
-        self.say(sync.OPEN, Open(77, budget, knowledge, requests).encode())
+        self.deliver(sync.OPEN, Open(77, budget, knowledge, requests).encode())
 
-    def hear(self, room: int = 65_536) -> list:
-        """All that it says now, read."""
+    def sent(self, room: int = 65_536) -> list:
+        """All that it sends now, read."""
         collector = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE)
-        said = []
+        sent = []
         while frame := self.sender.next(room):
             assert len(frame) <= room
             if frame[0] == sync.CHUNKS:
-                said.append(read_chunks(frame))
+                sent.append(read_chunks(frame))
             elif message := collector.take(frame):
                 assert message.round == self.round
                 read = {
@@ -59,15 +59,15 @@ class Served:
                     sync.DONE: Done.decode,
                     sync.GROUPS: sync_messages.decode_groups,
                 }
-                said.append(read[message.kind](message.content))
-        return said
+                sent.append(read[message.kind](message.content))
+        return sent
 
     def wholes(self) -> list[int]:
         return [
             message_id
-            for said in self.hear()
-            if isinstance(said, Chunks)
-            for message_id, _ in said.wholes
+            for each in self.sent()
+            if isinstance(each, Chunks)
+            for message_id, _ in each.wholes
         ]
 
 
@@ -91,7 +91,7 @@ def test_what_the_peer_has_in_part_comes_before_the_rest_of_its_priority(node):
     begun = sync.message_id_of(0, 2, START_MS)
     request = FragmentRequest(begun, len(body), [(100, 150), (900, len(body))])
     served = Served(node, requests=[request])
-    _, chunks, done = served.hear()
+    _, chunks, done = served.sent()
     assert [message_id for message_id, _ in chunks.wholes] == [urgent, newer]
     assert chunks.pieces == [
         (begun, len(body), 100, body[100:150]),
@@ -100,7 +100,7 @@ def test_what_the_peer_has_in_part_comes_before_the_rest_of_its_priority(node):
     assert served.sender.messages == 3
     assert done.sequence == node.database.sequence
     served = Served(node, requests=[request])  # in small frames the order is to be seen
-    first = [said for said in served.hear(MIN_ROOM) if isinstance(said, Chunks)][:2]
+    first = [each for each in served.sent(MIN_ROOM) if isinstance(each, Chunks)][:2]
     assert first[0].wholes[0][0] == urgent
     assert next(piece[0] for chunks in first for piece in chunks.pieces) == begun
 
@@ -114,9 +114,9 @@ def test_one_small_message_comes_before_a_long_rest(node, left, first):
     begun = sync.message_id_of(0, 3, START_MS)
     served = Served(node, requests=[FragmentRequest(begun, total, [(total - left, total)])])
     order = []
-    for said in served.hear(MIN_ROOM):
-        if isinstance(said, Chunks):
-            order += [whole[0] for whole in said.wholes] + [piece[0] for piece in said.pieces]
+    for each in served.sent(MIN_ROOM):
+        if isinstance(each, Chunks):
+            order += [whole[0] for whole in each.wholes] + [piece[0] for piece in each.pieces]
     order = list(dict.fromkeys(order))
     assert order == ([urgent, small, begun, newer] if first else [urgent, begun, newer, small])
 
@@ -140,7 +140,7 @@ def test_what_was_not_begun_is_dropped_for_the_newer_version(node):
     served.sender.next(1_000)
     served.sender.next(1_000)
     newer = [record_id(node.store(0, topic, START_MS + 5)) for topic in (0, 1)]
-    pieces = [piece[0] for said in served.hear(1_000)[:-1] for piece in said.pieces]
+    pieces = [piece[0] for each in served.sent(1_000)[:-1] for piece in each.pieces]
     assert set(pieces) == {sync.message_id_of(0, 0, START_MS)}
     assert served.sender.messages == 3
     assert len(newer) == 2
@@ -150,11 +150,11 @@ def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(n
     peer = peer_of(node.database)
     body = node.store(0, 0, START_MS, size=5_000).body
     served = Served(node, peer=peer)
-    served.hear(1_000)
+    served.sent(1_000)
     newer = node.store(0, 0, START_MS + 5)
     begun = sync.message_id_of(0, 0, START_MS)
     request = FragmentRequest(begun, len(body), [(2_000, len(body))])
-    _, chunks, _ = Served(node, requests=[request], peer=peer).hear()
+    _, chunks, _ = Served(node, requests=[request], peer=peer).sent()
     assert chunks.pieces == [(begun, len(body), 2_000, body[2_000:])]
     assert chunks.wholes == [(record_id(newer), newer.body)]
     Served(node, peer=peer)  # the peer does not want it any more
@@ -172,14 +172,14 @@ def test_a_budget_is_never_exceeded(node):
     for number in range(50):
         node.store(number, 0, START_MS, size=500)
     served = Served(node, budget=5_000)
-    *_, done = served.hear(1_000)
+    *_, done = served.sent(1_000)
     assert done.cut_short
     assert served.sender.state is SendState.CUT_SHORT
     assert 4_000 < served.sender.sent_bytes <= 5_000
 
 
 @pytest.mark.parametrize("of", [(1, 0), (0, 1)])
-def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
+def test_an_unknown_epoch_or_number_is_answered_with_unknown_and_opened_again(node, of):
     node.store(0, 0, START_MS)
     body = node.store(0, 1, START_MS, size=5_000).body
     request = FragmentRequest(
@@ -188,12 +188,12 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, requests=[request])
     address_token = served.peer.tokens.next
-    assert served.hear() == [Hello(Reception.UNKNOWN, address_token=address_token, boot_id=5)]
+    assert served.sent() == [Hello(Reception.UNKNOWN, address_token=address_token, boot_id=5)]
     node.store(0, 2, START_MS)
-    assert served.hear() == []
+    assert served.sent() == []
     assert served.sender.state is SendState.WAITING
     served.open(Have(()), requests=[request])
-    hello, chunks, done = served.hear()
+    hello, chunks, done = served.sent()
     assert hello.reception is Reception.WELCOME
     assert len(chunks.wholes) == 2
     assert len(chunks.pieces) == 2
@@ -207,8 +207,8 @@ def test_on_a_slow_link_the_queue_holds_no_more_than_the_database(node, topic_id
     for version in range(30):
         newest = node.store(0, topic_id, START_MS + version, size=9_000)
         served.sender.next(1_100)
-    chunks = [said for said in served.hear() if isinstance(said, Chunks)]
-    given = {each[0] for said in chunks for each in (*said.wholes, *said.pieces)}
+    chunks = [each for each in served.sent() if isinstance(each, Chunks)]
+    given = {part[0] for each in chunks for part in (*each.wholes, *each.pieces)}
     assert record_id(newest) in given
     assert served.sender.state is SendState.DONE
     assert served.sender.messages <= 30 // 9 + 1 + history
@@ -230,7 +230,7 @@ def test_what_the_peer_gave_us_is_not_given_back(node):
     peer.holdings.add(record_id(record))
     since = Since(node.database.epoch, 0, ())
     assert Served(node, since, peer=peer).wholes() == []
-    assert Served(node, peer=peer).wholes() == [record_id(record)]  # it says that it has nothing
+    assert Served(node, peer=peer).wholes() == [record_id(record)]  # its list is empty
 
 
 def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
@@ -263,20 +263,20 @@ def test_a_time_that_was_inferred_is_compared_as_its_header_is(node):
     assert Served(guessed, Have((sync.message_id_of(0, 0, elsewhere),))).wholes() == []
 
 
-def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
-    """What an asking side says in pulls of all sorts, and who served them."""
+def pulling_frames(seed: int) -> tuple[Node, list[bytes]]:
+    """What a pulling side sends in pulls of all sorts, and who served them."""
     server, asker = Node("server", seed), Node("asker", seed)
     for number in range(30):
         server.store(number % 5, number, START_MS, size=number * 40)
-    said: list[bytes] = []
+    frames: list[bytes] = []
     for _ in range(2):
         pull = Pull(asker, server)
-        said += pull.up
-        pull.ask()
+        frames += pull.up
+        pull.deliver_up()
         for _ in range(4):
             pull.give(500)
             pull.deliver()
-        said += pull.up
+        frames += pull.up
     digest = Open(1, 0, Digest({n: n for n in range(5)})).encode()
     since = Open(1, 0, Since(server.database.epoch, 3, (1, 2, 3))).encode()
     answer = sync_messages.encode_answers(
@@ -291,17 +291,17 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
             (sync.END, b""),
         ]
     ):
-        said += sync.message_frames(kind, min(round_, 1), content, 400)
-    return server, said
+        frames += sync.message_frames(kind, min(round_, 1), content, 400)
+    return server, frames
 
 
 @given(st.integers(0, 2**32))
 def test_whatever_comes_a_sender_only_raises_frame_errors(seed):
     rng = random.Random(seed)
-    server, said = asking_frames(0)
+    server, frames = pulling_frames(0)
     sender = SyncSender(server.peer("asker"))
     for _ in range(40):
-        frame = rng.choice(said)
+        frame = rng.choice(frames)
         frame = frame if rng.random() < 0.3 else mutated(rng, frame)
         try:
             sender.receive(rng.randbytes(rng.randrange(60)) if rng.random() < 0.1 else frame)

@@ -62,7 +62,7 @@ def problems_of(text: str, model: type[BaseModel] | None = None) -> list[str]:
     return [str(problem).removeprefix("fleet.yaml:") for problem in caught.value.problems]
 
 
-def test_of_each_kind_the_first_problems_are_told_and_the_others_counted():
+def test_of_each_kind_the_first_problems_are_reported_and_the_others_counted():
     text = "".join(f"key_{n}: 1\n" for n in range(50))
     with pytest.raises(DocumentError) as caught:
         Document.from_text(f"name: a\n{text}altitude_m: -1", PATH).parse(Survey)
@@ -178,7 +178,7 @@ def test_broken_documents_name_the_place(text, problem, code):
     assert found.endswith(f" [{code}]")
 
 
-def test_words_may_lie_in_the_deepest_list_there_may_be():
+def test_text_may_lie_in_the_deepest_list_there_may_be():
     data = Document.from_text("[" * 60 + "x" + "]" * 60, Path("deep.yaml")).data
     for _ in range(60):
         (data,) = data

@@ -51,16 +51,16 @@ def path(tmp_path) -> Path:
 
 
 @given(st.binary(min_size=32, max_size=32), st.binary(max_size=100))
-def test_a_signature_proves_who_said_what(seed, said):
+def test_a_signature_proves_who_sent_what(seed, data):
     secret = SecretKey(seed)
-    signature = secret.sign(said)
+    signature = secret.sign(data)
     assert len(signature) == 64
-    assert secret.public.proves(signature, said)
-    assert not secret.public.proves(signature, said + b"!")
-    assert not secret.public.proves(signature[:-1] + bytes([signature[-1] ^ 1]), said)
-    assert not SecretKey(bytes(32)).public.proves(signature, said) or seed == bytes(32)
+    assert secret.public.proves(signature, data)
+    assert not secret.public.proves(signature, data + b"!")
+    assert not secret.public.proves(signature[:-1] + bytes([signature[-1] ^ 1]), data)
+    assert not SecretKey(bytes(32)).public.proves(signature, data) or seed == bytes(32)
     for noise in (b"", b"short", bytes(64)):
-        assert not secret.public.proves(noise, said)
+        assert not secret.public.proves(noise, data)
 
 
 def test_a_secret_does_not_show_itself():
@@ -237,7 +237,7 @@ def test_lines_to_add_by_hand(path, tmp_path, capsys):
     assert capsys.readouterr().out.endswith("# every robot that can have a key has one\n")
 
 
-def test_check_says_what_is_protected(path, capsys):
+def test_check_reports_what_is_protected(path, capsys):
     assert main(["check", str(path)]) == 0
     assert "no link is protected by keys ('mocha-link keys' makes them)" in capsys.readouterr().out
     main(["keys", str(path), "--robot", "a"])
@@ -278,7 +278,7 @@ BLOCK = VALUES.replace(", ", "\n    ")
         (f"a: {{{VALUES}, key: }}", None),
         (f"a: {{key: ~, {VALUES}}}", f'a: {{key: "{KEY}", {VALUES}}}'),
         (f"a:\n    {BLOCK}", f'a:\n    key: "{KEY}"\n    {BLOCK}'),
-        (f"a: # said\n    # before\n    {BLOCK}", None),
+        (f"a: # noted\n    # before\n    {BLOCK}", None),
         (f"a: &x\n    {BLOCK}", f'a: &x\n    key: "{KEY}"\n    {BLOCK}'),
         (f"a:\n    {BLOCK}\n    key:", f'a:\n    {BLOCK}\n    key: "{KEY}"'),
         (f"a:\n    {BLOCK}\n    key:   # none", f'a:\n    {BLOCK}\n    key: "{KEY}"   # none'),
@@ -407,7 +407,7 @@ def test_a_secret_of_another_key_is_never_overwritten(path, tmp_path, capsys):
     assert tree(tmp_path) == before
 
 
-def test_a_secret_that_is_not_here_is_said(path, tmp_path, capsys):
+def test_a_missing_secret_is_reported(path, tmp_path, capsys):
     assert main(["keys", "--team", str(path)]) == 0
     (tmp_path / "keys" / "b" / "b.key").unlink()
     capsys.readouterr()

@@ -59,7 +59,7 @@ def test_an_empty_place_among_the_clients_keeps_its_port_unused():
     assert Team.from_document(Document.from_text(team(text).dump(), PATH)) == team(text)
 
 
-def test_what_keys_topics_and_definitions_may_say():
+def test_what_keys_topics_and_definitions_may_contain():
     key = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
     text = TEXT.replace("base_port: 23234", f"base_port: 23234\n    key: '{key}'\n    ros: 2")
     text += "trust: signed\ndefinitions: {my_msgs/Goal: 'float64 x'}\n"
@@ -115,8 +115,8 @@ def test_wrong_values_name_their_place(old, new, problem):
 
 
 @pytest.mark.parametrize("wrong", ["a b", "a/b", "x" * 70])
-def test_a_name_that_is_none_is_told_in_words(wrong):
+def test_an_invalid_name_is_explained(wrong):
     with pytest.raises(DocumentError) as error:
         Team.from_document(Document.from_text(TEXT.replace("titan", f"'{wrong}'"), PATH))
-    told = f"'{wrong:.40}' is no name: use 1 to 64 characters without spaces, / and :"
-    assert all(told in str(problem) for problem in error.value.problems)
+    explained = f"'{wrong:.40}' is no name: use 1 to 64 characters without spaces, / and :"
+    assert all(explained in str(problem) for problem in error.value.problems)

@@ -129,7 +129,7 @@ def test_the_command(tmp_path, capsys):
     ("build", "options", "ros"),
     [("ament_cmake", [], 2), ("catkin", [], 1), ("catkin", ["--ros", "2"], 2), (None, [], 1)],
 )
-def test_a_package_has_all_files_and_says_which_ros_it_is_for(
+def test_a_package_has_all_files_and_states_which_ros_it_is_for(
     build, options, ros, tmp_path, capsys
 ):
     package = tmp_path / "mocha_core"

@@ -1,4 +1,4 @@
-"""A text that is no YAML, or YAML by accident, is explained in our words, with what to do."""
+"""A text that is no YAML, or YAML by accident, is explained plainly, with what to do."""
 
 import re
 from pathlib import Path
@@ -47,7 +47,7 @@ class Plan(BaseModel):
 
 
 def problems(text):
-    """What is said of a text, as line:column: message."""
+    """The problems of a text, as line:column: message."""
     with pytest.raises(DocumentError) as caught:
         Document.from_text(text, Path("plan.yaml")).parse(Plan)
     return [f"{p.line}:{p.column}: {p.message}" for p in caught.value.problems]
@@ -63,7 +63,7 @@ QUOTED = "has to be in quotes"
 COLON = "a colon is missing behind"
 BLANK = "a blank is missing behind the colon; write"
 
-NO_YAML = [  # what is changed into what, at the mark (§) is the place, what is said
+NO_YAML = [  # what is changed into what, at the mark (§) is the place, the message
     ("  explore_s", "§\texplore_s", TAB),
     ("  - [47.399", "§\t- [47.399", TAB),
     ("  - [47.399", "  -§\t[47.399", TAB),
@@ -117,13 +117,13 @@ NO_YAML = [  # what is changed into what, at the mark (§) is the place, what is
 ]
 
 
-@pytest.mark.parametrize(("before", "after", "words"), NO_YAML)
-def test_what_is_no_yaml_is_explained_at_its_place(before, after, words):
+@pytest.mark.parametrize(("before", "after", "message"), NO_YAML)
+def test_what_is_no_yaml_is_explained_at_its_place(before, after, message):
     begin, _, end = GOOD.replace(before, after, 1).partition("§")
     (problem,) = problems(begin + end)
     line, column = begin.count("\n") + 1, len(begin.rpartition("\n")[2]) + 1
     assert problem.startswith(f"{line}:{column}: ")
-    assert words in problem
+    assert message in problem
 
 
 def test_a_quote_that_another_one_closes_is_found_where_it_opens():
@@ -180,13 +180,13 @@ BY_ACCIDENT = [
 ]
 
 
-@pytest.mark.parametrize(("before", "after", "words"), BY_ACCIDENT)
-def test_what_is_yaml_by_accident_is_explained(before, after, words):
+@pytest.mark.parametrize(("before", "after", "message"), BY_ACCIDENT)
+def test_what_is_yaml_by_accident_is_explained(before, after, message):
     begin, _, end = GOOD.replace(before, after, 1).partition("§")
     line, column = begin.count("\n") + 1, len(begin.rpartition("\n")[2]) + 1
     found = [each for each in problems(begin + end) if each.startswith(f"{line}:{column}: ")]
     assert len(found) == 1
-    assert words in found[0]
+    assert message in found[0]
 
 
 DEGREES = [
