@@ -1,4 +1,4 @@
-"""Announces a robot by mDNS at an address of its own, where it takes connections and says nothing.
+"""Announces a robot by mDNS at an address of its own, where it takes connections and sends nothing.
 
 Arguments: team file, robot, the peer whose connections it takes, its own address.
 """

@@ -65,24 +65,24 @@ def program(name, *, draws=False):
 
 
 def environment():
-    said = {"PYTHONUNBUFFERED": "1", "PYTHONFAULTHANDLER": "1"}  # see `where_it_hangs`
-    return {**os.environ, "PYTHONPATH": str(UNDER_TEST), **said}
+    more = {"PYTHONUNBUFFERED": "1", "PYTHONFAULTHANDLER": "1"}  # see `where_it_hangs`
+    return {**os.environ, "PYTHONPATH": str(UNDER_TEST), **more}
 
 
 def where_it_hangs(pid):
     """Where the threads of all processes below this one are, by the logs that these leave."""
-    told = []
+    dumps = []
     for listed in Path(f"/proc/{pid}/task").glob("*/children"):
         for child in map(int, listed.read_text().split()):
-            told.append(where_it_hangs(child))
+            dumps.append(where_it_hangs(child))
             with contextlib.suppress(OSError):
                 log = Path(f"/proc/{child}/fd/2").resolve()
                 command = Path(f"/proc/{child}/cmdline").read_text().replace("\0", " ")
                 os.kill(child, signal.SIGABRT)
                 time.sleep(0.5)
                 if log.is_file():
-                    told.append(f"\n--- {command}\n{log.read_text(errors='replace')[-20_000:]}")
-    return "".join(told)
+                    dumps.append(f"\n--- {command}\n{log.read_text(errors='replace')[-20_000:]}")
+    return "".join(dumps)
 
 
 _fork_server = ForkServer(environment())
@@ -95,11 +95,11 @@ class Command:
     """
 
     def __init__(self, name, *arguments, cwd, starts=False, draws=False, stdin=subprocess.DEVNULL):
-        words, pipe = [*map(str, arguments)], subprocess.PIPE
+        arguments, pipe = [*map(str, arguments)], subprocess.PIPE
         module, function = entry_of(name)
         if starts or draws or function is None or UNDER_TEST != ROOT:
             self.process = subprocess.Popen(
-                [*program(name, draws=draws), *words],
+                [*program(name, draws=draws), *arguments],
                 stdout=pipe,
                 stderr=pipe,
                 stdin=stdin,
@@ -107,35 +107,35 @@ class Command:
                 env=environment(),
             )
         else:
-            request = {"module": module, "function": function, "arguments": words}
+            request = {"module": module, "function": function, "arguments": arguments}
             where = {"cwd": str(cwd), "env": environment()}
             self.process = ForkedProgram(_fork_server, {**request, **where}, stdin)
-        self.said = ""
+        self.printed = ""
 
     def wait_for(self, text, limit_s=LIMIT_S):
-        """Read stderr until a text was said."""
-        self.wait_until(lambda said: text in said, repr(text), limit_s)
+        """Read stderr until a text was printed."""
+        self.wait_until(lambda printed: text in printed, repr(text), limit_s)
 
     def wait_until(self, condition, what, limit_s=LIMIT_S):
-        """Read stderr until `condition` holds for all that was said."""
+        """Read stderr until `condition` holds for all that was printed."""
         deadline_s = time.monotonic() + limit_s
-        while not condition(self.said):
+        while not condition(self.printed):
             left_s = deadline_s - time.monotonic()
             ready = left_s > 0 and select.select([self.process.stderr], [], [], left_s)[0]
             chunk = os.read(self.process.stderr.fileno(), 65536) if ready else b""
             if not chunk:
                 pytest.fail(
-                    f"{what} was not said; but: {self.said}{where_it_hangs(self.process.pid)}"
+                    f"{what} was not printed; but: {self.printed}{where_it_hangs(self.process.pid)}"
                 )
-            self.said += chunk.decode()
+            self.printed += chunk.decode()
 
     def read(self):
-        """Take in what it has said so far."""
+        """Take in what it has printed so far."""
         while select.select([self.process.stderr], [], [], 0.0)[0]:
             chunk = os.read(self.process.stderr.fileno(), 65536)
             if not chunk:
                 break
-            self.said += chunk.decode()
+            self.printed += chunk.decode()
 
     def ready(self):
         """The JSON line that a simulation prints when it is ready."""
@@ -147,7 +147,7 @@ class Command:
     def finish(self, limit_s=LIMIT_S):
         """Wait for the end; returns exit code and stdout."""
         out, err = self.process.communicate(timeout=limit_s)
-        self.said += err.decode()
+        self.printed += err.decode()
         return self.process.returncode, out.decode()
 
 
@@ -179,20 +179,20 @@ def command(tmp_path):
 
 def answer(folder, *arguments, of="air-router"):
     """What a program answers: exit code, stdout, stderr. Ours is run in this process."""
-    words, said = [*map(str, arguments)], (io.StringIO(), io.StringIO())
+    arguments, printed = [*map(str, arguments)], (io.StringIO(), io.StringIO())
     if UNDER_TEST != ROOT:
         how = {"cwd": folder, "env": environment(), "stdin": subprocess.DEVNULL, "timeout": 60}
-        command = [*program(of), *words]
+        command = [*program(of), *arguments]
         done = subprocess.run(command, capture_output=True, text=True, check=False, **how)
         return done.returncode, done.stdout, done.stderr
     with (
         contextlib.chdir(folder),
         mock.patch("sys.stdin", io.StringIO()),
-        contextlib.redirect_stdout(said[0]),
-        contextlib.redirect_stderr(said[1]),
+        contextlib.redirect_stdout(printed[0]),
+        contextlib.redirect_stderr(printed[1]),
     ):
-        code = PROGRAMS[of].main(words)
-    return code, *(text.getvalue() for text in said)
+        code = PROGRAMS[of].main(arguments)
+    return code, *(text.getvalue() for text in printed)
 
 
 @pytest.fixture

@@ -1,13 +1,13 @@
 """Our programs, each forked off a process that has imported them once.
 
-What a program imports costs it half a second of computing each time, more than what most tests ask
-of it. A `ForkServer` is that process; what it starts is used as a `subprocess.Popen`.
+What a program imports costs it half a second of computing each time, more than most tests
+need. A `ForkServer` is that process; what it starts is used as a `subprocess.Popen`.
 
     python -m tests.system.forked SOCKET
 
 serves requests on the socket with that number, until its other end is closed. Each request is one
 packet of JSON with the program's streams, and the socket on which its number and, when it has
-ended, its wait status are told.
+ended, its wait status are sent.
 """
 
 import contextlib
@@ -61,7 +61,7 @@ class ForkServer:
         return ours
 
     def start(self, request, streams):
-        """Start a program, see `become`; the socket that tells of it."""
+        """Start a program, see `become`; the socket with its status."""
         packet = json.dumps({"env": self._environment, **request}).encode()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
@@ -95,26 +95,26 @@ class ForkedProgram:
             self.stdout, self.stderr = os.fdopen(out, "rb"), os.fdopen(err, "rb")
             for end in (theirs, also_theirs):
                 stack.callback(os.close, end)
-            self._told = server.start(request, [stdin, theirs, also_theirs])
-        self.pid = int(self._told.recv(_PACKET))
+            self._status = server.start(request, [stdin, theirs, also_theirs])
+        self.pid = int(self._status.recv(_PACKET))
 
     def poll(self):
         """Its exit code, or None."""
-        if self.returncode is None and select.select([self._told], [], [], 0.0)[0]:
+        if self.returncode is None and select.select([self._status], [], [], 0.0)[0]:
             self._take()
         return self.returncode
 
     def wait(self, timeout=None):
         """Its exit code, once it has ended."""
         if self.returncode is None:
-            if not select.select([self._told], [], [], timeout)[0]:
+            if not select.select([self._status], [], [], timeout)[0]:
                 raise subprocess.TimeoutExpired(str(self.pid), timeout)
             self._take()
         return self.returncode
 
     def _take(self):
-        with self._told:
-            self.returncode = os.waitstatus_to_exitcode(int(self._told.recv(_PACKET)))
+        with self._status:
+            self.returncode = os.waitstatus_to_exitcode(int(self._status.recv(_PACKET)))
 
     def send_signal(self, number):
         """Send it a signal, unless it has ended."""
@@ -127,9 +127,9 @@ class ForkedProgram:
 
     def communicate(self, timeout=None):
         """Read both streams to their ends; what was in them, once it has ended."""
-        said = {self.stdout: b"", self.stderr: b""}
+        printed = {self.stdout: b"", self.stderr: b""}
         with selectors.DefaultSelector() as selector:
-            for stream in said:
+            for stream in printed:
                 selector.register(stream, selectors.EVENT_READ)
             while selector.get_map():
                 ready = selector.select(timeout)
@@ -137,11 +137,11 @@ class ForkedProgram:
                     raise subprocess.TimeoutExpired(str(self.pid), timeout)
                 for key, _ in ready:
                     chunk = os.read(key.fd, 1 << 16)
-                    said[key.fileobj] += chunk
+                    printed[key.fileobj] += chunk
                     if not chunk:
                         selector.unregister(key.fileobj)
         self.wait(timeout)
-        return said[self.stdout], said[self.stderr]
+        return printed[self.stdout], printed[self.stderr]
 
 
 def serve(requests):
@@ -152,7 +152,7 @@ def serve(requests):
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the programs
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.set_wakeup_fd(woken.fileno())
-    running = {}  # the socket that tells of it, by its number
+    running = {}  # the socket for its status, by its number
     while True:
         ready, _, _ = select.select([requests, waking], [], [])
         if waking in ready:
@@ -163,7 +163,7 @@ def serve(requests):
         packet, files, _, _ = socket.recv_fds(requests, _PACKET, 4)
         if not packet:
             return None
-        *streams, telling = files
+        *streams, status = files
         pid = os.fork()
         if pid == 0:
             signal.set_wakeup_fd(-1)
@@ -178,7 +178,7 @@ def serve(requests):
             return json.loads(packet)
         for stream in streams:
             os.close(stream)
-        running[pid] = socket.socket(fileno=telling)
+        running[pid] = socket.socket(fileno=status)
         running[pid].send(str(pid).encode())
 
 
@@ -187,15 +187,15 @@ def _reap(running):
         pid, status = os.waitpid(-1, os.WNOHANG)
         if pid == 0:
             return
-        with running.pop(pid) as told, contextlib.suppress(OSError):
-            told.send(str(status).encode())
+        with running.pop(pid) as to, contextlib.suppress(OSError):
+            to.send(str(status).encode())
 
 
 def become(request):
     """Do what a program does.
 
     Args:
-        request: `module` and the `function` of it that is called; `arguments`, words of the
+        request: `module` and the `function` of it that is called; `arguments`, those of the
             command line; `cwd`, its folder; `env`, its environment.
     """
     os.chdir(request["cwd"])
@@ -213,5 +213,5 @@ if __name__ == "__main__":
     for name in IMPORTED:
         importlib.import_module(name)
     gc.freeze()  # a collection would copy what is shared
-    if (asked := serve(socket.socket(fileno=int(sys.argv[1])))) is not None:
-        become(asked)
+    if (request := serve(socket.socket(fileno=int(sys.argv[1])))) is not None:
+        become(request)

@@ -1,6 +1,6 @@
 """A browser that looks at pages, as a person does.
 
-Playwright is imported when a browser is asked for: every worker collects these tests, and one or
+Playwright is imported when a browser is requested: every worker collects these tests, and one or
 two of them run any. While it runs, its thread can have no other event loop.
 """
 
@@ -51,8 +51,8 @@ OPTIONS = [
     "--disable-sync",
 ]
 LIMIT_MS = 120_000
-ASK_MS = 100
-"""So often a page is asked for what is waited for; at every frame, it would draw all the time."""
+POLL_MS = 100
+"""So often a page is polled for what is waited for; at every frame, it would draw all the time."""
 
 # The page's sockets, so that one can be dropped, and where new ones lead, if that is elsewhere.
 SOCKETS = """
@@ -74,7 +74,7 @@ def expect(what):
 
 
 class SharedBrowser:
-    """One Chromium for the pages of many files; it begins with the first that asks for it."""
+    """One Chromium for the pages of many files; it begins with the first that requests it."""
 
     def __init__(self):
         self._playwright = self._browser = None
@@ -84,7 +84,7 @@ class SharedBrowser:
             lacking(os.environ)
         if self._browser is None:
             sync_api = pytest.importorskip("playwright.sync_api")
-            wait = functools.partialmethod(sync_api.Page.wait_for_function, polling=ASK_MS)
+            wait = functools.partialmethod(sync_api.Page.wait_for_function, polling=POLL_MS)
             sync_api.Page.wait_for_function = wait
             self._playwright = sync_api.sync_playwright().start()
             chromium = self._playwright.chromium
@@ -130,21 +130,21 @@ class Looker:
     def __init__(self, page, address, script=""):
         self.page = page
         self.faults = []
-        self.asked = []
+        self.requested = []
         page.set_default_timeout(LIMIT_MS)
         page.on("pageerror", lambda error: self.faults.append(str(error)))
-        page.on("console", lambda said: self.faults.append(said.text))
-        page.on("request", lambda request: self.asked.append(request.url))
-        page.on("websocket", lambda socket: self.asked.append(socket.url))
+        page.on("console", lambda message: self.faults.append(message.text))
+        page.on("request", lambda request: self.requested.append(request.url))
+        page.on("websocket", lambda socket: self.requested.append(socket.url))
         page.add_init_script(SOCKETS + script)
         page.goto(address)
 
     def strangers(self, address):
         own = (address, address.replace("http:", "ws:"), "data:")
-        return [url for url in self.asked if not url.startswith(own)]
+        return [url for url in self.requested if not url.startswith(own)]
 
     def shows(self, selector, text):
-        """Wait until the page shows it; says what it shows instead."""
+        """Wait until the page shows it; the error has what it shows instead."""
         sync_api = importlib.import_module("playwright.sync_api")  # there, or there is no page
         try:
             self.page.locator(selector, has_text=text).first.wait_for()
@@ -152,8 +152,8 @@ class Looker:
             shown = [at.text_content() for at in self.page.locator(selector).all()]
             raise AssertionError(f"{selector} shows {shown} instead of '{text}'") from error
 
-    def ask(self, press, answers=1):
-        """Ask, and read the answers."""
+    def request(self, press, answers=1):
+        """Press, and read the answers of the flights."""
         lines = self.page.locator("#log li.answer")
         count = lines.count()
         press()

@@ -29,8 +29,8 @@ def lacking():
     return None
 
 
-def ip(*words):
-    subprocess.run(["ip", *words], check=True, capture_output=True)
+def ip(*arguments):
+    subprocess.run(["ip", *arguments], check=True, capture_output=True)
 
 
 class Machine:
@@ -51,8 +51,8 @@ class Machine:
         self.ip("link", "set", "lo", "up")
         self.ip("link", "set", "eth0", "up")
 
-    def ip(self, *words):
-        ip("-n", self.name, *words)
+    def ip(self, *arguments):
+        ip("-n", self.name, *arguments)
 
     def add(self, address):
         more = ["nodad"] if ":" in address else []
@@ -82,9 +82,9 @@ class Machine:
             time.sleep(0.1)
         raise TimeoutError("no link-local address")
 
-    def answer(self, *words):
+    def answer(self, *arguments):
         """What `mocha-link` prints on this machine."""
-        command = [sys.executable, "-m", "mocha_link", *words]
+        command = [sys.executable, "-m", "mocha_link", *arguments]
         done = subprocess.run(
             ["ip", "netns", "exec", self.name, *command],
             capture_output=True,
@@ -118,7 +118,7 @@ class Program:
         self.process.stderr.close()
 
     def line(self, limit_s=WAIT_S):
-        """The words of the next line."""
+        """The fields of the next line."""
         deadline_s = time.monotonic() + limit_s
         while b"\n" not in self._rest:
             left_s = deadline_s - time.monotonic()
@@ -134,9 +134,9 @@ class Program:
         """Wait for what a robot has published after a time; when that was received."""
         deadline_s = time.monotonic() + limit_s
         while True:
-            words = self.line(max(deadline_s - time.monotonic(), 0.0))
-            if words[0] == robot and float(words[1]) > after_s:
-                return float(words[2])
+            fields = self.line(max(deadline_s - time.monotonic(), 0.0))
+            if fields[0] == robot and float(fields[1]) > after_s:
+                return float(fields[2])
 
 
 @contextlib.contextmanager

@@ -61,8 +61,8 @@ class Operated:
         self.relay.__exit__()
         os.close(self._keyboard)
 
-    def type(self, words):
-        os.write(self._keyboard, f"{words}\n".encode())
+    def type(self, line):
+        os.write(self._keyboard, f"{line}\n".encode())
 
     def passed(self, name, **fields):
         """Messages of a kind that were sent, by whomever."""
@@ -75,5 +75,5 @@ class Operated:
     def wait_for(self, name, **fields):
         """Wait until such a message was sent; all of them."""
         came = wait_until(lambda: self.passed(name, **fields), LIMIT_S)
-        assert came, f"no {name}: {self.program.said}"
+        assert came, f"no {name}: {self.program.printed}"
         return self.passed(name, **fields)

@@ -1,4 +1,4 @@
-"""What a page is asked in the browser: whether it can be seen, read and pressed."""
+"""What is checked of a page in the browser: whether it can be seen, read and pressed."""
 
 # What covers the middle or a corner of an element that should be seen, or is cut off in it.
 HIDDEN = """(selectors) => selectors.filter((selector) => {
@@ -30,7 +30,7 @@ IS_PLOTTED = f"""() => {{
   return canvas.width > 100 && colours.size > 20;
 }}"""
 # Cards and controls that overlap, or leave the page; buttons that are covered, cut off at the side
-# of their box, or do not say what for, or why not. What is scrolled out of its box is ignored.
+# of their box, or have no text or no reason. What is scrolled out of its box is ignored.
 CROWDED = """() => {
   const box = (one) => one.getBoundingClientRect();
   const seen = (one) => one.checkVisibility() && box(one).width > 0;
@@ -63,7 +63,7 @@ CROWDED = """() => {
     if (!scrolled && !one.contains(top_one)) wrong.push(`${name(one)} is covered`);
     if (!one.title && !one.ariaLabel && !one.textContent.trim()) wrong.push("a nameless button");
     const refused = one.disabled || one.ariaDisabled === "true";
-    if (refused && !one.title) wrong.push(`${name(one)} does not say why not`);
+    if (refused && !one.title) wrong.push(`${name(one)} has no reason`);
   }
   return wrong;
 }"""
@@ -81,10 +81,10 @@ PALE_AMONG = """(selector) => {
     }
     return rgb(getComputedStyle(document.body).backgroundColor);
   };
-  const says = (node) => node.nodeType === Node.TEXT_NODE && node.data.trim();
+  const hasText = (node) => node.nodeType === Node.TEXT_NODE && node.data.trim();
   return [...document.querySelectorAll(selector)].filter((one) => one.checkVisibility()
     && !one.closest(":disabled, [aria-disabled=true]")
-    && [...one.childNodes].some(says)).map((one) => {
+    && [...one.childNodes].some(hasText)).map((one) => {
       const [a, b] = [light(rgb(getComputedStyle(one).color)), light(behind(one))];
       return [Math.max(a, b) / Math.min(a, b), one.textContent.trim()];
     }).filter(([ratio]) => ratio < 4.5).map(([ratio, text]) => `${text}: ${ratio.toFixed(1)}`);

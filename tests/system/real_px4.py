@@ -29,12 +29,12 @@ def named_by(place):
 
 
 @contextlib.contextmanager
-def started(folder, *words):
-    """A process of `sitl`, and what it says when it is ready; its log is beside it."""
+def started(folder, *arguments):
+    """A process of `sitl`, and its line when it is ready; its log is beside it."""
     with (
         (folder / "sitl.log").open("wb") as log,
         subprocess.Popen(
-            [sys.executable, "-m", "sitl", *map(str, words)],
+            [sys.executable, "-m", "sitl", *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=log,
             cwd=folder,

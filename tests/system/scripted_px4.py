@@ -1,4 +1,4 @@
-"""A PX4 that does and answers what a test says, over UDP; and writes down what it is told."""
+"""A PX4 that acts and answers by the script of a test, over UDP; and records the orders."""
 
 import contextlib
 import socket
@@ -26,12 +26,11 @@ class ScriptedPx4:
         port: Where it sends to.
         place: Latitude and longitude in degrees.
         script: Called with it and every order, on its thread.
-        version: That it says it is.
+        version: That it reports.
 
     Attributes:
         orders: What moves it or changes its mode, in order.
         heartbeats: How many it has sent.
-        told: What a heartbeat says and in how many orders from before it was told.
         rate: Of its clock against ours.
         later: What happens once its clock shows so many milliseconds: (ms, callable).
     """
@@ -55,7 +54,7 @@ class ScriptedPx4:
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(TURN_S)
         self._stop = threading.Event()
-        self._news = threading.Condition()
+        self._heartbeat_sent = threading.Condition()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -65,21 +64,21 @@ class ScriptedPx4:
         self._socket.close()
 
     def commands(self):
-        """Name and number of what it was told."""
+        """Name and number of the orders that it received."""
         return [(order.get_type(), getattr(order, "command", None)) for order in self.orders]
 
     def acknowledge(self, order, result, to=US):
-        self.say("command_ack", order.command, result, 0, 0, *to)
+        self.send("command_ack", order.command, result, 0, 0, *to)
 
-    def say(self, name, *fields):
+    def send(self, name, *fields):
         message = getattr(self._link, f"{name}_encode")(*fields)
         self._socket.sendto(message.pack(self._link), self._to)
 
     def wait_for_heartbeats(self, number, limit_s=60.0):
         """So many more."""
-        with self._news:
+        with self._heartbeat_sent:
             end = self.heartbeats + number
-            assert self._news.wait_for(lambda: self.heartbeats >= end, limit_s)
+            assert self._heartbeat_sent.wait_for(lambda: self.heartbeats >= end, limit_s)
 
     def _run(self):
         parser = mavlink.MAVLink(None)
@@ -97,11 +96,13 @@ class ScriptedPx4:
                 if message.param1 == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
                     zeros = bytes(8)
                     version = (self._version[0] << 24) | (self._version[1] << 16)
-                    self.say("autopilot_version", 0, version, 0, 0, 0, zeros, zeros, zeros, 0, 0, 1)
+                    self.send(
+                        "autopilot_version", 0, version, 0, 0, 0, zeros, zeros, zeros, 0, 0, 1
+                    )
                 if message.param1 == mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION:
-                    self.say("flight_information", self.boot_ms(), 0, 0, 1)
+                    self.send("flight_information", self.boot_ms(), 0, 0, 1)
             case "TIMESYNC" if message.tc1 == 0:
-                self.say("timesync", self.boot_ms() * 1_000_000, message.ts1)
+                self.send("timesync", self.boot_ms() * 1_000_000, message.ts1)
             case "COMMAND_LONG" if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
                 self.acknowledge(message, 0)
             case "COMMAND_LONG" | "COMMAND_INT" | "MISSION_SET_CURRENT":
@@ -121,12 +122,12 @@ class ScriptedPx4:
             if boot_ms >= due_ms:
                 self.later.remove((due_ms, act))
                 act()
-        self.say("global_position_int", boot_ms, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
+        self.send("global_position_int", boot_ms, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
         if not self.talks:
             return
-        self.say("extended_sys_state", 0, self.landed)
-        self.say("sys_status", 0, 0, HEALTHY, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0)
-        self.say("home_position", latitude, longitude, 10000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+        self.send("extended_sys_state", 0, self.landed)
+        self.send("sys_status", 0, 0, HEALTHY, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0)
+        self.send("home_position", latitude, longitude, 10000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
         plan = {"total": 12, "mission_state": 2, "mission_mode": 1, "mission_id": self.plan_id}
         self._socket.sendto(
             self._packer.pack_values("MISSION_CURRENT", {"seq": self.item} | plan), self._to
@@ -134,12 +135,14 @@ class ScriptedPx4:
         if self.target is not None:
             latitude, longitude = (round(degrees * 1e7) for degrees in self.target)
             zeros = (0.0,) * 8
-            self.say("position_target_global_int", boot_ms, 5, 0, latitude, longitude, 40.0, *zeros)
+            self.send(
+                "position_target_global_int", boot_ms, 5, 0, latitude, longitude, 40.0, *zeros
+            )
         for system, component, name, fields in self.others:
             frame = Sender(system, component).pack_values(name, fields)
             self._socket.sendto(frame, self._to)
         base_mode = CUSTOM_MODE | (ARMED if self.armed else 0)
-        self.say("heartbeat", COPTER, PX4, base_mode, self.mode, 4)
-        with self._news:
+        self.send("heartbeat", COPTER, PX4, base_mode, self.mode, 4)
+        with self._heartbeat_sent:
             self.heartbeats += 1
-            self._news.notify_all()
+            self._heartbeat_sent.notify_all()

@@ -73,7 +73,7 @@ class SerialCable:
 
 @contextlib.contextmanager
 def plugged_into(bound, device):
-    """A vehicle that sends datagrams to a socket speaks by a device instead."""
+    """A vehicle that sends datagrams to a socket uses a serial device instead."""
     stop, to = threading.Event(), []
     port = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     bound.settimeout(TURN_S)

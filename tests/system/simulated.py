@@ -9,14 +9,14 @@ from tests.command_lines import options_for
 
 
 @contextlib.contextmanager
-def simulated_vehicle(*words):
-    """Runs what `sitl vehicle` runs with these words; gives the `VehicleProcess`.
+def simulated_vehicle(*arguments):
+    """Runs what `sitl vehicle` runs with these arguments; gives the `VehicleProcess`.
 
     It moves in half as many steps, and streams only what a companion listens to.
     """
     stop = threading.Event()
-    arguments = options_for(run, *words)
-    with process_of(arguments, step_s=STEP_S, onboard_rates_hz=RATES_HZ) as process:
+    options = options_for(run, *arguments)
+    with process_of(options, step_s=STEP_S, onboard_rates_hz=RATES_HZ) as process:
         thread = threading.Thread(target=process.run, args=(stop.is_set,), name="vehicle")
         thread.start()
         try:

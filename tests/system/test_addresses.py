@@ -112,7 +112,7 @@ def test_a_name_gets_another_address_in_mid_contact(two, prefix):
 
 
 def test_a_name_gets_another_address_and_the_robot_cannot_dial(two, tmp_path):
-    """It is asked for again as soon as the connection does not answer."""
+    """It is resolved again as soon as the connection does not answer."""
     two.a.add(f"{A4}/24")
     two.b.add(f"{B4}/24")
     two.a.knows(beta=B4)
@@ -125,7 +125,7 @@ def test_a_name_gets_another_address_and_the_robot_cannot_dial(two, tmp_path):
 
 @pytest.mark.parametrize("keys", [False, True])
 def test_a_robot_is_not_any_more_where_the_team_file_has_it(two, keys):
-    """Its own connection says where it is."""
+    """Its own connection shows where it is."""
     two.a.add(f"{A4}/24")
     two.b.add(f"{B4}/24")
     a, b = two.start(A4, B4, keys=keys)

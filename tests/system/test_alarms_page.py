@@ -27,15 +27,15 @@ def shown(browser, tmp_path):
     path = tmp_path / "field.yaml"
     write_starter(path, HOME)
     mission = load_mission(path)
-    told = Telemetry(1.0, Point(0, 0), 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
+    telemetry = Telemetry(1.0, Point(0, 0), 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
     setup = RecordEntry(0.0, "setup", FlightSetup(mission, ("io",)))
-    film = RecordedFlight([setup, RecordEntry(1.0, "event", told)])
+    film = RecordedFlight([setup, RecordEntry(1.0, "event", telemetry)])
     page = LivePage(film.status, film.router, Refusing(), mapper=film.mapper)
     film.go_on(2.0, page, 10)
     with served(page) as (address, _):
         looker = Looker(browser.new_page(), address)
         looker.page.locator("path.area.fence").first.wait_for()
-        yield looker, lambda *said: page.step(None, said, 2.0)
+        yield looker, lambda *announced: page.step(None, announced, 2.0)
         assert looker.faults == []
         looker.page.close()
 
@@ -48,7 +48,7 @@ def test_an_alarm_cannot_be_missed_and_covers_nothing(shown, size):
     expect(page.locator("#alarms")).to_be_hidden()
     announce(NEAR, BREACH)
     alarm, warning = page.locator("#alarms [role=alert]"), page.locator("#alarms [role=status]")
-    expect(alarm).to_contain_text(f"ALARM{BREACH.text}. {FLY_OUT}")  # in words, not colour alone
+    expect(alarm).to_contain_text(f"ALARM{BREACH.text}. {FLY_OUT}")  # in text, not colour alone
     expect(warning).to_contain_text(f"Warning{NEAR.text}. {BE_READY}")
     expect(page.locator("#log .alarm")).to_contain_text("ALARM: ")
     expect(page.locator("#log .warning")).to_contain_text("Warning: ")
@@ -77,7 +77,7 @@ def test_an_alarm_sounds_once_a_person_has_touched_the_page_and_until_it_is_ackn
     page.locator("#alarms button").click()
     expect(page.locator("#alarms")).to_be_hidden()
     assert page.locator("body.alarmed").count() == 0
-    expect(page.locator("#log .alarm")).to_have_count(1)  # what was said stays
+    expect(page.locator("#log .alarm")).to_have_count(1)  # what was announced stays
     announce(BREACH)  # again: it is to be seen again
     expect(page.locator("#alarms [role=alert]")).to_have_count(1)
 
@@ -97,13 +97,13 @@ def test_what_comes_again_and_again_is_one_line_with_a_count_but_each_alarm_has_
         announce(Announce("searching"), NEAR)
         announce(Announce("talking"))
     announce(*4 * [BREACH])
-    news = page.locator("#log li")
-    expect(news.filter(has_text="talking")).to_have_text("2 s talking again 3 times")
-    expect(news.filter(has_text="searching")).to_have_text("2 s searching again 3 times")
-    expect(news.filter(has_text=NEAR.text)).to_have_count(1)
-    expect(news.filter(has_text=NEAR.text)).to_contain_text("Warning: too near")
-    expect(news.filter(has_text=BREACH.text)).to_have_count(4)
-    told = news.all_inner_texts()
+    lines = page.locator("#log li")
+    expect(lines.filter(has_text="talking")).to_have_text("2 s talking again 3 times")
+    expect(lines.filter(has_text="searching")).to_have_text("2 s searching again 3 times")
+    expect(lines.filter(has_text=NEAR.text)).to_have_count(1)
+    expect(lines.filter(has_text=NEAR.text)).to_contain_text("Warning: too near")
+    expect(lines.filter(has_text=BREACH.text)).to_have_count(4)
+    texts = lines.all_inner_texts()
     page.reload()  # a page that is opened later shows the same
-    expect(news).to_have_count(len(told))
-    assert news.all_inner_texts() == told
+    expect(lines).to_have_count(len(texts))
+    assert lines.all_inner_texts() == texts

@@ -89,8 +89,8 @@ class World:
     def space(self, name):
         return self._prefix + name
 
-    def ip(self, name, *words):
-        return run("ip", "-n", self.space(name), *words)
+    def ip(self, name, *arguments):
+        return run("ip", "-n", self.space(name), *arguments)
 
     def inside(self, name, *command, **options):
         """A program in a namespace, which ends with the test."""
@@ -226,10 +226,10 @@ def test_a_babeld_at_a_port_serves_programs_of_its_machine(world, tmp_path):
     program = (
         "import sys, threading\nfrom mocha_link import Team\n"
         "from mocha_link.radios import open_radio\n"
-        "heard = threading.Event()\nteam = Team.load(sys.argv[1])\n"
+        "received = threading.Event()\nteam = Team.load(sys.argv[1])\n"
         "radio = open_radio(team.robot('r').radio, team, 'r')\n"
-        "radio.start(lambda peer, reading: reading and heard.set())\n"
-        f"sys.exit(not heard.wait({WAIT_S}))\n"
+        "radio.start(lambda peer, reading: reading and received.set())\n"
+        f"sys.exit(not received.wait({WAIT_S}))\n"
     )
     process = world.inside("r", sys.executable, "-c", program, path, cwd=Path(__file__).parents[2])
     assert process.wait(WAIT_S + 30) == 0

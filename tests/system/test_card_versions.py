@@ -1,4 +1,4 @@
-"""The pre-flight card on every version of PX4: nothing untold, and no wrong parameter passes.
+"""The pre-flight card on every version of PX4: no parameter unreported, and no wrong one passes.
 
 The versions are those of the simulated autopilot, and the real PX4s that PX4_SITL names.
 """
@@ -35,7 +35,7 @@ SET_S = 20.0  # against hangs only
 
 
 class Cards(NamedTuple):
-    """What the card of one vehicle says.
+    """The card of one vehicle.
 
     Attributes:
         before: Its lines by name, with the parameters as they are by default.
@@ -63,8 +63,8 @@ def set_parameters(link, to, vehicle):
             value = WRONG[name]
             whole = isinstance(value, int)
             number = struct.unpack("<f", struct.pack("<i", value))[0] if whole else value
-            words = vehicle, 1, name.encode(), number, INT32 if whole else REAL32
-            link.sendto(mavlink.MAVLink_param_set_message(*words).pack(packer), to)
+            fields = vehicle, 1, name.encode(), number, INT32 if whole else REAL32
+            link.sendto(mavlink.MAVLink_param_set_message(*fields).pack(packer), to)
         with contextlib.suppress(TimeoutError):
             for _ in range(100):  # of other messages
                 for message in parser.parse_buffer(link.recv(65535)) or ():
@@ -73,21 +73,24 @@ def set_parameters(link, to, vehicle):
     return stored
 
 
-def cards_of(words, folder):
-    """Start `sitl` with these words, and look at its card before and after the wrong values."""
+def cards_of(arguments, folder):
+    """Start `sitl` with these arguments, and look at its card before and after the wrong values."""
     mission = hurry(folder / "versions")
     text = re.sub(r"(?m)^accepts: .*$", "", mission.read_text(encoding="utf-8"))
     mission.write_text(text, encoding="utf-8")
     with contextlib.ExitStack() as stack:
         link = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         link.bind(("127.0.0.1", 0))
-        if words[0] == "vehicle":
-            words = [*words, f"--gcs-to=127.0.0.1:{link.getsockname()[1]}"]
-            words += [f"--api-to=127.0.0.1:{free_port()}", f"--truth-to=127.0.0.1:{free_port()}"]
-        ready = stack.enter_context(started(folder, words[0], mission, *words[1:]))
+        if arguments[0] == "vehicle":
+            arguments = [*arguments, f"--gcs-to=127.0.0.1:{link.getsockname()[1]}"]
+            arguments += [
+                f"--api-to=127.0.0.1:{free_port()}",
+                f"--truth-to=127.0.0.1:{free_port()}",
+            ]
+        ready = stack.enter_context(started(folder, arguments[0], mission, *arguments[1:]))
         port = ready["mavlink"].rpartition(":")[2]
         system = ready["system_id"]
-        seen_from = words[0] == "vehicle"
+        seen_from = arguments[0] == "vehicle"
         to = link.recvfrom(65535)[1] if seen_from else ("127.0.0.1", 18570 + system - 1)
 
         def card():
@@ -115,7 +118,7 @@ def cards(request, tmp_path_factory):
     return cards_of(["px4", *named_by(which)], folder)
 
 
-def test_every_parameter_is_told(cards):
+def test_every_parameter_is_reported(cards):
     assert cards.before["vehicle"]["verdict"] == "ok"
     assert int(cards.before["parameters"]["found"].split()[0]) > 0
     assert not [line for line in cards.before.values() if "not reported" in line["found"]]

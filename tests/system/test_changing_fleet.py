@@ -1,4 +1,4 @@
-"""A fleet that is not as its team file says: a roll-out under way, a robot that runs twice."""
+"""A fleet that is not as in its team file: a roll-out under way, a robot that runs twice."""
 
 import contextlib
 import logging

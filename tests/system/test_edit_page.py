@@ -146,7 +146,7 @@ def open_page(browser, command):
         yield open_
     for page in pages:
         assert page.faults == []
-        assert page.strangers(page.address) == [], "the page asks other machines"
+        assert page.strangers(page.address) == [], "the page sends requests to other machines"
 
 
 def expect_tiles(page):
@@ -219,7 +219,7 @@ def test_a_place_stays_in_the_hand_while_answers_to_the_drag_before_still_come(m
     mouse.move(start[0] + 30, start[1] + 9)
     page.page.wait_for_function("() => kept.length > 0")
     mouse.move(*start)
-    evaluate("deliver()")  # what was said of the place before
+    evaluate("deliver()")  # what was sent of the place before
     mouse.up()
     evaluate("held = false; deliver()")
     page.page.wait_for_function("() => sent === answered")
@@ -315,7 +315,7 @@ def test_what_is_done_to_places_and_zones_is_saved_each_in_its_lines(mission, op
     assert longitudes_deg == sorted(longitudes_deg)
 
 
-def test_a_page_that_was_told_every_change_looks_like_one_opened_now(mission, open_page):
+def test_a_page_that_received_every_change_looks_like_one_opened_now(mission, open_page):
     page = open_page(mission)
     keyboard, mouse = page.page.keyboard, page.page.mouse
     page.zone("zone 5").click()
@@ -348,9 +348,9 @@ def test_a_page_that_was_told_every_change_looks_like_one_opened_now(mission, op
         each.page.wait_for_timeout(500)
         return each.page.evaluate(LOOKS, DRAWN)
 
-    told, opened = looks(page), looks(open_page(mission))
-    assert len(told) == len(opened) > 100
-    for what, box in told:
+    updated, opened = looks(page), looks(open_page(mission))
+    assert len(updated) == len(opened) > 100
+    for what, box in updated:
         same = [other for name, other in opened if name == what]
         assert any(box == pytest.approx(other, abs=2) for other in same), what
 
@@ -405,7 +405,7 @@ def test_waypoints_are_reordered_in_the_list_by_keys_and_buttons_and_reversed(
 
 
 @pytest.mark.parametrize("locale", ["en-US", "de-DE", "ar-EG"])
-def test_a_number_is_what_was_written_or_the_person_is_asked_again(mission, open_page, locale):
+def test_a_number_is_what_was_written_or_the_user_is_prompted_again(mission, open_page, locale):
     page = open_page(mission, locale=locale)
     page.page.locator("details:has(#numbers) summary").click()
     field = page.page.get_by_label("Altitude above home, m")
@@ -465,7 +465,7 @@ def test_a_route_between_two_waypoints_is_shown_over_tiles(mission, open_page):
     page.page.wait_for_function(ENLARGE, polling=50)  # more than any tile
 
 
-def test_a_change_on_the_disk_is_told_and_a_lost_program_too(mission, open_page):
+def test_a_change_on_the_disk_is_shown_and_a_lost_program_too(mission, open_page):
     page = open_page(mission, "--host", "127.0.0.1")
     mission.write_text(mission.read_text().replace("name: zone 3", "name: hall"))
     page.page.get_by_role("button", name="Load the file").click()
@@ -477,7 +477,7 @@ def test_a_change_on_the_disk_is_told_and_a_lost_program_too(mission, open_page)
     assert code == 0
     expect(gone).to_be_visible()
     page.page.context.close()
-    page.faults.clear()  # that no server answers is said on the console as well
+    page.faults.clear()  # that no server answers is logged on the console as well
 
 
 def test_the_page_is_readable_on_a_phone(mission, open_page):

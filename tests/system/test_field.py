@@ -4,8 +4,8 @@ To explore all 1,720 of the paper, else a fourth of them.
 
 Four nodes over real sockets, every link through a relay (`weather.py`). All write all the time.
 In the end the links are whole, and all must hold the newest message of every topic of every robot,
-and all messages of the topics that keep a history. Every message says
-by a digest what it is: it is checked whenever one is stored, on every node.
+and all messages of the topics that keep a history. Every message has
+a digest of its content: it is checked whenever one is stored, on every node.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class RobotClock:
 
 
 def sealed(robot: str, topic: str, number: int, size: int) -> bytes:
-    """A message that says what it is; half of it can be compressed."""
+    """A message with a digest of its content; half of it can be compressed."""
     filling = random.Random(f"{robot} {topic} {number}").randbytes(size // 2)
     text = f"{robot} {topic} {number} ".encode() + filling + bytes(size - size // 2)
     return hashlib.sha256(text).digest()[:DIGEST_BYTES] + text
@@ -147,7 +147,7 @@ class Robot:
         if isinstance(event, MessageStored):
             try:
                 self._check(event)
-            except Exception as error:  # noqa: BLE001 - told at the end, whatever it is
+            except Exception as error:  # noqa: BLE001 - reported at the end, whatever it is
                 self.wrong.append(f"{event}: {error!r}")
         elif isinstance(event, SyncEnded | SyncTimedOut) and event.direction is Direction.IN:
             self._ends[event.peer].put(event)
@@ -230,9 +230,9 @@ class FieldTest:
             if rng.random() < 0.4:
                 self.robots[name].write(rng)
         ways = ((a, b), (b, a))
-        for index, (asker, asked) in enumerate(ways):
+        for index, (puller, server) in enumerate(ways):
             weather = Weather.of(SEED, 2 * number + index)
-            self.passages.append(self._air.begin(asker, asked, weather))
+            self.passages.append(self._air.begin(puller, server, weather))
         pulls = [threading.Thread(target=self._pull, args=way) for way in ways]
         for pull in pulls:
             pull.start()
@@ -241,9 +241,9 @@ class FieldTest:
         for pull in pulls:
             pull.join()
 
-    def _pull(self, asker: str, asked: str) -> None:
+    def _pull(self, puller: str, server: str) -> None:
         try:
-            self.ends.append(self.robots[asker].pull(asked))
+            self.ends.append(self.robots[puller].pull(server))
         except BaseException as error:  # noqa: BLE001 - the same
             self._failures.append(error)
 
@@ -255,10 +255,10 @@ class FieldTest:
         for robot in self.robots.values():
             robot.node.flush("/found")
         there = list(itertools.pairwise(NAMES))
-        for asked, asker in there + [(b, a) for a, b in reversed(there)]:
-            self._air.begin(asker, asked, Weather())
+        for server, puller in there + [(b, a) for a, b in reversed(there)]:
+            self._air.begin(puller, server, Weather())
             for _ in range(TRIES):  # the machine may be busy: a pause is no reason to fail
-                end = self.robots[asker].pull(asked)
+                end = self.robots[puller].pull(server)
                 if isinstance(end, SyncEnded):
                     break
             assert isinstance(end, SyncEnded)
@@ -302,7 +302,7 @@ def test_the_field_test(caplog, tmp_path, interactions, locked):
     assert left_over() == before
     assert [robot.wrong for robot in field.robots.values()] == [[]] * len(NAMES)
     assert [each for each in caplog.records if each.levelno >= logging.ERROR] == []
-    # And it was what it says.
+    # And the weather was as bad as intended.
     assert len(field.ends) == len(field.passages) == interactions
     assert sum(each.interrupted for each in field.passages) >= interactions / 3
     assert sum(each.flipped > 0 for each in field.passages) >= interactions / 10

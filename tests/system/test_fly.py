@@ -75,7 +75,7 @@ def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):
     code, out = flight.finish()
     assert code == 130
     assert json.loads(out)["outcome"] == "interrupted"
-    assert "the vehicle holds" in flight.said
+    assert "the vehicle holds" in flight.printed
     watcher = Watcher(udp_port)
     try:
         for _ in range(3):
@@ -133,9 +133,9 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
     )
     os.close(slave)
     with flight, ControlClient(endpoint, timeout_s=30) as uav:
-        said = b""
-        while b"waiting for the pilot" not in said:
-            said += os.read(master, 65536)
+        printed = b""
+        while b"waiting for the pilot" not in printed:
+            printed += os.read(master, 65536)
         os.close(master)  # the connection to the vehicle's computer is lost
         assert uav.status()["state"] == "READY"
         assert uav.home().accepted
@@ -145,9 +145,9 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
 
 def test_arm_wants_a_confirmation(answered, udp_port, short_mission):
     link = f"--connect=udpin://127.0.0.1:{udp_port}"
-    code, out, said = answered("fly", short_mission, link, "--arm")
+    code, out, err = answered("fly", short_mission, link, "--arm")
     assert (code, out) == (5, "")
-    assert "not confirmed" in said
+    assert "not confirmed" in err
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -156,10 +156,10 @@ def test_a_port_in_use_is_one_clear_error(answered, udp_port, short_mission, sha
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, shared)
         other.bind(("127.0.0.1", udp_port))
-        code, out, said = answered("fly", short_mission, link, "--arm", "--yes")
+        code, out, err = answered("fly", short_mission, link, "--arm", "--yes")
     assert (code, out) == (4, "")
-    assert said.count("\n") == 1
-    assert "is another program using it?" in said
+    assert err.count("\n") == 1
+    assert "is another program using it?" in err
 
 
 def test_a_gossip_port_in_use_is_refused_before_anything_is_uploaded(
@@ -171,7 +171,7 @@ def test_a_gossip_port_in_use_is_refused_before_anything_is_uploaded(
     with socket.socket() as other:
         other.bind((titan.listen, titan.base_port))
         other.listen()
-        code, out, said = answered("fly", short_mission, link, "--arm", "--yes")
+        code, out, err = answered("fly", short_mission, link, "--arm", "--yes")
     assert (code, out) == (5, "")
-    assert str(titan.base_port) in said
-    assert "on board" not in said
+    assert str(titan.base_port) in err
+    assert "on board" not in err

@@ -47,7 +47,7 @@ def flawed_zones():
 
 
 @pytest.mark.parametrize(
-    ("flaw", "said"),
+    ("flaw", "message"),
     [
         (lambda text, _: text.replace(CORNER, "1e308"), "not-on-earth"),
         (lambda text, _: text.replace(CORNER, "9" * 400), "wrong-value"),
@@ -56,18 +56,18 @@ def flawed_zones():
     ],
     ids=["1e308", "400 digits", "deep", "thousands of problems"],
 )
-def test_whatever_a_file_holds_it_costs_a_screen_of_errors(answered, short_mission, flaw, said):
+def test_whatever_a_file_holds_it_costs_a_screen_of_errors(answered, short_mission, flaw, message):
     text = short_mission.read_text(encoding="utf-8")
     short_mission.write_text(flaw(text, short_mission.parent), encoding="utf-8")
     code, _, err = answered("check", short_mission)
     assert code == 3, err[-500:]
-    assert said in err
+    assert message in err
     assert len(err) < 5_000
 
 
 @pytest.fixture(scope="module")
 def edit_page(shared_command, shared_mission):
-    """The port of a page that asks for a token, of a process that may open 200 files."""
+    """The port of a page that requires a token, of a process that may open 200 files."""
     page = shared_command(
         *("air-router", "edit", shared_mission, "--no-open", "--port=0", "--host=0.0.0.0")
     )
@@ -78,10 +78,10 @@ def edit_page(shared_command, shared_mission):
 
 def status_of(port, cookie=b"", at="127.0.0.1"):
     """What the page answers to a request."""
-    with socket.create_connection(("127.0.0.1", port), 10, source_address=(at, 0)) as asking:
-        asking.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n" % port)
-        asking.sendall(b"Cookie: air_router_%d=%b\r\n\r\n" % (port, cookie))
-        return asking.recv(4096).split()[1]
+    with socket.create_connection(("127.0.0.1", port), 10, source_address=(at, 0)) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n" % port)
+        client.sendall(b"Cookie: air_router_%d=%b\r\n\r\n" % (port, cookie))
+        return client.recv(4096).split()[1]
 
 
 def test_a_cookie_that_is_no_text_is_no_fault_of_the_server(edit_page):
@@ -101,14 +101,14 @@ def test_connections_that_are_left_open_cost_the_others_nothing(edit_page):
 
 def answer_to_a_page(port, request, limit_s=5.0):
     """What a web page that posts a request to that port gets to read."""
-    heard = b""
+    received = b""
     with socket.create_connection(("127.0.0.1", port)) as page:
         page.settimeout(limit_s)
         page.sendall(post(port, request))
         with contextlib.suppress(OSError):
-            while b"{" not in heard and (piece := page.recv(4096)):
-                heard += piece
-    return heard
+            while b"{" not in received and (piece := page.recv(4096)):
+                received += piece
+    return received
 
 
 @pytest.fixture
@@ -134,7 +134,7 @@ def test_what_is_installed_is_checked_and_what_is_shipped_is_listed():
     assert "sbom" in (UNDER_TEST / "Makefile").read_text(encoding="utf-8")
 
 
-def test_a_web_page_asks_a_node_for_nothing(node):
+def test_a_web_page_gets_no_answer_of_a_node(node):
     port = free_port(socket.SOCK_STREAM)
     node(f"--serve=tcp://127.0.0.1:{port}")
     assert b"{" not in answer_to_a_page(port, b'{"request":"team","id":1}')
@@ -175,23 +175,23 @@ def test_a_port_of_px4_that_is_taken_is_one_error_and_no_departure(answered, tmp
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         with contextlib.suppress(OSError):  # another program has it
             station.bind(("127.0.0.1", 14550))
-        code, out, said = answered("conform", "arm-twice", "--px4", tmp_path, of="sitl")
+        code, out, err = answered("conform", "arm-twice", "--px4", tmp_path, of="sitl")
     assert (code, out) == (4, "")
-    assert said.count("\n") == 1
-    assert "cannot listen on UDP port 14550" in said
+    assert err.count("\n") == 1
+    assert "cannot listen on UDP port 14550" in err
 
 
-def test_a_reload_before_the_vehicle_is_heard_waits_for_it(command, tmp_path):
+def test_a_reload_before_the_vehicle_is_received_waits_for_it(command, tmp_path):
     with Operated(command, tmp_path) as flight:
         flight.type("reload")
         flight.program.wait_for("not reloaded")
         draw_zone(flight.mission)
         flight.type("reload")
         code, _ = flight.program.finish()
-    assert "zones changed: 'drawn' is new" in flight.program.said
-    assert "nothing received within 5 s" in flight.program.said
+    assert "zones changed: 'drawn' is new" in flight.program.printed
+    assert "nothing received within 5 s" in flight.program.printed
     assert code == 4
-    assert "Traceback" not in flight.program.said
+    assert "Traceback" not in flight.program.printed
 
 
 @pytest.fixture(scope="class")
@@ -215,13 +215,13 @@ class TestBeforeItsPilotFlies:
         flight.relay.weather = Weather()
         flight.relay.station().say("MISSION_REQUEST_LIST", mission_type=1)
 
-        def told():
+        def counts():
             return [m.fields["count"] for m in flight.passed("MISSION_COUNT") if m.target == 255]
 
-        assert wait_until(told, LIMIT_S)
-        assert told() == [first.fields["count"] + 1]
+        assert wait_until(counts, LIMIT_S)
+        assert counts() == [first.fields["count"] + 1]
 
-    def test_a_web_page_asks_a_flight_for_nothing(self, ready):
+    def test_a_web_page_gets_no_answer_of_a_flight(self, ready):
         flight, control = ready
         flight.program.wait_for("waiting for the pilot")
         assert b"{" not in answer_to_a_page(control, b'{"request":"status","id":1}')
@@ -242,7 +242,7 @@ class TestBeforeItsPilotFlies:
 LATE_MODE = Weather(streams={"HEARTBEAT": StreamFault.LATE}, late_s=1.0)
 
 
-def test_whoever_disarms_right_after_the_arming_has_the_last_word(command, tmp_path):
+def test_a_disarming_right_after_the_arming_is_not_overridden(command, tmp_path):
     with Operated(command, tmp_path, "--arm", "--yes", speed=5, weather=LATE_MODE) as flight:
         flight.wait_for("COMMAND_ACK", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
         flight.relay.station().disarm(forced=False)
@@ -264,7 +264,7 @@ def test_a_mode_that_the_pilot_chose_right_after_the_arming_is_not_taken_back(co
 
 @contextlib.contextmanager
 def flying(start, folder):
-    """A flight that climbs, and who asks it for something."""
+    """A flight that climbs, and a client of its control endpoint."""
     control = f"ipc://{folder}/control"
     options = "--arm", "--yes", f"--control={control}"
     with (
@@ -290,7 +290,7 @@ def test_a_hold_does_not_wait_for_a_go_to_that_was_lost(flown):
     assert uav.goto([(39.9423, -75.1999)]).accepted
     lost = flight.wait_for("COMMAND_INT", command=mavlink.MAV_CMD_DO_REPOSITION)[-1]
     flight.relay.weather = Weather()
-    before, asked_s = len(flight.relay.recording.messages), time.monotonic()
+    before, requested_s = len(flight.relay.recording.messages), time.monotonic()
     assert uav.hold().accepted
 
     def holds():
@@ -302,26 +302,26 @@ def test_a_hold_does_not_wait_for_a_go_to_that_was_lost(flown):
         )
 
     assert wait_until(holds, LIMIT_S)
-    assert time.monotonic() - asked_s < 1.5  # 0.1 s, but for a busy machine
+    assert time.monotonic() - requested_s < 1.5  # 0.1 s, but for a busy machine
 
 
-def refusals(said):
+def refusals(printed):
     """How many there were; an older program does not know `resume upload`."""
-    return said.count(": refused: ") + said.count("'resume' stands alone")
+    return printed.count(": refused: ") + printed.count("'resume' stands alone")
 
 
 def take_it_back(flight, uav):
-    """What an operator can ask for after a takeover; one of it leads on."""
+    """What an operator can request after a takeover; one of it leads on."""
     assert wait_until(lambda: not uav.status()["in_charge"], LIMIT_S)
     flight.relay.station().choose(FlightMode.AUTO_LOITER)
     assert wait_until(lambda: uav.status()["mode"] == "Hold", LIMIT_S)
-    for words in ("resume", "resume upload", "home"):
+    for line in ("resume", "resume upload", "home"):
         flight.program.read()
-        before = refusals(flight.program.said)
-        flight.type(words)
+        before = refusals(flight.program.printed)
+        flight.type(line)
         flight.program.wait_until(
-            lambda said, before=before: refusals(said) > before or uav.status()["in_charge"],
-            f"what becomes of {words}",
+            lambda printed, before=before: refusals(printed) > before or uav.status()["in_charge"],
+            f"what becomes of {line}",
         )
         if uav.status()["in_charge"]:
             return True
@@ -331,7 +331,7 @@ def take_it_back(flight, uav):
 def test_a_flight_whose_fence_a_station_deleted_can_be_gone_on_with(flown):
     flight, uav = flown
     flight.relay.station().say("MISSION_CLEAR_ALL", mission_type=1)
-    assert take_it_back(flight, uav), flight.program.said
+    assert take_it_back(flight, uav), flight.program.printed
 
 
 def test_a_flight_that_was_taken_lower_can_be_gone_on_with(flown):
@@ -345,18 +345,18 @@ def test_a_flight_that_was_taken_lower_can_be_gone_on_with(flown):
             station.choose(FlightMode.AUTO_LAND)
         return seen.above_m < high_m - 6.0
 
-    assert wait_until(is_lower, LIMIT_S), flight.program.said
-    assert take_it_back(flight, uav), flight.program.said
+    assert wait_until(is_lower, LIMIT_S), flight.program.printed
+    assert take_it_back(flight, uav), flight.program.printed
 
 
-def test_home_without_positions_says_what_it_waits_for(flown):
+def test_home_without_positions_announces_what_it_waits_for(flown):
     flight, uav = flown
     flight.relay.weather = Weather(streams=dict.fromkeys(POSITIONS, StreamFault.LOST))
     seen = flight.relay.recording
     before, since_s = len(seen.messages), seen.time_s
 
     def noticed():
-        """It comes home by itself after 30 s; what did not notice at all may be asked after 12."""
+        """It comes home by itself after 30 s; unnoticed, it gets the request after 12."""
         texts = [m.fields["text"] for m in seen.messages[before:] if m.name == "STATUSTEXT"]
         return (
             any("position not received" in text for text in texts) or seen.time_s > since_s + 12.0

@@ -37,7 +37,7 @@ SOCKET = """(url) => new Promise((done) => {
 
 
 class Answerer:
-    """A web server that says the same to all; `heads` is what browsers began with."""
+    """A web server that sends the same to all; `heads` is what browsers began with."""
 
     def __init__(self):
         self.heads = []
@@ -65,7 +65,7 @@ class Answerer:
 
 
 def visit_a_bad_page(browser, control, live):
-    """A page that the operator has open beside ours asks the flight to come home."""
+    """A page that the operator has open beside ours requests the flight to come home."""
     with contextlib.closing(Answerer()) as site, contextlib.closing(Answerer()) as other:
         page = browser.new_page()
         page.goto(f"http://127.0.0.1:{site.port}/")
@@ -108,7 +108,7 @@ def pretend_to_be_the_vehicle(port):
 
 
 def go_mad(team):
-    """A robot of the team says nonsense, each piece until the UAV has fetched it."""
+    """A robot of the team publishes nonsense, each piece until the UAV has fetched it."""
     fetched = threading.Semaphore(0)
 
     def look(event):
@@ -126,7 +126,7 @@ def go_mad(team):
     ]
     radio = ManualRadio()
     (host, _, port) = team.robot("titan").radio.removeprefix("udp://").rpartition(":")
-    heard = json.dumps({"peer": "io", "rssi_dbm": -40.0}).encode()
+    report = json.dumps({"peer": "io", "rssi_dbm": -40.0}).encode()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reader:
         for text in nonsense:  # a node of its own for each, since what is pushed ends no sync
             with Node(team, "io", radio=radio) as node:
@@ -135,11 +135,11 @@ def go_mad(team):
                     node.publish(topic.name, text.encode(), now=True)
                 for _ in range(240):
                     radio.report("titan", -40.0)
-                    reader.sendto(heard, (host, int(port)))
+                    reader.sendto(report, (host, int(port)))
                     if fetched.acquire(timeout=0.5):
                         break
                 else:
-                    pytest.fail("the UAV did not fetch what the mad robot says")
+                    pytest.fail("the UAV did not fetch what the mad robot publishes")
 
 
 def without_relays(path):
@@ -159,7 +159,7 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
         *(f"--connect=udpin://127.0.0.1:{udp_port}", "--web", "0", "--control", control),
     )
     flight.wait_for("INIT -> ")
-    (shown,) = re.findall(rf"{SHOWN_AT}(\S+)", flight.said)
+    (shown,) = re.findall(rf"{SHOWN_AT}(\S+)", flight.printed)
     endpoint = f"tcp://127.0.0.1:{control}"
     for intrude in (
         lambda: visit_a_bad_page(browser, control, PageAddress.of(shown)),
@@ -169,8 +169,8 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
     ):
         intrude()
         flight.read()
-        assert ": accepted: " not in flight.said
-        assert flight.process.poll() is None, flight.said[-3000:]
+        assert ": accepted: " not in flight.printed
+        assert flight.process.poll() is None, flight.printed[-3000:]
     with ControlClient(endpoint, by="the operator", timeout_s=60) as uav:
         now = uav.status()
         assert now["in_charge"]
@@ -191,11 +191,11 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
     assert (refused.accepted, refused.code) == (False, "outside-fence")
     code, out = flight.finish()
     report = json.loads(out)
-    assert (code, report["outcome"]) == (0, "done"), flight.said[-3000:]
+    assert (code, report["outcome"]) == (0, "done"), flight.printed[-3000:]
     assert {"INIT", "GOTO", "EXPL", "HOME"} <= set(report["states_visited"])
-    assert flight.said.count("the operator: accepted: ") == 2, flight.said[-3000:]
-    assert flight.said.count(": accepted: ") == 2, flight.said[-3000:]
-    assert "the operator: refused: the point lies outside the fence" in flight.said
-    assert "which is not the vehicle's address" in flight.said
+    assert flight.printed.count("the operator: accepted: ") == 2, flight.printed[-3000:]
+    assert flight.printed.count(": accepted: ") == 2, flight.printed[-3000:]
+    assert "the operator: refused: the point lies outside the fence" in flight.printed
+    assert "which is not the vehicle's address" in flight.printed
     assert report["closest_approach_m"] >= 5.0
-    assert "Traceback" not in flight.said
+    assert "Traceback" not in flight.printed

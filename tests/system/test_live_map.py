@@ -139,7 +139,7 @@ def test_names_come_and_go_with_the_room_for_them(named):
     page.keyboard.press("f")
 
 
-def test_a_button_that_would_be_refused_says_why_and_asks_for_nothing(browser):
+def test_a_button_that_would_be_refused_has_its_reason_and_requests_nothing(browser):
     flight = Aloft(load_mission(PENNOVATION))
     with looking(browser, flight, viewport=viewport(SIZES[0])) as looker:
         page = looker.page
@@ -163,14 +163,14 @@ def test_a_button_that_would_be_refused_says_why_and_asks_for_nothing(browser):
             expect(button(verb)).to_be_enabled()
         expect(page.locator("#robots button")).to_be_enabled()
         assert page.evaluate(CROWDED) == []
-        looker.ask(button("hold").click)
+        looker.request(button("hold").click)
         expect(button("resume")).to_be_enabled()
         assert button("resume").get_attribute("title") == ""
         expect(button("altitude")).to_be_disabled()
         late = (
             "sockets.at(-1).send(JSON.stringify({ request: 'altitude', altitude_m: 50, id: 99 }))"
         )
-        answer = looker.ask(lambda: page.evaluate(late))  # it was on its way before
+        answer = looker.request(lambda: page.evaluate(late))  # it was on its way before
         assert f"refused: {reasons['altitude']}" in answer
 
 

@@ -122,17 +122,17 @@ class Original:
     def publish_all(self):
         """A message of each topic; their data."""
         return {
-            topic: base64.b64decode(self.ask("publish", topic, kind, size))
+            topic: base64.b64decode(self.call("publish", topic, kind, size))
             for topic, (kind, size, _) in TOPICS.items()
         }
 
     def holds(self, robot_id, data):
         """Wait until it has that much of a robot; whether it is just that."""
-        got = self.ask("database", robot_id, len(data))
+        got = self.call("database", robot_id, len(data))
         found = [lz4.frame.decompress(base64.b64decode(each)) for each in got.values()]
         return sorted(found) == sorted(data.values())
 
-    def ask(self, name, *arguments):
+    def call(self, name, *arguments):
         self._robot.stdin.write(json.dumps([name, arguments]) + "\n")
         self._robot.stdin.flush()
         return json.loads(self._robot.stdout.readline())
@@ -241,7 +241,7 @@ class Field:
 
     def original(self, name):
         started = Original(self._stack, self.folder, name)
-        assert started.ask("ready", "boreas")
+        assert started.call("ready", "boreas")
         return started
 
     def node(self):
@@ -288,7 +288,7 @@ def test_types_priorities_and_a_mule_that_is_restarted_among_wrong_bytes(live):
         assert live.ares.holds(ARES, sent)
         assert len(sent["/map"]) > 300_000
         pulled(node, saw, "ares", sent)
-        assert live.ceres.ask("pull")
+        assert live.ceres.call("pull")
         assert live.ceres.holds(ARES, sent)
     node, saw = live.node()  # of its file
     with node:
@@ -298,12 +298,12 @@ def test_types_priorities_and_a_mule_that_is_restarted_among_wrong_bytes(live):
         assert live.ceres.holds(CERES, back)
         pulled(node, saw, "ceres", back)
         ours = {
-            topic: base64.b64decode(live.ares.ask("make", kind, size))
+            topic: base64.b64decode(live.ares.call("make", kind, size))
             for topic, (kind, size, _) in TOPICS.items()
         }
         for topic, data in ours.items():
             node.publish(topic, data)
-        assert live.ares.ask("pull")
+        assert live.ares.call("pull")
         assert live.ares.holds(CERES, back)
         assert live.ares.holds(BOREAS, ours)
         while node.links()["ares"].refused < 200:  # counted once a second
@@ -335,7 +335,7 @@ def test_an_original_is_killed_while_we_pull_from_it(live):
         again = ares.publish_all()
         assert ares.holds(ARES, again)
         pulled(node, saw, "ares", again, late=["/map"])
-        assert ares.ask("pull")
+        assert ares.call("pull")
         assert ares.holds(CERES, back)
 
 
@@ -345,19 +345,19 @@ def test_an_original_is_killed_while_it_pulls_from_us(live):
     node, _ = live.node()
     with node:
         ours = {
-            topic: base64.b64decode(live.ares.ask("make", kind, size))
+            topic: base64.b64decode(live.ares.call("make", kind, size))
             for topic, (kind, size, _) in TOPICS.items()
         }
         for topic, data in ours.items():
             node.publish(topic, data)
         live.from_ares.limit = HELD_BYTES
-        live.ares.ask("trigger")
+        live.ares.call("trigger")
         assert live.from_ares.held.wait(60)
         live.ares.kill()
         live.from_ares.cut()
-        assert live.ceres.ask("pull")
+        assert live.ceres.call("pull")
         assert live.ceres.holds(BOREAS, ours)
         ares = live.original("ares")
-        assert ares.ask("pull")
+        assert ares.call("pull")
         assert ares.holds(BOREAS, ours)
         assert node.links()["ceres"].timeouts == 0

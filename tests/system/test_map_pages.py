@@ -44,7 +44,7 @@ class Refusing:
     """Refuses every request to a flight that is only watched."""
 
     def execute(self, command, by):
-        raise RequestError(f"{by} asks for {type(command).__name__}")
+        raise RequestError(f"{by} requests {type(command).__name__}")
 
 
 def viewport(size):
@@ -65,7 +65,7 @@ def record(mission):
     entries = [RecordEntry(0.0, "setup", FlightSetup(mission, ("io", "callisto")))]
     for t in np.arange(0.0, END_S + 1.0):
         place = Point(60 * float(np.cos(t / 20)), 60 * float(np.sin(t / 20)))
-        told = Telemetry(
+        telemetry = Telemetry(
             float(t),
             place,
             40.0,
@@ -78,7 +78,7 @@ def record(mission):
             voltage_v=15.8,
             satellites=14,
         )
-        entries.append(RecordEntry(float(t), "event", told))
+        entries.append(RecordEntry(float(t), "event", telemetry))
         if t % 10 == 0:
             unit = Unit.DEVICE if t > 200 else Unit.DBM
             metrics = LinkMetrics(
@@ -234,12 +234,12 @@ def test_a_recorded_flight_that_goes_back_forgets_what_came_later(replayed):
     go(replayed, 10)
     page.wait_for_function("() => !document.getElementById('robots').textContent.includes('map')")
     assert "no position received" in robots.inner_text()
-    words = page.locator("#vehicle").inner_text().split()
-    assert words[words.index("heading") + 1] == "90°"
-    assert {"14", "15.8"} <= set(words)
+    texts = page.locator("#vehicle").inner_text().split()
+    assert texts[texts.index("heading") + 1] == "90°"
+    assert {"14", "15.8"} <= set(texts)
 
 
-def test_the_timeline_says_what_was_and_takes_the_film_there(replayed):
+def test_the_timeline_shows_what_was_and_takes_the_film_there(replayed):
     page = replayed.page
     page.set_viewport_size({"width": 1280, "height": 720})
     go(replayed, 10)
@@ -272,12 +272,12 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
     assert seen[0] != seen[1]
 
 
-def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
+def test_a_circle_is_round_and_buttons_have_the_reason_why_they_are_of_no_use(browser, record):
     film = RecordedFlight(record)
     page = LivePage(film.status, film.router, Refusing(), mapper=film.mapper)
-    told = page.scene.vehicle
+    shown = page.scene.vehicle
     page.scene.vehicle = lambda status: {
-        **told(status),
+        **shown(status),
         "state": "HOLD",
         "altitude_m": 40.2,
         "refused": {},
@@ -289,7 +289,7 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
         fence.wait_for()
         assert fence.get_attribute("d").count("L") > 40
         hold.click()
-        looker.shows("#hint", "asks for")
+        looker.shows("#hint", "requests")
         assert looker.page.evaluate(HIDDEN, ["#hint", "#verbs"]) == []
         looker.page.locator('[data-verb="altitude"]').click()
         metres = looker.page.locator("dialog input")
@@ -298,7 +298,7 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
         metres.press("Enter")  # higher than the mission allows
         metres.fill("55")
         metres.press("Enter")
-        looker.shows("#hint", "asks for Altitude")
+        looker.shows("#hint", "requests Altitude")
         end()
         looker.page.locator('[data-verb="hold"]:disabled').wait_for()
         assert hold.get_attribute("title") == "no connection to the flight"
@@ -340,7 +340,7 @@ def test_a_round_fence_becomes_a_polygon_and_settings_are_set_on_a_phone(browser
 def test_a_page_of_which_a_part_did_not_arrive_is_loaded_again(
     browser, record, tmp_path, name, part
 ):
-    """The browser gives up what it loads when the network changes; it asks for nothing again."""
+    """The browser gives up what it loads when the network changes; it requests nothing again."""
     shown = flight(record) if name == "live" else editor(tmp_path)
     with served(shown) as (address, _), contextlib.closing(browser.new_page()) as page:
         page.route(f"**/{part}", lambda route: route.abort("failed"), times=1)

@@ -29,19 +29,19 @@ def routed(port):
 
 
 def flown(folder, mission, port, system):
-    """Exit code and report of a short flight, and what it said."""
-    words = "fly", mission, f"--connect=udpin://127.0.0.1:{port}", f"--sysid={system}", "--arm"
-    code, out, said = answer(folder, *words, "--yes", "--duration=40", "--json", "--no-record")
-    return code, json.loads(out), said
+    """Exit code and report of a short flight, and what it printed."""
+    arguments = "fly", mission, f"--connect=udpin://127.0.0.1:{port}", f"--sysid={system}", "--arm"
+    code, out, err = answer(folder, *arguments, "--yes", "--duration=40", "--json", "--no-record")
+    return code, json.loads(out), err
 
 
 def test_a_simulated_vehicle_flies_behind_it(tmp_path, short_mission):
     port = free_port()
     links = f"--api-to=127.0.0.1:{port}", f"--truth-to=127.0.0.1:{free_port()}", "--no-gcs"
     with routed(port) as to, simulated_vehicle(short_mission, "--speed=10", *links):
-        code, report, said = flown(tmp_path, short_mission, to, 1)
-    assert (code, report["outcome"]) == (0, "done"), said
-    assert report["closest_approach_m"] >= report["clearance_m"], said
+        code, report, err = flown(tmp_path, short_mission, to, 1)
+    assert (code, report["outcome"]) == (0, "done"), err
+    assert report["closest_approach_m"] >= report["clearance_m"], err
 
 
 @pytest.mark.timeout(600)
@@ -52,6 +52,6 @@ def test_a_real_px4_flies_behind_it(place, tmp_path, short_mission):
         started(tmp_path, "px4", short_mission, "--speed=3", *named_by(place)) as ready,
         routed(ready["mavlink"].rpartition(":")[2]) as to,
     ):
-        code, report, said = flown(tmp_path, short_mission, to, ready["system_id"])
-    assert (code, report["outcome"]) == (0, "done"), said
-    assert report["closest_approach_m"] >= report["clearance_m"], said
+        code, report, err = flown(tmp_path, short_mission, to, ready["system_id"])
+    assert (code, report["outcome"]) == (0, "done"), err
+    assert report["closest_approach_m"] >= report["clearance_m"], err

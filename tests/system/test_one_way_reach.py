@@ -12,7 +12,7 @@ from tests.mocha_link.conftest import Witness, field, noise  # noqa: F401 - a fi
 @pytest.mark.parametrize("datagrams", [True, False])
 @pytest.mark.parametrize("dialler", ["io", "titan"])
 def test_both_get_all_though_one_cannot_dial_the_other(field, dialler, datagrams):  # noqa: F811
-    """The dialled port of the other one is another process's, which says nothing."""
+    """The dialled port of the other one is another process's, which sends nothing."""
     deaf = "titan" if dialler == "io" else "io"
     host, port = field.host, field.team.robot(dialler).port_for(deaf)
     unreachable = field.team.with_robots({dialler: {"address": "127.255.255.254"}})

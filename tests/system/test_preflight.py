@@ -23,8 +23,8 @@ def preflight(answered, udp_port, short_mission):
 
 def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
     vehicle()
-    code, out, said = preflight("--json", f"--log-dir={tmp_path}")
-    assert code == 0, (out, said)
+    code, out, err = preflight("--json", f"--log-dir={tmp_path}")
+    assert code == 0, (out, err)
     card = json.loads(out)
     lines = {check["name"]: check for check in card["checks"]}
     assert card["ready"]
@@ -38,7 +38,7 @@ def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
     assert int(lines["parameters"]["found"].split()[0]) >= 12
 
 
-def test_a_node_is_told_from_what_takes_any_connection_and_looking_changes_nothing(
+def test_a_node_is_distinguished_from_what_takes_any_connection_and_looking_changes_nothing(
     vehicle, preflight, short_mission
 ):
     vehicle()

@@ -66,12 +66,12 @@ class Log:
 
     def __init__(self, vehicle):
         self.events = []
-        self._news = asyncio.Event()
+        self._updated = asyncio.Event()
         vehicle.subscribe(self._on_event)
 
     def _on_event(self, event):
         self.events.append(event)
-        self._news.set()
+        self._updated.set()
 
     @property
     def telemetry(self):
@@ -79,8 +79,8 @@ class Log:
 
     async def until(self, condition):
         while not condition():
-            self._news.clear()
-            await self._news.wait()
+            self._updated.clear()
+            await self._updated.wait()
 
 
 @pytest.mark.usefixtures("vehicle")
@@ -137,7 +137,7 @@ def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it_took_off(
+def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_gets_the_takeoff_time(
     mission, udp_port, monkeypatch
 ):
     plan = FlightPlan.of(mission)
@@ -178,12 +178,12 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
         return took_off_s
 
     async def come_later(vehicle):
-        heard = vehicle.telemetry._on_flight_information
+        receive = vehicle.telemetry._on_flight_information
         lost = []
 
         def late(fields):
             if lost:
-                asyncio.get_running_loop().call_later(0.3, heard, fields)
+                asyncio.get_running_loop().call_later(0.3, receive, fields)
             lost.append(fields)
 
         monkeypatch.setattr(vehicle.telemetry, "_on_flight_information", late)
@@ -193,7 +193,7 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
     assert run(mission, udp_port, come_later) == pytest.approx(took_off_s, abs=2.0)
 
 
-def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
+def test_what_is_reported_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
     run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed", Severity.INFO))
     assert "'zones changed' was not sent: no vehicle is connected yet" in caplog.text
 
@@ -205,7 +205,7 @@ def test_no_answer(mission, udp_port, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("who", "said"),
+    ("who", "message"),
     [
         (
             {"kind": 6, "autopilot": 8, "system_id": 255, "component_id": 190},
@@ -217,9 +217,9 @@ def test_no_answer(mission, udp_port, monkeypatch):
     ],
 )
 @pytest.mark.usefixtures("impatient")
-def test_another_program_is_there(mission, heartbeats, udp_port, who, said):
+def test_another_program_is_there(mission, heartbeats, udp_port, who, message):
     heartbeats(udp_port, **who)
-    with pytest.raises(NoVehicleError, match=said):
+    with pytest.raises(NoVehicleError, match=message):
         run(mission, udp_port, lambda vehicle: vehicle.connect())
 
 
@@ -257,7 +257,7 @@ def test_a_stored_plan_that_cannot_be_flown_is_refused(standing, monkeypatch):
 def test_another_version_of_px4_takes_the_plan_and_refuses_one_that_cannot_be_flown(
     shared_mission, version
 ):
-    """Before 1.17 its arming checks say whether a mission can be flown."""
+    """Before 1.17 its arming checks report whether a mission can be flown."""
     mission, port = load_mission(shared_mission), free_port()
     links = f"--api-to=127.0.0.1:{port}", "--no-gcs", f"--truth-to=127.0.0.1:{free_port()}"
     over = Zone("over", Circle(mission.waypoints[4].position, 3.0))
@@ -286,7 +286,7 @@ def _fence_of(mission, plan):
     return dataclasses.replace(plan, fence=FlightPlan.of(mission).fence)
 
 
-def test_a_fence_with_too_many_points_says_how_many_px4_takes(standing):
+def test_the_error_of_a_fence_with_too_many_points_has_how_many_px4_takes(standing):
     mission, udp_port = standing
     east_m, north_m = mission.waypoints[4].position
     turns = [turn / 8 * math.pi for turn in range(16)]
@@ -373,9 +373,9 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
         await log.until(lambda: vehicle.telemetry.plan.guard.newest is not None)  # it is on guard
         await put_by_another(vehicle, rounded)
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
-        told = [e for e in log.events if isinstance(e, PlanReplaced | PlanCompared)]
-        assert [type(e) for e in told] == [PlanReplaced, PlanCompared]
-        assert told[-1].difference is None
+        events = [e for e in log.events if isinstance(e, PlanReplaced | PlanCompared)]
+        assert [type(e) for e in events] == [PlanReplaced, PlanCompared]
+        assert events[-1].difference is None
 
     run(mission, udp_port, script)
 

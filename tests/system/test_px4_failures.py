@@ -1,7 +1,7 @@
 """Satellites and sticks that fail in the air, on real PX4s: who flies then, what is announced.
 
 PX4 has MAV_CMD_INJECT_FAILURE (SYS_FAILURE_EN, which its start script for simulation sets); the
-satellites of its built-in simulator hear it from 1.18 on. Before that a parameter takes them away.
+satellites of its built-in simulator obey it from 1.18 on. Before that a parameter takes them away.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ INJECT_FAILURE, GPS, OFF = 420, 4, 1
 
 
 class Shown(NamedTuple):
-    """A change of what the vehicle says of itself: main mode, sub-mode, armed, system status."""
+    """A change of what the vehicle reports of itself: main mode, sub-mode, armed, system status."""
 
     main: int
     sub: int
@@ -40,7 +40,7 @@ class Station:
 
     Attributes:
         sticks: Whether MANUAL_CONTROL is sent, all centred.
-        shown: What the HEARTBEATs said, each change once.
+        shown: What the HEARTBEATs reported, each change once.
         texts: The STATUSTEXTs.
         answers: Results of commands, by command.
     """
@@ -56,7 +56,7 @@ class Station:
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(TURN_S)
         self._stop = threading.Event()
-        self._heard = threading.Condition()
+        self._received = threading.Condition()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -68,19 +68,19 @@ class Station:
     def command(self, number, *params):
         """Send COMMAND_LONG."""
         values = *params, *(0.0,) * (7 - len(params))
-        self._say(self._link.command_long_encode(self._system, 1, number, 0, *values))
+        self._send(self._link.command_long_encode(self._system, 1, number, 0, *values))
 
     def set(self, name, value):
         """Set a parameter that is a whole number."""
         real = struct.unpack("<f", struct.pack("<i", value))[0]
-        self._say(self._link.param_set_encode(self._system, 1, name.encode(), real, 6))
+        self._send(self._link.param_set_encode(self._system, 1, name.encode(), real, 6))
 
     def wait_until(self, condition, limit_s):
-        """Whether something that was heard made `condition` true in time."""
-        with self._heard:
-            return self._heard.wait_for(condition, limit_s)
+        """Whether something that was received made `condition` true in time."""
+        with self._received:
+            return self._received.wait_for(condition, limit_s)
 
-    def _say(self, message):
+    def _send(self, message):
         self._socket.sendto(message.pack(self._link), self._to)
 
     def _run(self):
@@ -88,17 +88,17 @@ class Station:
         while not self._stop.is_set():
             if time.monotonic() - beat_s >= BEAT_S:
                 beat_s = time.monotonic()
-                self._say(self._link.heartbeat_encode(6, 8, 0, 0, 4))
+                self._send(self._link.heartbeat_encode(6, 8, 0, 0, 4))
             if self.sticks:
-                self._say(self._link.manual_control_encode(self._system, 0, 0, 500, 0, 0))
+                self._send(self._link.manual_control_encode(self._system, 0, 0, 500, 0, 0))
             with contextlib.suppress(TimeoutError):
                 for message in self._parser.parse_buffer(self._socket.recv(65536)) or ():
                     if message.get_srcComponent() == 1:
-                        with self._heard:
-                            self._hear(message)
-                            self._heard.notify_all()
+                        with self._received:
+                            self._receive(message)
+                            self._received.notify_all()
 
-    def _hear(self, message):
+    def _receive(self, message):
         match message.get_type():
             case "HEARTBEAT":
                 mode = message.custom_mode
@@ -116,9 +116,9 @@ class Station:
 def on_the_way(command, folder, mission, place, *, sticks=False):
     """A flight that has begun its mission, and a station beside it."""
     found(place)
-    words = "px4", mission, "--speed=3", "--param=NAV_RCL_ACT=2", *named_by(place)
+    arguments = "px4", mission, "--speed=3", "--param=NAV_RCL_ACT=2", *named_by(place)
     with (
-        started(folder, *words) as ready,
+        started(folder, *arguments) as ready,
         contextlib.closing(Station(ready["system_id"])) as station,
     ):
         station.sticks = sticks
@@ -139,12 +139,12 @@ def test_a_lost_fix_is_landed_by_px4_and_left_to_it(place, command, short_missio
             station.set("SIM_GPS_USED", 0)
         code, out = flight.finish()
     report = json.loads(out)
-    assert (code, report["outcome"]) == (1, "failsafe"), flight.said
-    assert "WARNING: GPS has lost its fix: holding" in flight.said
-    assert "ALARM: hands off: an autopilot failsafe chose Land mode" in flight.said
-    assert "ALARM: the vehicle's position is not known: GPS has no fix" in flight.said
-    assert "breach of" not in flight.said  # by a position that drifts
-    assert "home was moved" not in flight.said  # PX4 may set it anew as it lands
+    assert (code, report["outcome"]) == (1, "failsafe"), flight.printed
+    assert "WARNING: GPS has lost its fix: holding" in flight.printed
+    assert "ALARM: hands off: an autopilot failsafe chose Land mode" in flight.printed
+    assert "ALARM: the vehicle's position is not known: GPS has no fix" in flight.printed
+    assert "breach of" not in flight.printed  # by a position that drifts
+    assert "home was moved" not in flight.printed  # PX4 may set it anew as it lands
     flown = [one for one in station.shown if one.armed]
     assert flown[-1][:2] == (AUTO, LAND), station.shown  # no order of ours came after it
     assert flown[-1].status == FAILSAFE
@@ -155,9 +155,9 @@ def test_lost_sticks_return_it_and_it_is_left_to_px4(place, command, short_missi
         station.sticks = False
         code, out = flight.finish()
     report = json.loads(out)
-    assert (code, report["outcome"]) == (1, "failsafe"), flight.said
-    assert "ALARM: hands off: an autopilot failsafe chose Hold mode" in flight.said
-    assert "ALARM: an autopilot failsafe goes on from Hold to Return mode" in flight.said
+    assert (code, report["outcome"]) == (1, "failsafe"), flight.printed
+    assert "ALARM: hands off: an autopilot failsafe chose Hold mode" in flight.printed
+    assert "ALARM: an autopilot failsafe goes on from Hold to Return mode" in flight.printed
     flown = [one for one in station.shown if one.armed]
     assert flown[-1][:2] == (AUTO, RETURN), station.shown  # no order of ours came after it
     assert flown[-1].status == FAILSAFE

@@ -1,4 +1,4 @@
-"""The report of a flight in a real browser: light, dark, on a phone; it asks for nothing.
+"""The report of a flight in a real browser: light, dark, on a phone; it requests nothing.
 
 With DOCS_IMAGES=docs/images in the environment, and REPORT naming a report, its picture is taken.
 """
@@ -30,8 +30,8 @@ def entries():
     yield RecordEntry(0.0, "action", StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None))
     for t in range(100):
         place = Point(0.4 * t, 0.0)
-        told = Telemetry(float(t), place, 40.0, armed=True, in_air=True, battery=1 - t / 200)
-        yield RecordEntry(t, "event", told)
+        telemetry = Telemetry(float(t), place, 40.0, armed=True, in_air=True, battery=1 - t / 200)
+        yield RecordEntry(t, "event", telemetry)
         yield RecordEntry(t, "event", SyncEnded("io", 1.7e9 + t, Direction.OUT, 1, 1000 * t, 0.1))
         yield RecordEntry(t, "note", Note("Map", {"known_cells": 10 * t}))
         for robot in ("io", "europa"):  # at one place
@@ -75,7 +75,7 @@ OVERLAPS = """
     ("width", "shown", "scheme"),
     [(1440, "wide", "light"), (820, "wide", "dark"), (390, "narrow", "dark")],
 )
-def test_the_report_fits_every_screen_and_asks_for_nothing(report, browser, width, shown, scheme):
+def test_the_report_fits_every_screen_and_requests_nothing(report, browser, width, shown, scheme):
     page = browser.new_page()
     page.set_viewport_size({"width": width, "height": 860})
     page.emulate_media(color_scheme=scheme)
@@ -96,7 +96,7 @@ def test_the_report_fits_every_screen_and_asks_for_nothing(report, browser, widt
         page.set_viewport_size({"width": 1200, "height": 860})
         page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / "report.png", clip=SHOWN)
     page.close()
-    assert looker.asked == [report.as_uri()]
+    assert looker.requested == [report.as_uri()]
     assert looker.faults == []
 
 

@@ -1,7 +1,8 @@
 """What docs/robot.md promises, on real sockets: rovers of three kinds in one simulated flight.
 
-One speaks plain JSON, one types of ROS 1, one is a DDS participant with types of ROS 2 behind its
-bridge. All are started with the commands of the page, two of them where the vehicle soon passes.
+One publishes plain JSON, one types of ROS 1, one is a DDS participant with types of ROS 2 behind
+its bridge. All are started with the commands of the page, two of them where the vehicle soon
+passes.
 """
 
 import re
@@ -45,7 +46,7 @@ def test_rovers_of_three_kinds_are_found(command, answered, domain, tmp_path, mo
     ]
     names = {"scout", "husky", "jackal"}
     flight.wait_until(
-        lambda said: set(re.findall(r"COMM (\w+): found", said)) == names, "that it found all"
+        lambda printed: set(re.findall(r"COMM (\w+): found", printed)) == names, "that it found all"
     )
     for rover in rovers:
         assert any(re.search(rb"map of [1-9]", line) for line in rover.process.stdout)

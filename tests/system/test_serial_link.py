@@ -35,8 +35,8 @@ def test_the_card_of_a_vehicle_at_a_noisy_serial_port(tmp_path, short_mission, b
         ):
             connect = f"--connect=serial://{cable.ends[1]}:{baud}"
             look = "preflight", short_mission, "--look", "--json", "--no-record", connect
-            _, out, said = answer(tmp_path, *look)
-    lines = {line["name"]: line["verdict"] for line in json.loads(out)["checks"]}, said
+            _, out, err = answer(tmp_path, *look)
+    lines = {line["name"]: line["verdict"] for line in json.loads(out)["checks"]}, err
     assert lines[0]["vehicle"] == lines[0]["place"] == "ok", lines
     assert min(cable.carried) > 0
 
@@ -64,10 +64,10 @@ def test_a_real_px4_flies_by_a_noisy_serial_port(place, tmp_path, short_mission)
         subprocess.run([program, "--instance", str(system - 1), "start", *link], check=True)
         flight = "fly", short_mission, f"--connect=serial://{cable.ends[1]}:{baud}"
         flight += f"--sysid={system}", "--arm", "--yes", "--duration=40", "--json", "--no-record"
-        code, out, said = answer(tmp_path, *flight)
+        code, out, err = answer(tmp_path, *flight)
     report = json.loads(out)
-    assert (code, report["outcome"]) == (0, "done"), said
-    assert report["closest_approach_m"] >= report["clearance_m"], said
+    assert (code, report["outcome"]) == (0, "done"), err
+    assert report["closest_approach_m"] >= report["clearance_m"], err
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -75,18 +75,18 @@ def test_a_real_px4_flies_by_a_noisy_serial_port(place, tmp_path, short_mission)
 def test_a_real_hexarotor_flies(place, tmp_path, short_mission):
     found(place)
     with contextlib.ExitStack() as stack:
-        words = "px4", short_mission, *named_by(place), "--airframe=hex", "--speed=3"
+        arguments = "px4", short_mission, *named_by(place), "--airframe=hex", "--speed=3"
         try:
-            ready = stack.enter_context(started(tmp_path, *words))
+            ready = stack.enter_context(started(tmp_path, *arguments))
         except json.JSONDecodeError:
             pytest.skip((tmp_path / "sitl.log").read_text(encoding="utf-8").splitlines()[0])
         link = f"--connect={ready['mavlink']}", f"--sysid={ready['system_id']}", "--no-record"
         _, out, _ = answer(tmp_path, "preflight", short_mission, *link, "--look", "--json")
         kind = {line["name"]: line["found"] for line in json.loads(out)["checks"]}["vehicle"]
         flight = "fly", short_mission, *link, "--arm", "--yes", "--duration=60", "--json"
-        code, out, said = answer(tmp_path, *flight)
+        code, out, err = answer(tmp_path, *flight)
     report = json.loads(out)
     named = "quadrotor" if "PX4 1.17" in kind else "hexarotor"  # as 1.17 calls it (MAV_TYPE)
     assert kind.startswith(f"{named}, PX4 1."), kind
-    assert (code, report["outcome"]) == (0, "done"), said
-    assert report["closest_approach_m"] >= report["clearance_m"], said
+    assert (code, report["outcome"]) == (0, "done"), err
+    assert report["closest_approach_m"] >= report["clearance_m"], err

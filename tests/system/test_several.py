@@ -94,7 +94,7 @@ def team():
 
 @pytest.fixture(scope="module")
 def flight(shared_command, shared_folder):
-    """It goes on until both are asked to come home, on the page or by the test."""
+    """It goes on until both are requested to come home, on the page or by the test."""
     for name, text in (("mission", MISSION), ("team", team()), ("world", WORLD)):
         (shared_folder / f"{name}.yaml").write_text(text)
     mission, control = shared_folder / "mission.yaml", f"ipc://{shared_folder}/control"
@@ -105,7 +105,7 @@ def flight(shared_command, shared_folder):
 
 
 class Operator(Looker):
-    """Looks at the page of both, and asks one or the other."""
+    """Looks at the page of both, and sends requests to one or the other."""
 
     def choose(self, name, press):
         press()
@@ -129,10 +129,10 @@ class Operator(Looker):
         self.confirm()
 
 
-def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
+def test_one_page_shows_both_and_sends_requests_to_the_one_that_is_chosen(browser, flight):
     flight.wait_for("the flights are shown at ")
     flight.wait_for("/\n")
-    address = flight.said.partition("the flights are shown at ")[2].split()[0]
+    address = flight.printed.partition("the flights are shown at ")[2].split()[0]
     page = browser.new_page(viewport={"width": 1000, "height": 700})
     looker = Operator(page, address)
     page.wait_for_function(BOTH_MOVE)
@@ -147,7 +147,7 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
         take_pictures(looker)
         return
 
-    answer = looker.ask(looker.holds)
+    answer = looker.request(looker.holds)
     assert "atlas the page: accepted" in answer
     looker.shows("#state", "HOLD")
     assert looker.state("atlas") == "HOLD"
@@ -167,7 +167,7 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     assert len(set(robots)) == len(robots) > 0
 
     page.evaluate(NONSENSE)
-    # The words stay where they were; they are visible only until the next try succeeds.
+    # The message stays in the page; it is visible only until the next try succeeds.
     page.locator("#offline", has_text="titan sent an invalid message").wait_for(state="attached")
     page.locator("#offline").wait_for(state="hidden")
     assert "not a position" in looker.faults.pop()
@@ -175,11 +175,11 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     page.set_viewport_size({"width": 390, "height": 844})
     looker.choose("titan", looker.tab("titan").click)
     looker.choose("atlas", lambda: page.locator(".vehicle.uav2").dispatch_event("click"))
-    looker.ask(page.locator("#hold-all").click, answers=2)
+    looker.request(page.locator("#hold-all").click, answers=2)
     looker.shows("#tabs button.uav1 .chip", "HOLD")
     for name in ("atlas", "titan"):
         looker.choose(name, looker.tab(name).click)
-        assert f"{name} the page: accepted" in looker.ask(looker.home)
+        assert f"{name} the page: accepted" in looker.request(looker.home)
     assert looker.strangers(address) == []
     assert looker.faults == []
     page.close()
@@ -203,7 +203,7 @@ def test_one_explores_one_searches_and_they_keep_apart(flight):
             with ControlClient(control, by="the test", timeout_s=60) as uav:
                 assert uav.home().accepted
     code, out = flight.finish()
-    assert code == 0, re.sub(r".* s {2}.*\n", "", flight.said)  # without what either decided
+    assert code == 0, re.sub(r".* s {2}.*\n", "", flight.printed)  # without what either decided
     report = json.loads(out)
     titan, atlas = report["uavs"]["titan"], report["uavs"]["atlas"]
     assert titan["outcome"] == atlas["outcome"] == "done"
@@ -224,8 +224,8 @@ def test_one_explores_one_searches_and_they_keep_apart(flight):
     assert {"titan", "atlas"} <= {
         message["robot"] for message in held if message["topic"] == "/seek"
     }
-    first, *said = flight.said.splitlines()
+    first, *lines = flight.printed.splitlines()
     assert first.startswith("the flights are shown at ")
-    assert "the flight is shown at" not in flight.said
-    assert all(line.startswith(("titan  ", "atlas  ")) for line in said[: len(said) // 2])
-    assert "titan and atlas: never nearer than" in flight.said
+    assert "the flight is shown at" not in flight.printed
+    assert all(line.startswith(("titan  ", "atlas  ")) for line in lines[: len(lines) // 2])
+    assert "titan and atlas: never nearer than" in flight.printed

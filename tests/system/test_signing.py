@@ -89,9 +89,9 @@ def signing_vehicle(vehicle, udp_port, free_udp_port, key):
 
 def test_with_the_key_it_answers_and_takes_a_plan(signing_vehicle, answered, short_mission, key):
     standing, url = signing_vehicle
-    words = ("preflight", short_mission, "--connect", url, "--no-record", "--json")
-    code, out, said = answered(*words, "--signing-key", key)
-    assert code == 0, (out, said)
+    arguments = ("preflight", short_mission, "--connect", url, "--no-record", "--json")
+    code, out, err = answered(*arguments, "--signing-key", key)
+    assert code == 0, (out, err)
     checks = {check["name"]: check for check in json.loads(out)["checks"]}
     assert checks["plan"]["found"].startswith("on board, read back, equal")
     assert set(standing.signer.counts) == {Verdict.GOOD}
@@ -109,32 +109,32 @@ def impatient(monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
 
 
-def test_without_the_key_or_with_another_one_the_operator_is_told(
+def test_without_the_key_or_with_another_one_the_error_has_the_reason(
     signing_vehicle, answered, short_mission, tmp_path, impatient
 ):
     _, url = signing_vehicle
-    words = ("preflight", short_mission, "--connect", url, "--no-record")
-    code, out, said = answered(*words)
+    arguments = ("preflight", short_mission, "--connect", url, "--no-record")
+    code, out, err = answered(*arguments)
     assert (code, out) == (4, "")
-    assert "PX4 has a signing key, and obeys only what is signed with it" in said
+    assert "PX4 has a signing key, and obeys only what is signed with it" in err
     other = tmp_path / "other.key"
     SigningKey.generate().write(other)
-    code, out, said = answered(*words, "--signing-key", other)
+    code, out, err = answered(*arguments, "--signing-key", other)
     assert (code, out) == (4, "")
-    assert "signed with another key" in said
-    assert other.read_text().strip() not in said
+    assert "signed with another key" in err
+    assert other.read_text().strip() not in err
 
 
 def test_a_vehicle_without_a_key_is_not_taken_for_one_that_has_it(
     plain_vehicle, answered, short_mission, key, impatient
 ):
-    words = ("--connect", plain_vehicle, "--signing-key", key, "--no-record")
-    code, out, said = answered("preflight", short_mission, *words)
+    arguments = ("--connect", plain_vehicle, "--signing-key", key, "--no-record")
+    code, out, err = answered("preflight", short_mission, *arguments)
     assert (code, out) == (4, "")
-    assert "MAVLink comes, but it is not signed" in said
+    assert "MAVLink comes, but it is not signed" in err
 
 
-def test_unsigned_messages_in_the_vehicles_name_are_ignored_and_told_once(
+def test_unsigned_messages_in_the_vehicles_name_are_ignored_and_reported_once(
     signing_vehicle, short_mission, key
 ):
     standing, url = signing_vehicle
@@ -145,26 +145,26 @@ def test_unsigned_messages_in_the_vehicles_name_are_ignored_and_told_once(
     async def main():
         connection = partial(Px4Connection, key=key)
         uav = Px4Vehicle(load_mission(short_mission), url, VehicleClock(), connection=connection)
-        events, told = [], asyncio.Event()
+        events, reported = [], asyncio.Event()
 
         def take(event):
             events.append(event)
             if isinstance(event, MavlinkSpoofed):
-                told.set()
+                reported.set()
 
         try:
             async with asyncio.timeout(LIMIT_S):
                 await uav.connect()
                 uav.subscribe(take)
-                await told.wait()
-                told.clear()
+                await reported.wait()
+                reported.clear()
                 await uav.inspect([])
         finally:
             await uav.close()
         return uav.telemetry.armed, [e for e in events if isinstance(e, MavlinkSpoofed)]
 
     armed, spoofed = asyncio.run(main())
-    assert not armed  # which the forged HEARTBEAT says
+    assert not armed  # which the forged HEARTBEAT reports
     assert len(spoofed) == 1
     assert spoofed[0].count >= 3
 
@@ -193,7 +193,7 @@ class Station:
         self.send(mavlink.MAVLink_command_long_message(self._vehicle, 1, number, 0, *values))
 
     def forget(self):
-        """What comes from now on was sent from now on, as near as a socket can tell."""
+        """What comes from now on was sent from now on, as near as a socket shows."""
         self._socket.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             while True:
@@ -210,7 +210,7 @@ class Station:
         name = b"MPC_XY_VEL_MAX"
         self.send(mavlink.MAVLink_param_set_message(self._vehicle, 1, name, 1.0, 9))
 
-    def heard(self, wanted, heartbeats=3):
+    def received(self, wanted, heartbeats=3):
         """The first message of a type; None: none came before so many heartbeats of PX4."""
         while heartbeats > 0:
             for message in self._parser.parse_buffer(self._socket.recv(65535)) or []:
@@ -220,14 +220,14 @@ class Station:
         return None
 
     def version(self):
-        """What the autopilot answers when it is asked for its version; None: nothing."""
+        """What the autopilot answers to a request of its version; None: nothing."""
         self.forget()
         self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        told = self.heard("AUTOPILOT_VERSION")
+        answer = self.received("AUTOPILOT_VERSION")
         return (
             None
-            if told is None
-            else (told.flight_sw_version >> 24, told.flight_sw_version >> 16 & 255)
+            if answer is None
+            else (answer.flight_sw_version >> 24, answer.flight_sw_version >> 16 & 255)
         )
 
 
@@ -272,14 +272,14 @@ def test_a_real_px4_with_the_key_obeys_the_flight_and_no_one_else(
     link = ("--connect", url, "--sysid", px4.instance + 1)
 
     # It answered the station; with the key it does not.
-    code, _, said = answered("signing-key", key, *link)
-    assert code == 0, said
-    assert "the key leaves in the clear" in said
-    assert key.read_text().strip() not in said
+    code, _, err = answered("signing-key", key, *link)
+    assert code == 0, err
+    assert "the key leaves in the clear" in err
+    assert key.read_text().strip() not in err
     assert station.version() is None
-    code, _, said = answered("preflight", short_mission, *link, "--no-record")
+    code, _, err = answered("preflight", short_mission, *link, "--no-record")
     assert code == 4
-    assert "PX4 has a signing key" in said
+    assert "PX4 has a signing key" in err
 
     flight = command(
         *("air-router", "fly", short_mission, *link, "--signing-key", key, "--arm", "--yes"),
@@ -288,9 +288,9 @@ def test_a_real_px4_with_the_key_obeys_the_flight_and_no_one_else(
     flight.wait_for("READY -> INIT")
     while flight.process.poll() is None:
         station.attack()
-        assert station.heard("COMMAND_ACK", heartbeats=1) is None
+        assert station.received("COMMAND_ACK", heartbeats=1) is None
     code, out = flight.finish()
-    assert code == 0, flight.said[-3000:]
+    assert code == 0, flight.printed[-3000:]
     report = json.loads(out)
     assert report["outcome"] == "done"
     assert report["closest_approach_m"] >= report["clearance_m"]
@@ -298,14 +298,14 @@ def test_a_real_px4_with_the_key_obeys_the_flight_and_no_one_else(
         path.read_bytes() for path in logs.rglob("*") if path.is_file()
     )
 
-    # It forgets the key only if that is asked for with it.
+    # It forgets the key only by a request that is signed with it.
     station.send(mavlink.MAVLink_setup_signing_message(px4.instance + 1, 1, [0] * 32, 0))
     assert station.version() is None
-    code, _, said = answered("signing-key", key, "--remove", *link)
-    assert code == 0, said
+    code, _, err = answered("signing-key", key, "--remove", *link)
+    assert code == 0, err
     assert station.version() == version
     station.attack()
-    assert station.heard("COMMAND_ACK") is not None  # it has teeth
+    assert station.received("COMMAND_ACK") is not None  # it has teeth
 
 
 @pytest.mark.timeout(100)
@@ -320,16 +320,16 @@ def test_a_real_px4_that_has_its_key_since_yesterday_goes_by_our_time(
     secret = list(SigningKey.read(key).secret)
     station.send(mavlink.MAVLink_setup_signing_message(px4.instance + 1, 1, secret, yesterday))
     link = ("--connect", url, "--sysid", px4.instance + 1, "--signing-key", key)
-    code, out, said = answered("preflight", short_mission, *link, "--no-record", "--json")
-    assert code == 0, (out, said)
+    code, out, err = answered("preflight", short_mission, *link, "--no-record", "--json")
+    assert code == 0, (out, err)
     assert "not reported" not in out
 
 
 @pytest.mark.timeout(100)
-def test_a_real_px4_without_signing_is_said_not_to_have_taken_the_key(real_px4, answered, key):
+def test_a_real_px4_without_signing_is_reported_not_to_have_taken_the_key(real_px4, answered, key):
     px4, url, station = real_px4
     if station.version() >= (1, 18):
         pytest.skip("this PX4 signs")
-    code, _, said = answered("signing-key", key, "--connect", url, "--sysid", px4.instance + 1)
+    code, _, err = answered("signing-key", key, "--connect", url, "--sysid", px4.instance + 1)
     assert code == 1
-    assert "PX4 has not taken the key: it is older than 1.18" in said
+    assert "PX4 has not taken the key: it is older than 1.18" in err

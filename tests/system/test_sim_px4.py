@@ -1,4 +1,4 @@
-"""The processes of `air-router sim`: stopped, killed; a real PX4, and what is said without one."""
+"""The processes of `air-router sim`: stopped, killed; a real PX4, and the error without one."""
 
 import json
 import os
@@ -29,23 +29,23 @@ def gone(process_id):
     return False
 
 
-def test_without_a_px4_it_says_what_to_install(answered, short_mission):
-    code, out, said = answered("sim", short_mission, "--px4", "/no/such/px4")
+def test_without_a_px4_the_error_has_what_to_install(answered, short_mission):
+    code, out, err = answered("sim", short_mission, "--px4", "/no/such/px4")
     assert (code, out) == (4, "")
-    assert "Install one of these" in said
+    assert "Install one of these" in err
 
 
 def children(pid):
     """Process ids by what they run."""
     threads = Path(f"/proc/{pid}/task").iterdir()
     found = [int(child) for t in threads for child in (t / "children").read_text().split()]
-    words = {child: Path(f"/proc/{child}/cmdline").read_text().split("\0") for child in found}
-    return {"team" if "team" in said else "vehicle": child for child, said in words.items()}
+    lines = {child: Path(f"/proc/{child}/cmdline").read_text().split("\0") for child in found}
+    return {"team" if "team" in line else "vehicle": child for child, line in lines.items()}
 
 
 @pytest.fixture(scope="module")
 def simulation(shared_command, shared_mission, shared_folder):
-    """A flight that climbs, the processes of its world, and where to ask it something."""
+    """A flight that climbs, the processes of its world, and its control endpoint."""
     control = f"ipc://{shared_folder}/control"
     flight = shared_command(
         *("air-router", "sim", shared_mission, "--speed=5", f"--control={control}"),
@@ -57,20 +57,20 @@ def simulation(shared_command, shared_mission, shared_folder):
 
 def test_it_flies_the_version_of_px4_that_was_chosen(simulation):
     flight, _, _ = simulation
-    assert "PX4 1.16.2, system 1" in flight.said
+    assert "PX4 1.16.2, system 1" in flight.printed
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "message"),
     [
         (["--px4-version", "1.14"], "'1.14' is none of 1.15, 1.16, 1.17, 1.18"),
         (["--px4", "--px4-version", "1.17"], "--px4 and --px4-version contradict each other"),
     ],
 )
-def test_a_version_that_cannot_be_simulated_is_refused(answered, short_mission, options, words):
-    code, out, said = answered("sim", short_mission, *options)
+def test_a_version_that_cannot_be_simulated_is_refused(answered, short_mission, options, message):
+    code, out, err = answered("sim", short_mission, *options)
     assert (code, out) == (2, "")
-    assert words in said
+    assert message in err
 
 
 @ON_LINUX
@@ -90,7 +90,7 @@ def test_the_world_waits_for_a_process_that_is_stopped(simulation):
 
 
 @ON_LINUX
-def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(simulation):
+def test_a_killed_team_is_reported_and_a_killed_flight_takes_its_world_with_it(simulation):
     """All robots, their gossip nodes and radios are one process."""
     flight, world, _ = simulation
     assert len(world) == 2
@@ -113,9 +113,9 @@ def test_a_flight_on_a_real_px4(command, short_mission, tmp_path, place):
         *("--json", "--log-dir", tmp_path / "logs", "--px4", *where),
     )
     code, out = flight.finish(300)
-    assert code == 0, flight.said[-3000:]
+    assert code == 0, flight.printed[-3000:]
     report = json.loads(out)
     assert report["outcome"] == "done"
     assert {"INIT", "SEARCH", "EXPL", "HOME", "LAND"} <= set(report["states_visited"])
     assert report["closest_approach_m"] >= report["clearance_m"]
-    assert "not reported" not in flight.said
+    assert "not reported" not in flight.printed

@@ -1,10 +1,10 @@
 """A companion that stands still while the pilot chooses a mode, and an order of ours falls due.
 
 The companion is stopped (SIGSTOP) for 0.2 to 2 s, again and again in one flight at real time. No
-choice that the vehicle took may be ended by us, and each has to be said. It flies a real PX4 where
-the environment variable PX4_SITL says where one is, and the simulated autopilot's process.
+choice that the vehicle took may be ended by us, and each has to be announced. It flies a real PX4
+where the environment variable PX4_SITL names one, and the simulated autopilot's process.
 
-`STANDSTILLS=30` says how many; `-s` prints the table of them.
+`STANDSTILLS=30` sets how many; `-s` prints the table of them.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ BOTH = {"simulated": COUNT or 3, "px4": COUNT or 30}
 """How often it stands still, by what is flown: three are enough for every day."""
 
 LIMIT_S = 120.0  # against hangs only
-WATCHED_S, SAID_S = 3.0, 2.0
+WATCHED_S, ANNOUNCED_S = 3.0, 2.0
 BEAT_S = 0.05
 CHOICES = (FlightMode.AUTO_LAND, FlightMode.AUTO_RTL, FlightMode.AUTO_LOITER, FlightMode.POSCTL)
 DUE = ("hold", "home", "goto", "reload", "fix")
@@ -48,7 +48,7 @@ NOWHERE = 2**31 - 1
 
 
 class Pilot:
-    """A ground station with a transmitter, on a link of its own; it hears every change of mode.
+    """A ground station with a transmitter, on a link of its own; it receives every change of mode.
 
     Args:
         bound: Its port.
@@ -61,7 +61,7 @@ class Pilot:
         self._socket.settimeout(BEAT_S)
         self._lock = threading.Lock()
         self.station = Station(255, self._send, vehicle)
-        self.modes = []  # (when, custom mode), as heard
+        self.modes = []  # (when, custom mode), as received
         self.place, self.height_m, self.home_amsl_m = None, 0.0, 0.0
         self.armed = False
         self._stop = threading.Event()
@@ -133,13 +133,13 @@ class Trial:
     stall_s: float
     taken: bool = False  # the vehicle took the choice while the companion stood still
     ended: str = ""  # by which mode; empty: it stood
-    said_s: float = math.inf  # after it went on
+    announced_s: float = math.inf  # after it went on
 
     def __str__(self):
-        word = "not taken" if not self.taken else f"ended: {self.ended}" if self.ended else "stood"
+        end = "not taken" if not self.taken else f"ended: {self.ended}" if self.ended else "stood"
         return (
-            f"{self.due:7} {self.mode.name:12} {self.stall_s:4.2f} s  {word:12} "
-            f"said after {self.said_s:4.2f} s"
+            f"{self.due:7} {self.mode.name:12} {self.stall_s:4.2f} s  {end:12} "
+            f"announced after {self.announced_s:4.2f} s"
         )
 
 
@@ -173,17 +173,17 @@ class Flight:
         time.sleep(dice.uniform(0.0, max(0.0, trial.stall_s - 0.15)))
         pilot.station.choose(mode)
         wait(lambda: time.monotonic() >= from_s + trial.stall_s, "the end of the standstill")
-        heard = len(pilot.modes)
+        before = len(pilot.modes)
         trial.taken = pilot.mode == mode.custom_mode
         self.companion.signal(signal.SIGCONT)
         on_s = time.monotonic()
         while time.monotonic() < on_s + WATCHED_S:
             time.sleep(BEAT_S)
-            if math.isinf(trial.said_s) and any(
+            if math.isinf(trial.announced_s) and any(
                 "hands off" in line.text for line in self.companion.lines[lines:]
             ):
-                trial.said_s = time.monotonic() - on_s
-        others = {m for _, m in pilot.modes[heard:]} - {mode.custom_mode}
+                trial.announced_s = time.monotonic() - on_s
+        others = {m for _, m in pilot.modes[before:]} - {mode.custom_mode}
         trial.ended = ", ".join(f"{other:#x}" for other in others)
         if due == "fix":
             pilot.station.set_parameter("SIM_GPS_USED", 10)
@@ -254,13 +254,16 @@ def flown(request, tmp_path):
         bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         bound.bind(("127.0.0.1", 0))
         api, parameters = free_port(), ("RTL_RETURN_ALT=20", "SIM_BAT_DRAIN=3600")
-        words = [request.param.replace("simulated", "vehicle"), str(file.path)]
-        words += [f"--param={each}" for each in parameters]
+        arguments = [request.param.replace("simulated", "vehicle"), str(file.path)]
+        arguments += [f"--param={each}" for each in parameters]
         if request.param == "simulated":
-            words += [f"--gcs-to=127.0.0.1:{bound.getsockname()[1]}", f"--api-to=127.0.0.1:{api}"]
+            arguments += [
+                f"--gcs-to=127.0.0.1:{bound.getsockname()[1]}",
+                f"--api-to=127.0.0.1:{api}",
+            ]
         process = stack.enter_context(
             subprocess.Popen(
-                [sys.executable, "-m", "sitl", *words],
+                [sys.executable, "-m", "sitl", *arguments],
                 stdout=subprocess.PIPE,
                 stderr=stack.enter_context((tmp_path / "vehicle.log").open("wb")),
                 cwd=tmp_path,
@@ -274,9 +277,9 @@ def flown(request, tmp_path):
             api = int(ready["mavlink"].rpartition(":")[2])
             to = ("127.0.0.1", 18570 + ready["system_id"] - 1)
         pilot = stack.enter_context(contextlib.closing(Pilot(bound, to, ready["system_id"])))
-        words = [str(file.path), f"--connect=udpin://127.0.0.1:{api}", f"--log-dir={tmp_path}"]
-        words += [f"--sysid={ready['system_id']}", "--arm", "--yes"]
-        companion = Companion(OURS, words, tmp_path, time.monotonic)
+        arguments = [str(file.path), f"--connect=udpin://127.0.0.1:{api}", f"--log-dir={tmp_path}"]
+        arguments += [f"--sysid={ready['system_id']}", "--arm", "--yes"]
+        companion = Companion(OURS, arguments, tmp_path, time.monotonic)
         stack.callback(companion.close)
         stack.callback(companion.signal, signal.SIGCONT)
         yield Flight(companion, pilot, file, random.Random(36)), BOTH[request.param]
@@ -284,7 +287,7 @@ def flown(request, tmp_path):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="stops a process as Linux does")
 @pytest.mark.timeout(1500)
-def test_no_choice_in_a_standstill_is_ended_and_none_is_unsaid(flown):
+def test_no_choice_in_a_standstill_is_ended_and_each_is_announced(flown):
     flight, count = flown
     try:
         flight.begin()
@@ -295,5 +298,5 @@ def test_no_choice_in_a_standstill_is_ended_and_none_is_unsaid(flown):
         print(*(line.text for line in flight.companion.lines[-30:]), sep="\n")  # noqa: T201
     taken = [trial for trial in flight.trials if trial.taken]
     assert [trial for trial in taken if trial.ended] == []
-    assert [trial for trial in taken if trial.said_s > SAID_S] == []
+    assert [trial for trial in taken if trial.announced_s > ANNOUNCED_S] == []
     assert len(taken) >= 0.8 * count

@@ -50,7 +50,7 @@ world: world.yaml
 accepts: [rtl_crosses_zones, rtl_altitude]
 timers: {init_s: 5, explore_s: 5, search_s: 10}
 """
-# Radios reach half as far as by default, so that not all robots hear each other here.
+# Radios reach half as far as by default, so that not all robots receive each other here.
 WORLD = """\
 coordinates: local
 radio: {reference_loss_db: 48.9}
@@ -59,7 +59,7 @@ robots:
   europa: {patrol: [[42, 25], [42, 30]]}
   io: {patrol: [[0, -40], [5, -40]]}
 """
-# Everything that the page's title ever says: at this speed a state may last for some frames only.
+# Everything that the page's title ever shows: at this speed a state may last for some frames only.
 TITLES = """() => {
   globalThis.titles = [];
   const text = (id) => document.getElementById(id).textContent;
@@ -77,8 +77,8 @@ IS_TYPICAL = """() => document.querySelector("path.link.lit")
   && document.querySelector("path.route").getAttribute("d").split("L").length > 3"""
 OTHER = """() => {
   const sought = titles.findLast(({ state }) => state === "SEARCH")?.what ?? "";
-  const heard = [...document.querySelectorAll(".robot")].map((robot) => robot.dataset.robot);
-  return sought.includes(": ") && heard.find((robot) => !sought.endsWith(robot));
+  const received = [...document.querySelectorAll(".robot")].map((robot) => robot.dataset.robot);
+  return sought.includes(": ") && received.find((robot) => !sought.endsWith(robot));
 }"""
 IS_SOUGHT = """([robot, from]) =>
   titles.slice(from).some(({ what }) => what.endsWith(": " + robot))"""
@@ -98,7 +98,7 @@ class Flight:
     """A simulated flight that goes on while tests look at it.
 
     Attributes:
-        sought: The robot that was asked for on the page, if any.
+        sought: The robot that was requested on the page, if any.
     """
 
     def __init__(self, command, mission, folder):
@@ -124,7 +124,7 @@ class Flight:
     def address(self):
         self._command.wait_for("the flight is shown at ")
         self._command.wait_for("/\n")
-        return self._command.said.partition("the flight is shown at ")[2].split()[0]
+        return self._command.printed.partition("the flight is shown at ")[2].split()[0]
 
     @cached_property
     def landed(self):
@@ -133,20 +133,20 @@ class Flight:
         If that does not happen it comes home by its battery, after 18 minutes of its time.
         """
         self._command.wait_until(
-            lambda said: has_met_all(said) or "coming home: " in said, "that it met all"
+            lambda printed: has_met_all(printed) or "coming home: " in printed, "that it met all"
         )
         with ControlClient(self._control, by="the test", timeout_s=60) as uav:
-            assert uav.home().accepted, self.said
+            assert uav.home().accepted, self.printed
         code, out = self._command.finish()
-        assert code == 0, self.said
+        assert code == 0, self.printed
         (path,) = self.logs.glob("sim-*.mcap")
         report = json.loads(out)
         assert report["record"] == str(path)
         return report, list(Log(path))
 
     @property
-    def said(self):
-        return self._command.said
+    def printed(self):
+        return self._command.printed
 
 
 @pytest.fixture(scope="module")
@@ -158,16 +158,16 @@ def flight(shared_command, shared_folder):
     return Flight(shared_command, PENNOVATION if PICTURED else path, shared_folder)
 
 
-def has_met_all(said):
+def has_met_all(printed):
     """Whether it has met every robot, and one of them again after another, to its end."""
-    met, _, rest = said.rpartition("COMM -> ")
+    met, _, rest = printed.rpartition("COMM -> ")
     names = re.findall(r"COMM (\w+): found", met)
     again = any(name in names[index + 2 :] for index, name in enumerate(names))
     return bool(rest) and again and set(names) == ROBOTS
 
 
 class Operator(Looker):
-    """Looks at the flight's page, and asks for things there."""
+    """Looks at the flight's page, and sends requests there."""
 
     def __init__(self, page, address):
         super().__init__(page, address)
@@ -175,7 +175,7 @@ class Operator(Looker):
         page.locator(".vehicle").wait_for()
 
     def lose_and_find_the_flight(self):
-        """The page says so until it is connected again."""
+        """The page shows it until it is connected again."""
         page = self.page
         shown = page.locator("#log li").count()
         faults = len(self.faults)
@@ -199,7 +199,7 @@ class Operator(Looker):
         self.confirm()
 
     def seek_another(self):
-        """Once a robot is sought and another was heard of: stop, and ask for that one."""
+        """Once a robot is sought and another was received: stop, and request that one."""
         page = self.page
         robot = page.wait_for_function(OTHER).json_value()  # until it holds it may seek that one
         page.locator('[data-verb="hold"]').click()
@@ -209,13 +209,13 @@ class Operator(Looker):
         page.get_by_role("button", name="Cancel").click()
         assert page.locator("#state").inner_text() == "HOLD"
         titles = page.evaluate("titles.length")
-        answer = self.ask(lambda: (seek.click(), self.confirm()))
+        answer = self.request(lambda: (seek.click(), self.confirm()))
         assert f"the page: accepted: it seeks {robot}" in answer
         page.wait_for_function(IS_SOUGHT, arg=[robot, titles])
         return robot
 
 
-def test_the_page_shows_the_flight_and_takes_the_operator_s_word(browser, flight):
+def test_the_page_shows_the_flight_and_takes_the_operator_s_requests(browser, flight):
     page = browser.new_page(viewport={"width": 1000, "height": 700})
     looker = Operator(page, flight.address)
     page.wait_for_function(MOVES)
@@ -225,7 +225,7 @@ def test_the_page_shows_the_flight_and_takes_the_operator_s_word(browser, flight
     page.locator("path.link.lit").first.wait_for(state="attached")
     page.wait_for_function(IS_CHARTED)
     looker.lose_and_find_the_flight()
-    answer = looker.ask(lambda: looker.go_to({"x": 20, "y": 600}))
+    answer = looker.request(lambda: looker.go_to({"x": 20, "y": 600}))
     assert "outside the fence" in answer
     looker.shows("#hint", "outside the fence")
     flight.sought = looker.seek_another()
@@ -286,9 +286,9 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(fli
     pace = report["world"]["pace"]
     assert 0 < pace["kept"] <= pace["asked"] == SPEED
     assert {"titan", "team"} == set(pace["processes"])
-    assert "times real time" in flight.said
-    assert "SEARCH -> COMM" in flight.said
-    assert "closest approach" in flight.said
+    assert "times real time" in flight.printed
+    assert "SEARCH -> COMM" in flight.printed
+    assert "closest approach" in flight.printed
     assert (flight.logs / "track.png").read_bytes().startswith(b"\x89PNG")
     kinds = {entry.kind for entry in entries}
     assert kinds == {"about", "setup", "note", "file", "event", "action", "link", "patch"}
@@ -298,17 +298,17 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(fli
     assert again.events > 1000
 
 
-def test_what_was_asked_on_the_page_is_decided_and_recorded(flight):
+def test_what_was_requested_on_the_page_is_decided_and_recorded(flight):
     if flight.sought is None:
-        pytest.skip("not asked for: no browser looked on")
+        pytest.skip("not requested: no browser looked on")
     _, entries = flight.landed
     values = [entry.value for entry in entries]
-    asked = max(index for index, value in enumerate(values) if isinstance(value, SeekNow))
-    assert values[asked].robot == flight.sought
-    before = [value for value in values[:asked] if isinstance(value, Seeking | StateChanged)]
-    after = [value for value in values[asked:] if isinstance(value, Seeking | StateChanged)]
+    at = max(index for index, value in enumerate(values) if isinstance(value, SeekNow))
+    assert values[at].robot == flight.sought
+    before = [value for value in values[:at] if isinstance(value, Seeking | StateChanged)]
+    after = [value for value in values[at:] if isinstance(value, Seeking | StateChanged)]
     assert before[-1] != Seeking(flight.sought)
     assert State.HOLD in {value.target for value in before if isinstance(value, StateChanged)}
     assert after[0].target is State.SEARCH
     assert after[1] == Seeking(flight.sought)
-    assert next(value for value in values[asked:] if isinstance(value, CommandAck)).accepted
+    assert next(value for value in values[at:] if isinstance(value, CommandAck)).accepted

@@ -21,7 +21,7 @@ from typing import Any, Literal, Self
 
 from mocha_link.team.team import Robot, Team
 
-UP, DOWN = 0, 1  # from the asking side to the serving one, and back
+UP, DOWN = 0, 1  # from the pulling side to the serving one, and back
 MEDIA = ("tcp", "udp")
 CHUNK_BYTES = 16 * 1024
 RESET = struct.pack("ii", 1, 0)
@@ -156,7 +156,7 @@ class _Connection:
 
 
 class _Link:
-    """One robot asks another: a place for connections, and sockets for datagrams both ways.
+    """One robot pulls from another: a place for connections, and sockets for datagrams both ways.
 
     All of it is for the loop's thread.
     """
@@ -165,9 +165,9 @@ class _Link:
         self.passage = Passage(Weather())
         number = server.port_for(client.name)
         self._served, self._dialled = (server.listen, number), (server.address, number)
-        # A node takes datagrams of a peer only from the address that the team file says.
+        # A node takes datagrams of a peer only from the address in the team file.
         self._from = client.address, 0
-        self._caller: Any = None  # where the last datagram of the asking side came from
+        self._caller: Any = None  # where the last datagram of the pulling side came from
         self._connections: set[_Connection] = set()
 
     async def open(self) -> None:

@@ -1,4 +1,4 @@
-"""Gives one order to a real MAVSDK vehicle whose PX4 does what a test says."""
+"""Gives one order to a real MAVSDK vehicle whose PX4 does what a test scripts."""
 
 import asyncio
 import contextlib
@@ -81,5 +81,5 @@ def seen(telemetry, px4):
 
 @pytest.fixture
 def hovering(mission):
-    """A vehicle in Hold that says where it hovers."""
+    """A vehicle in Hold that reports where it hovers."""
     return {"mode": HOLD, "target": mission.frame.to_geodetic(ELSEWHERE)}

@@ -158,9 +158,9 @@ def test_of_the_two_acknowledgements_of_a_mode_the_second_counts(run, hovering):
     assert px4.commands() == JUMP
 
 
-@pytest.mark.parametrize("first", [(), (ACCEPTED,)])  # as PX4 1.16 and 1.17 say at once
-def test_what_is_refused_for_now_is_asked_for_again(run, first):
-    """Also if nothing is answered to that: the acceptance of before says nothing of it."""
+@pytest.mark.parametrize("first", [(), (ACCEPTED,)])  # as PX4 1.16 and 1.17 answer at once
+def test_what_is_refused_for_now_is_requested_again(run, first):
+    """Also if nothing is answered to that: the acceptance of before does not cover it."""
 
     def later(px4, order):
         if len(px4.orders) == 1:
@@ -177,13 +177,13 @@ def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):
     monkeypatch.setattr(px4_commands, "ORDER_LONGEST_S", 2.0 * LIMIT_S)
 
     class Slow:
-        """Says so with each of its next hundred heartbeats: five seconds."""
+        """Reports it with each of its next hundred heartbeats: five seconds."""
 
         def __call__(self, px4, order):
-            tell, left = px4.report, iter(range(100))
+            report, left = px4.report, iter(range(100))
 
             def busy():
-                tell()
+                report()
                 if next(left, None) is not None:
                     px4.acknowledge(order, IN_PROGRESS)
                 else:
@@ -246,7 +246,7 @@ def test_an_order_from_before_that_is_late_is_no_stop(run, mission):
     assert run(answer, script, **here).commands() == STOP * 2
 
 
-def test_the_speed_is_told_beside_and_until_it_is_acknowledged(run, hovering):
+def test_the_speed_is_sent_beside_and_until_it_is_acknowledged(run, hovering):
     def answer(px4, order):
         follows(px4, order)
         speeds = [entry for entry in px4.commands() if entry[1] == CHANGE_SPEED]
@@ -290,7 +290,7 @@ def hold_over(run, mission):
             sending = asyncio.create_task(sender.run())
             sender.give(motion)
             await arrived.wait()
-            sender.give(HoldHere("asked for"))
+            sender.give(HoldHere("requested"))
             await done.wait()
             sending.cancel()
 
@@ -320,12 +320,12 @@ def test_a_hold_does_not_wait_for_a_go_to_that_was_lost(hold_over, hovering, mod
     state = {**hovering, "mode": mode}
     px4, reports = hold_over(answer, FlyToPoint(THERE, 30.0), 1, **state)
     assert px4.commands() == STOP * 2
-    assert reports == [CommandConfirmed(HoldHere("asked for"))]
+    assert reports == [CommandConfirmed(HoldHere("requested"))]
 
 
 @pytest.mark.usefixtures("patient")
 def test_a_hold_stops_a_jump_that_shows_only_after_it(hold_over, hovering, mission):
-    """The mode of the jump arrives, and is told in a heartbeat that the hold has not reached."""
+    """The mode of the jump is reported in a heartbeat sent before the hold was received."""
 
     def answer(px4, order):
         set_item(px4, order)
@@ -339,7 +339,7 @@ def test_a_hold_stops_a_jump_that_shows_only_after_it(hold_over, hovering, missi
     jump_there = FlyToNode(node, mission.waypoints[node - 1].position)
     px4, reports = hold_over(answer, jump_there, 2, **hovering)
     assert px4.commands() == JUMP + STOP
-    assert reports == [CommandConfirmed(HoldHere("asked for"))]
+    assert reports == [CommandConfirmed(HoldHere("requested"))]
 
 
 # Arming.
@@ -384,10 +384,10 @@ def test_an_arming_that_shows_needs_no_answer(run):
 
 
 @pytest.mark.parametrize(
-    ("choice", "said"),
+    ("choice", "message"),
     [({"mode": POSITION}, "the pilot chose Position"), ({"armed": False}, "disarmed")],
 )
-def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, said):
+def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, message):
     def arms(px4, _order):
         px4.armed = True
 
@@ -399,7 +399,7 @@ def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, sa
             lambda: vehicle.telemetry.mode is FlightMode.POSITION or not vehicle.telemetry.armed,
             LIMIT_S,
         )
-        with pytest.raises(ArmingRefusedError, match=said):
+        with pytest.raises(ArmingRefusedError, match=message):
             await vehicle.start()
 
     px4s = []

@@ -1,6 +1,6 @@
 """No pilot is commanded over: what moves the vehicle leaves once, and again only on evidence.
 
-Real MAVSDK over UDP against a vehicle that swallows acknowledgements, and does what a test says.
+Real MAVSDK over UDP against a vehicle that swallows acknowledgements, and does what a test scripts.
 """
 
 import asyncio
@@ -101,7 +101,7 @@ def test_a_pilot_s_mode_ends_a_stop_at_once(run, hovering):
 
 
 def chosen_back(px4, order):
-    """It does what it is told, and a pilot has chosen the mode of before when it is told next."""
+    """It follows the command, and a pilot has chosen the mode of before when the next one comes."""
     set_item(px4, order)
     if order.get_type() != "MISSION_SET_CURRENT":
         px4.acknowledge(order, ACCEPTED)

@@ -1,4 +1,4 @@
-"""What the tests of single orders say to a vehicle, and what its autopilot does then."""
+"""The orders that tests send to a vehicle, and what its autopilot does then."""
 
 import pytest
 
@@ -76,7 +76,7 @@ def set_item(px4, order):
 
 
 def follows(px4, order):
-    """It does what it is told and acknowledges nothing."""
+    """It follows the command and acknowledges nothing."""
     set_item(px4, order)
     match getattr(order, "command", None):
         case 176:
