@@ -52,7 +52,7 @@ HEADS: Final = ("archive", "runs", "cpu_h", "program", "commit", "constraints", 
 
 HOW: Final = """\
 
-If a change is meant to move results, say so: write the commit and what it changed into the column
+If a change is meant to move results, state it: write the commit and what it changed into the column
 'moved' of docs/evidence/archives.csv, or make the archives again from a committed state:
     .venv/bin/python -m benchmarks.archives --again {names}
 """
@@ -205,14 +205,14 @@ def with_claims(page: str, table: str) -> str:
 
 
 def claims(*, write: bool) -> int:
-    """Decide all claims anew; the exit code is 1 if the page says otherwise and is not written."""
+    """Decide all claims anew; the exit code is 1 if the page differs and is not written."""
     page = PAGE.read_text(encoding="utf-8")
     confirmed = [name for name in archives() if name.endswith(CONFIRMED)]
     new = with_claims(page, claims_text(confirmed, page))
     if write:
         write_whole(PAGE, new, replace=True)
     elif new != page:
-        sys.stderr.write(f"{PAGE}: the table of all claims is not what the archives say\n")
+        sys.stderr.write(f"{PAGE}: the table of all claims differs from the archives\n")
         return 1
     return 0
 

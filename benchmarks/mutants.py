@@ -56,7 +56,7 @@ def _files(folder: str) -> dict[str, list[Path]]:
 
 
 def _only(folder: str, name: str) -> Path:
-    """The one file of a name, in whichever room of a folder it is; `room/name.py` says which."""
+    """The one file of a name, in whichever room of a folder it is; `room/name.py` selects which."""
     named = _files(folder).get(name.rpartition("/")[2], [])
     found = [path for path in named if f"/{path.as_posix()}".endswith(f"/{name}")]
     if len(found) != 1:
@@ -85,7 +85,7 @@ MUTANTS = (
          "controller"),
     _row("goto timer", "air_router.table", 'timer="hold_s", timer_from=TimerStart.ARRIVAL',
          'timer="hold_s"', "controller command_handler state_table"),
-    _row("not heard for 30 s", "air_router.controller/limits", "VEHICLE_SILENT_S: Final = 3.0",
+    _row("not received for 30 s", "air_router.controller/limits", "VEHICLE_SILENT_S: Final = 3.0",
          "VEHICLE_SILENT_S: Final = 30.0", "command_handler"),
     _row("put off when ready only", "air_router.table",
          "Spec(HoldState, puts_off=True", "Spec(HoldState", "command_handler"),
@@ -167,7 +167,7 @@ MUTANTS = (
          "        if not low(mission, telemetry):\n            self._context.interlocks.climbed()",
          "        if True:\n            self._context.interlocks.climbed()",
          "faults_in_flight control_authority controller several"),
-    _row("last hold said once", "air_router.control_authority", "self._hold_at_last(context.authority.releasing)", "pass",
+    _row("last hold left out", "air_router.control_authority", "self._hold_at_last(context.authority.releasing)", "pass",
          "control_authority faults_in_flight"),
     _row("compares for ever", "air_router.control_authority", "context.now_s >= self._compared_by_s", "False",
          "control_authority"),

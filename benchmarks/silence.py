@@ -1,21 +1,21 @@
-"""Where the controller is asked for a motion and returns without one, and without a word.
+"""Where a motion is requested from the controller, and it returns none and reports nothing.
 
-Asked for a motion are
+A motion is requested from
 
 * `begin`, `arrived`, `no_route`, `retry` and `replan` of the heirs of `StateHandler`;
-* the methods in `ASKED`, which take a motion towards the vehicle.
+* the methods in `REQUESTED`, which take a motion towards the vehicle.
 
 A return of theirs is silent if on some way through the function to it, by its statements alone,
 
-* no other function that is asked for a motion is called (that one is judged where it stands);
-* nothing leaves (`LEAVES`), and nothing of `TELLS` is called, nor a function of the controller that
-  does so on all of its ways;
-* and no value but None is returned: a motion, a verdict with a name, or `Rest`, which says why
+* no other function of these is called (that one is judged where it stands);
+* nothing leaves (`LEAVES`), and nothing of `REPORTS` is called, nor a function of the controller
+  that does so on all of its ways;
+* and no value but None is returned: a motion, a verdict with a name, or `Rest`, which states why
   nothing is wanted.
 
 The end of a function is a return. What a condition is true for is not known: a loop may run not at
 all, and each branch may be taken. So a motion that is under way already, for which nothing is to be
-done, counts until that is said by a name as well.
+done, counts until a name states that as well.
 """
 
 import ast
@@ -25,28 +25,28 @@ from typing import Final, NamedTuple
 
 HANDLER: Final = "StateHandler"
 HANDLES: Final = ("begin", "arrived", "no_route", "retry", "replan")
-"""What a state's handler is asked for."""
+"""The methods of a state's handler from which a motion is requested."""
 
-ASKED: Final[Mapping[str, tuple[str, ...]]] = {
+REQUESTED: Final[Mapping[str, tuple[str, ...]]] = {
     "CommandGate": ("command", "send", "hold", "_block", "wait_here", "wait_for_way"),
     "InitialClimb": ("first",),
     "Navigator": ("fly_to",),
 }
-"""What else is asked for a motion, by class."""
+"""The other methods from which a motion is requested, by class."""
 
-TELLS: Final[Mapping[str, str]] = {
+REPORTS: Final[Mapping[str, str]] = {
     "say": "an announcement",
     "warn": "an announcement",
     "alarm": "an announcement",
     "alarm_until_over": "an announcement",
-    "signal": "a change of state, which is recorded, and whose handler is asked",
+    "signal": "a change of state, which is recorded, and whose handler is queried",
     "come_home": "the same",
-    "advance": "the next motion is commanded, or the state is asked what it wants",
+    "advance": "the next motion is commanded, or the state is queried for what it wants",
     "_waits_for": "a verdict: the row of `INTERLOCKS` that keeps the motion back",
 }
-"""Calls that say what becomes of it."""
+"""Calls that report what becomes of it."""
 
-_TELLING: Final = {*TELLS, *HANDLES, *chain.from_iterable(ASKED.values())}
+_REPORTING: Final = {*REPORTS, *HANDLES, *chain.from_iterable(REQUESTED.values())}
 
 LEAVES: Final = ".actions.append"
 """How a motion leaves the controller."""
@@ -79,11 +79,11 @@ def silences(trees: Mapping[str, ast.Module]) -> list[Silence]:
         trees: Its files, parsed, by their paths from the root.
     """
     methods = [*_methods(trees)]
-    asked = [each for each in methods if _is_asked(each)]
+    requested = [each for each in methods if _is_requested(each)]
     reader = _Reader(methods)
     return [
         Silence(each.file, line, f"{each.holder.name}.{each.code.name}")
-        for each in asked
+        for each in requested
         for line in reader.silent_lines(each.code)
     ]
 
@@ -97,8 +97,8 @@ def _methods(trees: Mapping[str, ast.Module]) -> Iterator[_Method]:
                         yield _Method(path, holder, code)
 
 
-def _is_asked(method: _Method) -> bool:
-    if method.code.name in ASKED.get(method.holder.name, ()):
+def _is_requested(method: _Method) -> bool:
+    if method.code.name in REQUESTED.get(method.holder.name, ()):
         return True
     heir = HANDLER in map(ast.unparse, method.holder.bases)
     return heir and method.code.name in HANDLES
@@ -126,59 +126,59 @@ class _Reader:
     def _read(self, code: ast.FunctionDef, *, values_count: bool) -> list[int]:
         outer = self._found, self._values_count
         self._found, self._values_count = [], values_count
-        if self._through(code.body, told=False) is False:
+        if self._through(code.body, reported=False) is False:
             self._found.append(code.end_lineno or code.lineno)
         found, (self._found, self._values_count) = self._found, outer
         return found
 
-    def _through(self, body: Sequence[ast.stmt], *, told: bool) -> bool | None:
-        """Whether it is told by the end of these statements; None: their end is not reached."""
+    def _through(self, body: Sequence[ast.stmt], *, reported: bool) -> bool | None:
+        """Whether it is reported by the end of these statements; None: their end is not reached."""
         for statement in body:
             if isinstance(statement, ast.Return):
-                self._note(statement, told=told)
-            ends = [end for end in self._ends(statement, told=told) if end is not None]
+                self._note(statement, reported=reported)
+            ends = [end for end in self._ends(statement, reported=reported) if end is not None]
             if not ends:
                 return None
-            told = all(ends)
-        return told
+            reported = all(ends)
+        return reported
 
-    def _note(self, end: ast.Return, *, told: bool) -> None:
+    def _note(self, end: ast.Return, *, reported: bool) -> None:
         """Take a return in, if it is silent."""
         answers = self._values_count and end.value is not None and ast.unparse(end.value) != "None"
-        if not (told or answers or self._says(end.value)):
+        if not (reported or answers or self._reports(end.value)):
             self._found.append(end.lineno)
 
-    def _ends(self, statement: ast.stmt, *, told: bool) -> list[bool | None]:
-        """What `_through` says of each way through one statement."""
+    def _ends(self, statement: ast.stmt, *, reported: bool) -> list[bool | None]:
+        """What `_through` returns of each way through one statement."""
         match statement:
             case ast.Return() | ast.Raise() | ast.Break() | ast.Continue():
                 return []
             case ast.If(test=test, body=then, orelse=other):
-                told = told or self._says(test)
-                return [self._through(part, told=told) for part in (then, other)]
+                reported = reported or self._reports(test)
+                return [self._through(part, reported=reported) for part in (then, other)]
             case ast.For(iter=head, body=inner) | ast.While(test=head, body=inner):
-                told = told or self._says(head)
-                self._through(inner, told=told)
-                return [told]
+                reported = reported or self._reports(head)
+                self._through(inner, reported=reported)
+                return [reported]
             case ast.Match(subject=subject, cases=cases):
-                told = told or self._says(subject)
-                ends = [self._through(case.body, told=told) for case in cases]
+                reported = reported or self._reports(subject)
+                ends = [self._through(case.body, reported=reported) for case in cases]
                 whole = any(ast.unparse(case.pattern) == "_" for case in cases)
-                return ends if whole else [*ends, told]
+                return ends if whole else [*ends, reported]
             case ast.With(body=inner) | ast.Try(body=inner):
                 caught = statement.handlers if isinstance(statement, ast.Try) else []
                 bodies = [inner, *(each.body for each in caught)]
-                return [self._through(each, told=told) for each in bodies]
-        return [told or self._says(statement)]
+                return [self._through(each, reported=reported) for each in bodies]
+        return [reported or self._reports(statement)]
 
-    def _says(self, node: ast.AST | None) -> bool:
-        """Whether something is called in it that tells on all of its ways."""
+    def _reports(self, node: ast.AST | None) -> bool:
+        """Whether something is called in it that reports on all of its ways."""
         calls = [each for each in ast.walk(node) if isinstance(each, ast.Call)] if node else []
-        return any(self._call_says(ast.unparse(call.func)) for call in calls)
+        return any(self._call_reports(ast.unparse(call.func)) for call in calls)
 
-    def _call_says(self, called: str) -> bool:
+    def _call_reports(self, called: str) -> bool:
         name = called.rpartition(".")[2]
-        if name in _TELLING or called.endswith(LEAVES):
+        if name in _REPORTING or called.endswith(LEAVES):
             return True
         if name not in self._always:
             self._always[name] = False  # while it is read: one that calls itself does not

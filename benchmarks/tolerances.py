@@ -158,7 +158,7 @@ _REFUSED: Final = (EvidenceError, ArithmeticError, IndexError, ValueError)
 
 
 def case_of(evidence: Evidence) -> Case | str:
-    """A flight as the rules see it, or the error that says why it cannot be seen."""
+    """A flight as the rules see it, or the error that states why it cannot be seen."""
     try:
         return Case(evidence)
     except _REFUSED as error:

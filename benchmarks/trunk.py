@@ -84,8 +84,8 @@ def declared(trees: Mapping[str, ast.Module]) -> dict[str, set[str]]:
 
 
 def _is_frozen(node: ast.ClassDef) -> bool:
-    words = " ".join(map(ast.unparse, (*node.decorator_list, *node.bases)))
-    return "frozen=True" in words or "NamedTuple" in words or "Enum" in words
+    text = " ".join(map(ast.unparse, (*node.decorator_list, *node.bases)))
+    return "frozen=True" in text or "NamedTuple" in text or "Enum" in text
 
 
 def _declared_in(node: ast.ClassDef) -> Iterator[str]:
@@ -118,7 +118,7 @@ def _assigned(path: str, holder: str, node: ast.AST) -> Iterator[Assignment]:
 
 
 def owner_of(found: Assignment, classes: Mapping[str, set[str]]) -> str:
-    """The class whose attribute it is; empty where its name does not say so."""
+    """The class whose attribute it is; empty where its name does not show it."""
     if found.target == "self":
         return found.holder
     owners = [name for name, names in classes.items() if found.name in names]

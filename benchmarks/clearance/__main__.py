@@ -38,7 +38,7 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 SPEEDS_M_S = (2.0, 3.5, 5.0, 6.5, 8.0)
 WINDS_M_S = (0.0, 3.0, 5.0, 8.0)
 CLEARANCE_M = 3.0
-MOST_ASKED_M_S = 5.0
+MOST_CORNERS_M_S = 5.0
 NAMES = ("pennovation", "urban")
 GUSTS = 0.3  # spread of gusts, of the mean wind
 REAL_SPEED = 5.0  # of a real PX4, times real time
@@ -77,9 +77,11 @@ class Flight:
             real = RealFlight(scene, self.path.absolute(), REAL_SPEED, self.px4, keys=keys)
             return figures(real.fly())
         wind = WindSettings(self.wind_m_s, self.seed * 73.0 % 360.0, GUSTS * self.wind_m_s)
-        # An operator of a rehearsal asks for places that a flight at 5 m/s may reach.
-        asks = self.seed % 2 and self.speed_m_s <= MOST_ASKED_M_S and self.wind_m_s <= BREEZE_M_S
-        scene = Scene(Fault.CORNERS if asks else Fault.NONE, self.seed)
+        # An operator of a rehearsal requests places that a flight at 5 m/s may reach.
+        corners = (
+            self.seed % 2 and self.speed_m_s <= MOST_CORNERS_M_S and self.wind_m_s <= BREEZE_M_S
+        )
+        scene = Scene(Fault.CORNERS if corners else Fault.NONE, self.seed)
         return figures(SimulatedFlight(scene, self.path, keys=keys, wind=wind).fly())
 
 
@@ -119,9 +121,9 @@ def main() -> int:
     with ProcessPoolExecutor(arguments.jobs) as pool:
         chosen = list(flights(arguments.flights))
         for flight, found in zip(chosen, pool.map(fly, chosen), strict=True):
-            flown.append(_told(flight, found))
+            flown.append(_logged(flight, found))
     real = flights(arguments.px4_flights if arguments.px4 else 0, arguments.px4)
-    flown.extend(_told(flight, flight.fly()) for flight in real)
+    flown.extend(_logged(flight, flight.fly()) for flight in real)
     sys.stdout.write(table(flown) + "\n")
     if arguments.json:
         rows = [asdict(flight) | asdict(found) for flight, found in flown]
@@ -129,8 +131,8 @@ def main() -> int:
     return 1 if any(found.spare_m < 0.0 for _, found in flown) else 0
 
 
-def _told(flight: Flight, found: Figures) -> tuple[Flight, Figures]:
-    """Say what has been flown: all of it takes minutes."""
+def _logged(flight: Flight, found: Figures) -> tuple[Flight, Figures]:
+    """Log each flight as it ends: all of them take minutes."""
     sys.stderr.write(f"{flight}: {found.end}, {found.spare_m:+.2f} m beyond the clearance\n")
     return flight, found
 

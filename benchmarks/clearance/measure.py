@@ -47,7 +47,7 @@ class Used:
     """How far the true track left what was checked for one leg.
 
     Attributes:
-        kind: "straight", "turn" (begun at speed), "end" (near its end), in words of the table.
+        kind: "straight", "turn" (begun at speed), "end" (near its end), as in the table.
         metres: How far outside, at the worst.
         turned_deg: By how much the leg turns from where it flew before; 0: it stood.
     """
@@ -92,15 +92,15 @@ def figures(evidence: Evidence) -> Figures:
 
 
 class _Reported:
-    """Where the vehicle said that it was, as the companion received it, in metres."""
+    """The positions that the vehicle reported, as the companion received them, in metres."""
 
     def __init__(self, case: Case) -> None:
-        told = case.received("GLOBAL_POSITION_INT")
-        self.time_s = np.array([m.time_s for m in told])
-        degrees = [np.array([m.fields[name] / 1e7 for m in told]) for name in ("lat", "lon")]
+        reported = case.received("GLOBAL_POSITION_INT")
+        self.time_s = np.array([m.time_s for m in reported])
+        degrees = [np.array([m.fields[name] / 1e7 for m in reported]) for name in ("lat", "lon")]
         self.places = np.column_stack(case.mission.frame.metres(*degrees))
         # MAVLink: x north, y east
-        self.velocity_m_s = np.array([(m.fields["vy"], m.fields["vx"]) for m in told]) / 100.0
+        self.velocity_m_s = np.array([(m.fields["vy"], m.fields["vx"]) for m in reported]) / 100.0
 
     def at(self, time_s: float) -> int:
         return max(int(np.searchsorted(self.time_s, time_s, side="right")) - 1, 0)
@@ -108,23 +108,23 @@ class _Reported:
 
 def _off_m(case: Case) -> float:
     """Measured while it is slow: of a fast one only the clocks would be compared."""
-    told = _Reported(case)
-    slow = np.hypot(*told.velocity_m_s.T) < STANDS_M_S
-    at = np.clip(np.searchsorted(case.time_s, told.time_s), 0, len(case.places) - 1)
-    off_m = np.hypot(*(told.places - case.places[at]).T)
+    reported = _Reported(case)
+    slow = np.hypot(*reported.velocity_m_s.T) < STANDS_M_S
+    at = np.clip(np.searchsorted(case.time_s, reported.time_s), 0, len(case.places) - 1)
+    off_m = np.hypot(*(reported.places - case.places[at]).T)
     return float(off_m[slow & case.flying[at]].max(initial=0.0))
 
 
 def _used(case: Case) -> Iterator[Used]:
-    told, speed_m_s = _Reported(case), case.mission.speed_m_s
+    reported, speed_m_s = _Reported(case), case.mission.speed_m_s
     reaction_s = REACTION_S + COMMAND_S * case.evidence.speed
     legs = [(m.time_s, Point(*to)) for m, to in case.legs if m.delivered]
     others_s = [m.time_s for m in case.commands if is_motion(m)]  # of one leg perhaps two
     before: Point | None = None
     for number, (from_s, to) in enumerate(legs):
-        first = told.at(from_s)
-        here = Point(*map(float, told.places[first]))
-        velocity = (float(told.velocity_m_s[first][0]), float(told.velocity_m_s[first][1]))
+        first = reported.at(from_s)
+        here = Point(*map(float, reported.places[first]))
+        velocity = (float(reported.velocity_m_s[first][0]), float(reported.velocity_m_s[first][1]))
         until_s = min((at_s for at_s in others_s if at_s > from_s + _MODE_S), default=math.inf)
         next_s, next_to = legs[number + 1] if number + 1 < len(legs) else (math.inf, None)
         if next_s <= from_s + _MODE_S:

@@ -5,7 +5,7 @@
     python -m benchmarks.contention --timeout 5      # nodes give up a pull that waits so long
     python -m benchmarks.contention --json
 
-An experiment says when robots meet and what they publish; real nodes in processes, whose TCP
+An experiment determines when robots meet and what they publish; real nodes in processes, whose TCP
 connections share one channel, do the same in real time (`benchmarks.contention.replay`). The ratio
 is of geometric means over runs, with a 95 % interval. The machine should be idle: an event
 that is more than a tenth of a second late is reported: latencies are of that order.

@@ -1,4 +1,4 @@
-"""One robot's node as a process: it does what lines on stdin say, and reports pulls on stdout.
+"""One robot's node as a process: it reads commands from stdin, and reports pulls on stdout.
 
     node.py TEAM ROBOT
 
@@ -20,7 +20,7 @@ SILENT_S = 3600.0
 """A pull that waits for its turn is not given up: who loses contact is hung up on by the relay."""
 
 
-def say(*what: object) -> None:
+def report(*what: object) -> None:
     """Print a line, at once."""
     sys.stdout.write(json.dumps(what) + "\n")
     sys.stdout.flush()
@@ -33,19 +33,19 @@ def main() -> None:
 
     def happened(event: LinkEvent) -> None:
         if isinstance(event, SyncEnded | SyncTimedOut) and event.direction is Direction.IN:
-            say("ended", event.peer, isinstance(event, SyncEnded))
+            report("ended", event.peer, isinstance(event, SyncEnded))
 
     timeout_s = float(sys.argv[3]) if len(sys.argv) > 3 else SILENT_S
     with Node(Path(team), name, radio=ManualRadio(), timeout_s=timeout_s, datagrams=False) as node:
         node.subscribe(happened)
-        say("ready")
+        report("ready")
         for line in sys.stdin:
             match json.loads(line):
                 case ["publish", topic, data]:
                     node.publish(topic, bytes.fromhex(data), now=True)
                 case ["pull", peer]:
                     if not node.sync(peer):
-                        say("ended", peer, False)
+                        report("ended", peer, False)
 
 
 if __name__ == "__main__":

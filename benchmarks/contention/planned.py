@@ -48,7 +48,7 @@ class Planned:
     Attributes:
         team: With the addresses of the experiment.
         events: What happens, in order.
-        measures: What the experiment says of its channel.
+        measures: What the experiment measured of its channel.
     """
 
     label: str
@@ -62,8 +62,8 @@ class Planned:
 def planned(task: Task, duration_s: float) -> Planned:
     """Make a run in which every robot publishes what is new once a second.
 
-    In other runs a robot speaks when a peer is about to ask, so what it says would depend on when
-    the channel is free.
+    In other runs a robot publishes when a peer is about to request, so what it publishes would
+    depend on when the channel is free.
     """
     run = Run(settings_of(task).model_copy(update={"duration_s": duration_s}), task.seed)
     published: list[Publication] = []

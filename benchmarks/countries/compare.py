@@ -102,17 +102,17 @@ class Comparison:
         row.zones = len(theirs)
         for key in ours.keys() ^ theirs.keys():
             row.missing += 1
-            self._say(key, "only in one reading")
+            self._print(key, "only in one reading")
         row.crossed = sum(crossed for _, crossed in self._expected.values())
         for key in ours.keys() & theirs.keys():
             areas = [area for zone in ours[key] for area in zone.sound()[0]]
             found_m2 = sum(map(_area_m2, areas))
             if not self._same(key, found_m2):
                 row.areas += 1
-                self._say(key, f"{found_m2:.0f} m2, not {self._expected[key][0]:.0f}")
+                self._print(key, f"{found_m2:.0f} m2, not {self._expected[key][0]:.0f}")
             if not _same_limits(ours[key], theirs[key]):
                 row.limits += 1
-                self._say(key, f"{ours[key][0].terms.altitudes}, not {theirs[key].limits}")
+                self._print(key, f"{ours[key][0].terms.altitudes}, not {theirs[key].limits}")
 
     def compare_missions(self, count: int, folder: Path) -> None:
         """Plan missions at so many of its airspaces, and compare what they have of the file."""
@@ -132,7 +132,7 @@ class Comparison:
             wrong = [problem for problem in findings.problems if problem.path == self._path]
             self.row.refused += bool(wrong)
             for problem in wrong[:3]:
-                self._say(problem.line, str(problem))
+                self._print(problem.line, str(problem))
             self._compare_zones(placed)
 
     def _compare_zones(self, placed: PlacedForm) -> None:
@@ -154,16 +154,16 @@ class Comparison:
             self.row.compared += 1
             if not self._same(key, area):
                 self.row.areas += 1
-                self._say(key, f"in a mission {area:.0f} m2, not {self._expected[key][0]:.0f}")
+                self._print(key, f"in a mission {area:.0f} m2, not {self._expected[key][0]:.0f}")
 
     def _same(self, key: int, ours_m2: float) -> bool:
         theirs_m2, crossed = self._expected[key]
         enough = ours_m2 >= theirs_m2 * (1 - TOLERANCE) - LEAST_M2
         return enough and (crossed or ours_m2 <= theirs_m2 * (1 + TOLERANCE) + LEAST_M2)
 
-    def _say(self, key: int, words: str) -> None:
+    def _print(self, key: int, text: str) -> None:
         if self._why:
-            print(f"  {self._path.name}:{key}: {words}"[:200])
+            print(f"  {self._path.name}:{key}: {text}"[:200])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

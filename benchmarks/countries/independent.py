@@ -30,7 +30,7 @@ Limit = tuple[float, str] | None  # metres above "ground" or "sea"
 
 @dataclass
 class Zone:
-    """What a file says of one airspace or feature.
+    """What a file states of one airspace or feature.
 
     Attributes:
         name: What the file calls it.
@@ -114,11 +114,11 @@ def _dense(ring: Ring, near_lon: float) -> Ring:
 _DEGREES = re.compile(r"([\d.:]+)\s*([NSEW])", re.IGNORECASE)
 
 
-def _openair(text: str) -> dict[int, Zone]:
+def _openair(document: str) -> dict[int, Zone]:
     reader = _OpenAir()
-    for number, line in enumerate(re.split(r"\r\n?|\n", text), start=1):
-        words = line.strip() if line[:2] == "AN" else re.sub(r"[*;].*", "", line).strip()
-        command, _, rest = words.partition(" ")
+    for number, line in enumerate(re.split(r"\r\n?|\n", document), start=1):
+        text = line.strip() if line[:2] == "AN" else re.sub(r"[*;].*", "", line).strip()
+        command, _, rest = text.partition(" ")
         reader.line(number, command.upper(), rest.strip())
     reader.close()
     return reader.zones
@@ -129,16 +129,16 @@ class _OpenAir:
         self.zones: dict[int, Zone] = {}
         self._zone = Zone()
         self._ring: Ring = []
-        self._said: dict[str, str] = {}
+        self._fields: dict[str, str] = {}
         self._centre, self._clockwise = (0.0, 0.0), True
 
     def line(self, number: int, command: str, rest: str) -> None:
         if command == "AC":
             self.close()
-            self._zone, self._ring, self._said, self._clockwise = Zone(), [], {}, True
+            self._zone, self._ring, self._fields, self._clockwise = Zone(), [], {}, True
             self.zones[number] = self._zone
         elif command in ("AN", "AL", "AH"):
-            self._said[command] = rest
+            self._fields[command] = rest
         elif command == "V" and rest.upper().startswith("X"):
             self._centre = _places(rest)[0]
         elif command == "V" and rest.upper().startswith("D"):
@@ -153,8 +153,8 @@ class _OpenAir:
     def close(self) -> None:
         if self._ring:
             self._zone.polygons.append([self._ring])
-        self._zone.name = self._said.get("AN", "")
-        low, high = self._said.get("AL", ""), self._said.get("AH", "")
+        self._zone.name = self._fields.get("AN", "")
+        low, high = self._fields.get("AL", ""), self._fields.get("AH", "")
         self._zone.limits = [(limit(low), limit(high, upper=True))]
 
 
@@ -189,20 +189,20 @@ _GROUNDS, _SEAS = ("AGL", "GND", "ASFC", "SFC"), ("AMSL", "MSL", "ALT", "QNH")
 
 
 def limit(text: str, *, upper: bool = False, unit: str = "FT", datum: str = "SEA") -> Limit:
-    """A limit in words; None: none, or in doubt."""
-    words = text.upper().strip(" \u00b7.,;")
-    said_datum = next((word for word in (*_GROUNDS, *_SEAS, "STD") if words.endswith(word)), "")
-    words = words.removesuffix(said_datum).strip()
-    found = re.fullmatch(r"(FL)?\s*(-?\d+(?:\.\d+)?)\s*(FEET|FT|F|M)?", words)
+    """A limit as text; None: none, or in doubt."""
+    text = text.upper().strip(" \u00b7.,;")
+    stated_datum = next((name for name in (*_GROUNDS, *_SEAS, "STD") if text.endswith(name)), "")
+    text = text.removesuffix(stated_datum).strip()
+    found = re.fullmatch(r"(FL)?\s*(-?\d+(?:\.\d+)?)\s*(FEET|FT|F|M)?", text)
     if found is None:
         return None
-    level, digits, said_unit = found.groups()
-    unit = {"FEET": "FT", "F": "FT"}.get(said_unit or unit, said_unit or unit)
-    if level or said_datum == "STD":
+    level, digits, stated_unit = found.groups()
+    unit = {"FEET": "FT", "F": "FT"}.get(stated_unit or unit, stated_unit or unit)
+    if level or stated_datum == "STD":
         metres = float(digits) * FOOT_M * (100 if level else 1)
         return None if upper or metres * 0.9 - 600 <= 0 else (metres * 0.9 - 600, "sea")
-    if said_datum:
-        datum = "GROUND" if said_datum in _GROUNDS else "SEA"
+    if stated_datum:
+        datum = "GROUND" if stated_datum in _GROUNDS else "SEA"
     return _metres(float(digits), unit, datum, upper=upper)
 
 
@@ -219,7 +219,7 @@ def _metres(value: float, unit: str, datum: str, *, upper: bool) -> Limit:
 
 
 _NO_ZONES = "NO_RESTRICTION"
-_WORDS = {"AGL": "GROUND", "AMSL": "SEA", "MSL": "SEA"}
+_DATUMS = {"AGL": "GROUND", "AMSL": "SEA", "MSL": "SEA"}
 
 
 def _json(document: Any) -> dict[int, Zone]:
@@ -263,7 +263,7 @@ def _limits(flat: dict[str, Any]) -> tuple[Limit, Limit]:
     for side in ("lower", "upper"):
         value = flat.get(side + "limit", flat.get(side))
         names = ("reference", "verticalreference", "ref")
-        datum = next((_WORDS.get(flat[side + n], "") for n in names if side + n in flat), "")
+        datum = next((_DATUMS.get(flat[side + n], "") for n in names if side + n in flat), "")
         if isinstance(value, str) and not re.fullmatch(r"-?\d+(\.\d+)?", value):
             both.append(limit(value, upper=side == "upper", unit="", datum=""))
         else:

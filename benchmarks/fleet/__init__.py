@@ -1,1 +1,1 @@
-"""Many nodes that all hear each other: as processes, and whole neighbourhoods in simulated time."""
+"""Many nodes, all in mutual range: as processes, and whole neighbourhoods in simulated time."""

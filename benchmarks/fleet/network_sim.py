@@ -89,9 +89,9 @@ class Line:
 class NetworkSim:
     """Carries what nodes send, each piece `delay_s` after it left, in order.
 
-    `blocked` has (path, source, target) of what vanishes without a word; of `left` more pieces all
-    are carried, then none (None: no limit). `silent` names who is not there at all; `lets_by` says
-    of each piece whether it gets there, `alter` what gets there of it.
+    `blocked` has (path, source, target) of what is lost without an error; of `left` more pieces all
+    are carried, then none (None: no limit). `silent` names who is not there at all;
+    `lets_by` decides of each piece whether it gets there, `alter` what gets there of it.
     """
 
     def __init__(
@@ -166,7 +166,7 @@ class NetworkSim:
         self.left = None
 
     def meet(self, a: str, b: str, *, cut: int | None = None) -> None:
-        """Two come near, out of reach of all others; both pull until all is said, or is cut.
+        """Two come near, out of reach of all others; both pull until all is sent, or is cut.
 
         cut: so many pieces are carried, no more.
         """
@@ -366,12 +366,12 @@ class NetworkSim:
         for frame in line.waiting:
             piece = Carried("zmq", line.client, line.server, frame)
             if not line.dead and self._lets(piece):
-                self.later(lambda p=piece: self._ask(line, self.alter(p)))
+                self.later(lambda p=piece: self._request(line, self.alter(p)))
             else:
                 line.dead = True
         line.waiting.clear()
 
-    def _ask(self, line: Line, frame: bytes) -> None:
+    def _request(self, line: Line, frame: bytes) -> None:
         self.nodes[line.server].request(line.client, line.route, [frame], self.at(line.server))
 
     def _answer(self, server: str, route: tuple[bytes, ...], frame: bytes) -> None:

@@ -66,7 +66,7 @@ class Share:
 
 
 class Way(Protocol):
-    """One node of a library, linked to all others; tells what it gets, from any thread."""
+    """One node of a library, linked to all others; reports what it gets, from any thread."""
 
     def __init__(self, plan: Plan, name: str, got: Callable[[bytes], None]) -> None: ...
 
@@ -74,7 +74,7 @@ class Way(Protocol):
         """To all others."""
 
     def counts(self) -> tuple[int, int]:
-        """Syncs that began and that timed out since this was last asked."""
+        """Syncs that began and that timed out since the last call."""
 
     def close(self) -> None:
         """Stop."""
@@ -231,7 +231,7 @@ WAYS: dict[str, type[Way]] = {
 
 
 def live(plan: Plan, name: str) -> Share:
-    """Be one node: idle, then publishing; all keep the same times, from a word on stdin."""
+    """Be one node: idle, then publishing; all keep the same times, from a line on stdin."""
     delays_s: list[float] = []
     node = WAYS[plan.way](plan, name, lambda data: delays_s.append(time.time() - json.loads(data)))
     print("ready", flush=True)

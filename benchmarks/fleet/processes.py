@@ -74,7 +74,7 @@ def own_loopback() -> bool:
 def fleet(
     count: int, way: str = "mocha_link", checkout: Path = HERE, times: Plan = TIMES
 ) -> Summary:
-    """Let so many nodes run; it takes what the times say, and a second for each four nodes."""
+    """Let so many nodes run, for as long as the times are, and a second for each four nodes."""
     names = [f"rover{number:02}" for number in range(count)]
     ports = dict(zip(names, free_ranges(count), strict=True))
     settle_s = times.settle_s if way == "mocha_link" else min(times.settle_s, OTHERS_SETTLE_S)

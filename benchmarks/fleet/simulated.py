@@ -1,4 +1,4 @@
-"""Fleets in simulated time: what nodes say and take, without sockets and without other programs.
+"""Fleets in simulated time: what nodes send and take, without sockets and without other programs.
 
     python -m benchmarks.fleet.simulated 10 30 100
 
@@ -28,7 +28,7 @@ from mocha_link.links import Direction, MessageStored, SyncEnded
 
 DELAY_S = 0.01  # half a round trip
 SETTLE_S, IDLE_S, SPREAD_S = 35.0, 15.0, 3.0
-STAY_S, HEARD_S = 10.0, 1.0
+STAY_S, RADIO_S = 10.0, 1.0
 CLUSTER = 9
 MESSAGE_BYTES = 2000
 
@@ -84,12 +84,12 @@ class FleetSim(NetworkSim):
         """Have something happen later, in simulated seconds."""
         self.later(call, at_s)
 
-    def hear(self, name: str, peer: str, reading: float | None) -> None:
-        """A radio says something of a peer."""
+    def signal_received(self, name: str, peer: str, reading: float | None) -> None:
+        """A radio reports a reading of a peer."""
         with self.touch(name):
             self.nodes[name].signal_received(peer, reading, self.at(name))
 
-    def say(self, name: str, data: bytes) -> None:
+    def publish_data(self, name: str, data: bytes) -> None:
         """A node publishes."""
         with self.touch(name):
             self.publish(name, TOPIC, data)
@@ -135,9 +135,9 @@ class FleetSim(NetworkSim):
         with self.touch(line.client):
             super()._stand(line)
 
-    def _ask(self, line: Line, frame: bytes) -> None:
+    def _request(self, line: Line, frame: bytes) -> None:
         with self.touch(line.server):
-            super()._ask(line, frame)
+            super()._request(line, frame)
 
     def _reply(self, line: Line, frame: bytes) -> None:
         with self.touch(line.client):
@@ -185,12 +185,12 @@ def neighbourhood(count: int) -> Outcome:
     empty_sync_ms = (net.processor_s - before_s) / syncs * 1e3
     net.carried.clear()
     began_s, before_s = net.time_s, net.processor_s
-    said_s = {name: began_s + number / count for number, name in enumerate(names)}
-    for number, (name, at_s) in enumerate(said_s.items()):
-        net.at_time(at_s, partial(net.say, name, message(number)))
+    published_s = {name: began_s + number / count for number, name in enumerate(names)}
+    for number, (name, at_s) in enumerate(published_s.items()):
+        net.at_time(at_s, partial(net.publish_data, name, message(number)))
     net.wait(1.0 + SPREAD_S)
     got = stored(net, began_s)
-    spread_s = sorted(at_s - said_s[name] for name, times_s in got.items() for at_s in times_s)
+    spread_s = sorted(at_s - published_s[name] for name, times_s in got.items() for at_s in times_s)
     arrived = len(spread_s)
     spread_s += [math.inf] * (count * (count - 1) - arrived)
     crossed = [crossings(net, message(number)) for number in range(0, count, 10)]
@@ -220,7 +220,7 @@ def clusters(count: int) -> Outcome:
             for place in [(number + step) % places]
         ]
         if not step:
-            net.at_time(STAY_S / 2, partial(net.say, source, data))
+            net.at_time(STAY_S / 2, partial(net.publish_data, source, data))
             reached_s[0] = STAY_S / 2
         began_s = net.time_s
         for place, mule in met:
@@ -240,16 +240,16 @@ def clusters(count: int) -> Outcome:
 
 
 def _stay(net: FleetSim, members: list[list[str]], visits: list[tuple[str, str]]) -> None:
-    """For a while all of a cluster hear each other and its mule, which is then out of reach."""
+    """For a while all of a cluster receive each other and its mule, which is then out of reach."""
     visiting = [pair for visit in visits for pair in (visit, visit[::-1])]
     staying = [pair for group in members for pair in itertools.permutations(group, 2)]
-    for second in range(int(STAY_S / HEARD_S)):
+    for second in range(int(STAY_S / RADIO_S)):
         for pair in staying + visiting:
-            at_s = net.time_s + second * HEARD_S
-            net.at_time(at_s, partial(net.hear, *pair, NEAR_DBM))
+            at_s = net.time_s + second * RADIO_S
+            net.at_time(at_s, partial(net.signal_received, *pair, NEAR_DBM))
     net.wait(STAY_S)
     for pair in visiting:
-        net.hear(*pair, None)
+        net.signal_received(*pair, None)
 
 
 def _arrivals(net: FleetSim, source: str, holders: set[str]) -> list[tuple[float, str]]:

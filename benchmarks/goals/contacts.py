@@ -1,4 +1,4 @@
-"""Nodes as processes that all hear each other: what a contact costs, how soon news arrives."""
+"""Nodes as processes, all in mutual range: what a contact costs, how soon messages arrive."""
 
 import subprocess
 import sys

@@ -164,7 +164,7 @@ def _edited(path: Path) -> Iterator[str]:
         text=True,
     ) as program:
         try:
-            assert program.stdout is not None  # noqa: S101 - it was asked for
+            assert program.stdout is not None  # noqa: S101 - it is a pipe
             yield program.stdout.readline().strip()
         finally:
             program.terminate()

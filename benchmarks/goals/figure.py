@@ -12,7 +12,7 @@ HEAD = f"{'':<47}{'goal':>11}{'measured':>11}  {'anchor':<40}{'ratio':>8}"
 
 
 class UnmeasuredError(Exception):
-    """This machine cannot measure it; says why."""
+    """This machine cannot measure it; the message is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +59,11 @@ class Figure:
         """One, and one more for each further anchor."""
         bound = ">=" if self.at_least else "<="
         goal = "-" if self.goal is None else f"{bound} {self.goal:g}"
-        said = {None: "", True: "", False: "  MISSED"}[self.met]
+        verdict = {None: "", True: "", False: "  MISSED"}[self.met]
         first, *others = [*self.anchors.items()] or [("", math.nan)]
         what = f"{self.what}, {self.unit}" if self.unit else self.what
         start = f"{what:<47}{goal:>11}{number(self.value):>11}"
-        yield f"{start}  {self._anchor(*first)}{said}"
+        yield f"{start}  {self._anchor(*first)}{verdict}"
         for other in others:
             yield f"{'':<69}  {self._anchor(*other)}"
 

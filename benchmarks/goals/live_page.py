@@ -1,7 +1,7 @@
 """What the live page costs with many robots: frames in a browser, processor time in the flight.
 
-A process of its own serves the page as a flight does, and is told ten times a second where the
-vehicle and every robot are; for several UAVs it serves the pages of all, and the joint one.
+A process of its own serves the page as a flight does; ten times a second it updates where the
+vehicle and every robot are. For several UAVs it serves the pages of all, and the joint one.
 Chromium (headless, no graphics card) looks on. The share of a core is all that this process takes:
 nothing but the pages, and the programs that feed them.
 """
@@ -83,11 +83,11 @@ class _Flight:
     def _status(self) -> FlightStatus:
         return dataclasses.replace(self._controller.status(), links=self._links)
 
-    def tell(self, now_s: float) -> None:
+    def update(self, now_s: float) -> None:
         page, place = self.page, _circling(now_s, 40 * self._number)
-        told = Telemetry(now_s, place, 40.0, armed=True, in_air=True, mode=FlightMode.HOLD)
-        self._controller.handle(told, now_s)
-        page.step(told, (), now_s)
+        telemetry = Telemetry(now_s, place, 40.0, armed=True, in_air=True, mode=FlightMode.HOLD)
+        self._controller.handle(telemetry, now_s)
+        page.step(telemetry, (), now_s)
         for number, name in enumerate(self._names):
             page.step(RobotPose(name, _circling(now_s, number), now_s, name), (), now_s)
         peer = self._names[(int(now_s) + self._number) % len(self._names)]
@@ -96,7 +96,7 @@ class _Flight:
 
 
 def _fly(wire: Connection, robots: int, uavs: int) -> None:
-    """Serve pages, and tell them where all robots are, until asked to end; sends times taken."""
+    """Serve pages, and update where all robots are, until "end" is received; sends times taken."""
     mission = load_mission(MISSION)
     router = Router(WaypointGraph(mission))
     flights = {f"uav{n}": _Flight(mission, router, n, robots) for n in range(uavs)}
@@ -114,7 +114,7 @@ def _fly(wire: Connection, robots: int, uavs: int) -> None:
             while True:
                 now_s += STEP_S
                 for flight in flights.values():
-                    flight.tell(now_s)
+                    flight.update(now_s)
                 if wire.poll():
                     if wire.recv() == "end":
                         return
@@ -166,7 +166,7 @@ def _watched(path: str, robots: int, uavs: int, seconds: float) -> tuple[dict[st
 
 @contextlib.contextmanager
 def _flown(robots: int, uavs: int) -> Iterator[tuple[str, Callable[[], float]]]:
-    """A process that serves the pages: the address, and what asks for its processor time."""
+    """A process that serves the pages: the address, and what requests its processor time."""
     processes = multiprocessing.get_context("spawn")
     ours, theirs = processes.Pipe()
     flight = processes.Process(target=_fly, args=(theirs, robots, uavs))

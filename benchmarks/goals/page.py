@@ -55,8 +55,8 @@ def _line(rows: list[dict[str, Any] | None]) -> str:
 def _value(row: dict[str, Any] | None) -> str:
     if row is None:
         return "-"
-    said = "none" if row["value"] is None else number(row["value"])
-    return f"**{said}**" if row["met"] is False else said
+    text = "none" if row["value"] is None else number(row["value"])
+    return f"**{text}**" if row["met"] is False else text
 
 
 def _ratio(row: dict[str, Any] | None, anchor: str) -> str:

@@ -1,8 +1,9 @@
-"""What a flight costs: from a link's news to the command on the wire, and processor time.
+"""What a flight costs: from a link's update to the command on the wire, and processor time.
 
 Latency: the real flight shell with MAVSDK flies the simulated PX4 through a relay of UDP datagrams
-that notes when a command passes. A robot that is sought is heard of at another place, again and
-again; the time runs from that news, handed over as the gossip node does, to the command's datagram.
+that notes when a command passes. Pose updates put a robot that is sought at another place, again
+and again; the time runs from that update, delivered as the gossip node does, to the command's
+datagram.
 
 Processor time: `air-router sim` at real time with three robots; the flight runs in its own process.
 """
@@ -43,15 +44,15 @@ WATCHED_S: Final = 60.0
 
 
 def measure(conditions: Conditions) -> Iterator[Figure]:
-    """Median and 95th percentile from news to command; the share of a core at real time."""
+    """Median and 95th percentile from update to command; the share of a core at real time."""
     measured_ms = sorted(1e3 * each for each in latencies_s(5 if conditions.quick else SAMPLES))
     if not measured_ms:
         raise UnmeasuredError("no command followed in time")
     p95_ms = measured_ms[int(len(measured_ms) * 0.95)]
     anchors = {"a datagram through the relay": _relayed_ms()}
     p50_ms = statistics.median(measured_ms)
-    yield Figure("from news to command, p50", p50_ms, "ms", anchors=anchors)
-    yield Figure("from news to command, p95", p95_ms, "ms", anchors=anchors)
+    yield Figure("from update to command, p50", p50_ms, "ms", anchors=anchors)
+    yield Figure("from update to command, p95", p95_ms, "ms", anchors=anchors)
     share = processor_share(5.0 if conditions.quick else WATCHED_S)
     yield Figure("a flight with three robots", 100 * share, "% of a core")
 
@@ -93,8 +94,8 @@ class Relay:
         self._outside.close()
 
 
-class News:
-    """In the gossip node's place: what it says is said by the benchmark."""
+class Updates:
+    """In the gossip node's place: the benchmark delivers what it receives."""
 
     def __init__(self) -> None:
         self.deliver: Callable[[Any], None] = lambda _event: None
@@ -107,11 +108,14 @@ class News:
         """No peer is near."""
         return {}
 
-    def tell(self, _telemetry: object) -> None:
+    def publish_telemetry(self, _telemetry: object) -> None:
         """No peer listens."""
 
     def publish_map(self, _time_s: float) -> None:
         """No peer listens."""
+
+    def exchange(self) -> None:
+        """No peer is near."""
 
     def held(self) -> dict[str, Any]:
         """No peer holds anything."""
@@ -124,7 +128,7 @@ class News:
         """No peer listens."""
 
     def newest_stamps(self) -> dict[str, float]:
-        """Nothing was heard."""
+        """Nothing was received."""
         return {}
 
     def close(self) -> None:
@@ -132,7 +136,7 @@ class News:
 
 
 def latencies_s(samples: int) -> list[float]:
-    """Seconds from news to command, wall clock."""
+    """Seconds from update to command, wall clock."""
     mission = load_mission(MISSION)
     timers = dataclasses.replace(mission.timers, init_s=2.0, search_s=3600.0)
     mission = dataclasses.replace(mission, timers=timers, duration_s=None)
@@ -154,7 +158,7 @@ def latencies_s(samples: int) -> list[float]:
         stdout=subprocess.PIPE,
     )
     try:
-        assert vehicle.stdout is not None  # noqa: S101 - it was asked for
+        assert vehicle.stdout is not None  # noqa: S101 - it is a pipe
         vehicle.stdout.readline()
         return asyncio.run(_measure(mission, relay, samples))
     finally:
@@ -164,14 +168,14 @@ def latencies_s(samples: int) -> list[float]:
 
 
 async def _measure(mission: Mission, relay: Relay, samples: int) -> list[float]:
-    clock, news = VehicleClock(), News()
+    clock, updates = VehicleClock(), Updates()
     mapper = Mapper(mission)
     with Recorder(None, str(MISSION)) as recorder:
         flight = Flight(
             mission,
             Px4Vehicle(mission, f"udpin://127.0.0.1:{relay.companion_port}", clock),
             clock=clock,
-            gossip=news,  # type: ignore[arg-type]  # as much of it as a flight calls
+            gossip=updates,  # type: ignore[arg-type]  # as much of it as a flight calls
             mapper=mapper,
             seek=("io",),
             recorder=recorder,
@@ -189,7 +193,7 @@ async def _measure(mission: Mission, relay: Relay, samples: int) -> list[float]:
             for sample in range(samples):
                 await asyncio.sleep(PAUSE_S)
                 place = places[sample * 5 % len(places)]
-                latency_s = await _news_to_command(news, relay, place, sample)
+                latency_s = await _update_to_command(updates, relay, place, sample)
                 if latency_s is not None:
                     measured.append(latency_s)
         finally:
@@ -198,10 +202,12 @@ async def _measure(mission: Mission, relay: Relay, samples: int) -> list[float]:
     return measured
 
 
-async def _news_to_command(news: News, relay: Relay, place: Point, sample: int) -> float | None:
+async def _update_to_command(
+    updates: Updates, relay: Relay, place: Point, sample: int
+) -> float | None:
     before = len(relay.passed_s)
     began_s = time.perf_counter()
-    news.deliver(RobotPose("io", place, time.time() + sample, "callisto"))
+    updates.deliver(RobotPose("io", place, time.time() + sample, "callisto"))
     while len(relay.passed_s) == before and time.perf_counter() < began_s + PAUSE_S:  # noqa: ASYNC110 - a thread counts
         await asyncio.sleep(0.002)
     return relay.passed_s[before] - began_s if len(relay.passed_s) > before else None
@@ -236,13 +242,13 @@ def processor_share(over_s: float) -> float:
             cwd=folder,
         )
         try:
-            assert simulated.stderr is not None  # noqa: S101 - it was asked for
-            said = b""
-            while b"READY -> INIT" not in said:
+            assert simulated.stderr is not None  # noqa: S101 - it is a pipe
+            printed = b""
+            while b"READY -> INIT" not in printed:
                 chunk = os.read(simulated.stderr.fileno(), 65536)
                 if not chunk:
-                    raise RuntimeError(f"the simulation ended: {said.decode()}")
-                said += chunk
+                    raise RuntimeError(f"the simulation ended: {printed.decode()}")
+                printed += chunk
             drain = threading.Thread(target=simulated.stderr.read, daemon=True)
             drain.start()
             before_s = _processor_s(simulated.pid)

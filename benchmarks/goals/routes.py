@@ -1,4 +1,4 @@
-"""Routes: the first question asked of a map, and how long a map takes to build."""
+"""Routes: the first query to a map, and how long a map takes to build."""
 
 import json
 import os
@@ -34,11 +34,11 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
     for zones in WORST_ZONES[: 1 if conditions.quick else None]:
         cell = _cell("walled", zones)
         other = _cell("walled", zones, against) if against else {}
-        for name, words in CLIFFS.items():
+        for name, case in CLIFFS.items():
             anchors = {"the build": cell["build_ms"]}
             if against:
                 anchors[against.name] = other[f"{name}_worst_ms"]
-            what = f"{zones + 4} zones: {words}, worst"
+            what = f"{zones + 4} zones: {case}, worst"
             yield Figure(what, cell[f"{name}_worst_ms"], "ms", WORST_MS, anchors=anchors)
     if not conditions.quick:
         cell = _cell("shortest", BUILT_ZONES, repeats=1)

@@ -42,8 +42,8 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
             context.now_s, exploration.began_s, exploration.here = 300.0, 0.0, here
             context.telemetry = Telemetry(300.0, here, mission.altitude_above_home_m)
             for track in controller.search.targets.tracks.values():
-                track.pose_heard(chance.choice(map_.pairs)[0], 0.0, 0.0)
-                track.path_heard(_winding(chance, track.pose.position), 0.0, 0.0)
+                track.pose_received(chance.choice(map_.pairs)[0], 0.0, 0.0)
+                track.path_received(_winding(chance, track.pose.position), 0.0, 0.0)
             begins.append(controller.states.search.begin)
         search_ms = median_ms(lambda left=begins: left.pop()(), times, time.process_time)
         what = f"{ZONES} zones, {len(ROBOTS)} robots: {policy}"

@@ -1,7 +1,7 @@
 """How long a sync takes on one machine, against a bare REQ/REP loop of the same sizes.
 
-The side that is asked is a process of its own in every case, so that both sides have a core. The
-cases take turns; what is told are medians, as ratios to the bare loop on a kept socket. That loop
+The serving side is a process of its own in every case, so that both sides have a core. The
+cases take turns; medians are reported, as ratios to the bare loop on a kept socket. That loop
 throws away what it gets, so it works in the same memory all the time; a second one keeps it, as a
 node must. New memory costs the kernel more than all else together where messages are large.
 """
@@ -30,7 +30,7 @@ from benchmarks.link.ways.original import OriginalSource
 SIZES = ((1000, 100), (100, 10_000), (100, 1_000_000))
 SEED = 1
 LIMIT_S = 60
-# Whom we ask: a bare loop, an original node, our node; and we.
+# Whom we request from: a bare loop, an original node, our node; and we.
 BARE = "tcp://127.77.0.1:7099"
 ORIGINAL = ("127.77.1.1", "127.77.1.2")
 OURS = ("127.77.2.1", "127.77.2.2")
@@ -44,7 +44,7 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
             "a bare REQ/REP loop": partial(bare_ms, offer),
             "one that keeps what it gets": partial(bare_ms, offer, keep=True),
             "pulled from an original node": partial(pull_ms, offer, ORIGINAL),
-            "asked by a REQ socket": partial(ask_ms, offer, OURS),
+            "requested by a REQ socket": partial(request_ms, offer, OURS),
             "": partial(pull_ms, offer, OURS),
         }
         took: dict[str, list[float]] = {name: [] for name in cases}
@@ -75,21 +75,21 @@ def bare_ms(offer: Offer, *, keep: bool = False) -> float:
         return (time.perf_counter() - began_s) * 1e3
 
 
-def ask_ms(offer: Offer, addresses: tuple[str, str]) -> float:
+def request_ms(offer: Offer, addresses: tuple[str, str]) -> float:
     """A pull as an original node does it, but on one socket."""
     with zmq.Context() as context, context.socket(zmq.REQ) as client:
         client.linger = 0
         client.connect(f"tcp://{addresses[0]}:{PORT}")
 
-        def ask(frame: bytes) -> bytes:
+        def request(frame: bytes) -> bytes:
             client.send(secrets.token_bytes(6) + frame)
             return client.recv()[6:]
 
-        ask(b"GHEAD")
+        request(b"GHEAD")
         began_s = time.perf_counter()
-        headers = ask(b"GHEAD")
-        got = [ask(b"GDATA" + headers[n : n + 6]) for n in range(0, len(headers), 6)]
-        ask(b"DENDT" + SINK.encode())
+        headers = request(b"GHEAD")
+        got = [request(b"GDATA" + headers[n : n + 6]) for n in range(0, len(headers), 6)]
+        request(b"DENDT" + SINK.encode())
         took_ms = (time.perf_counter() - began_s) * 1e3
         if len(got) != offer.count:
             raise RuntimeError(f"{len(got)} of {offer.count} messages")

@@ -18,7 +18,7 @@ _OTHER_NEEDS = {("new", 10e6): 0.6, ("tcp", 10e6): 0.15}
 
 
 class Budget:
-    """Shared by processes that are forked after it was made; served in the order of asking."""
+    """Shared by processes that are forked after it was made; served in the order of requests."""
 
     def __init__(self, context: BaseContext, cores: float | None = None) -> None:
         self.cores = cores or SHARE * (os.cpu_count() or 1)

@@ -74,9 +74,9 @@ def measure(task: Task, budget: Budget) -> Score:
             _expect(agent, "ready", START_S)
         emulator = Emulator(task.link, (agents[0].interface, agents[1].interface), task.seed)
 
-        def report(heard: bool) -> None:
+        def report(received: bool) -> None:
             for agent in agents:
-                agent.control.send("heard" if heard else "lost")
+                agent.control.send("received" if received else "lost")
 
         began_s = time.process_time()
         emulator.run(report, lambda: budget.use(needs(task.way, task.link.rate_bit_s)))
@@ -163,7 +163,7 @@ def _agent(
         control.send(("report", _live(task, number, budget, control)))
     except namespaces.EmulationError as error:
         control.send(("forbidden", str(error)))
-    except Exception:  # noqa: BLE001 - whatever it was, the measuring process tells it
+    except Exception:  # noqa: BLE001 - whatever it was, the measuring process reports it
         with contextlib.suppress(OSError):
             control.send(("failed", traceback.format_exc()))
     finally:
@@ -187,8 +187,8 @@ def _live(task: Task, number: int, budget: Budget, control: Connection) -> Repor
     control.send(("ready", None))
     in_contact = False
     while (order := control.recv()) != "end":
-        if order == "heard":
-            side.heard(again=in_contact)
+        if order == "received":
+            side.signal_received(again=in_contact)
             in_contact = True
         else:
             side.lost()

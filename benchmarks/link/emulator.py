@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from benchmarks.link.links import Link
 
 LEAD_S = 0.3  # silence before the first contact: what the nodes sent while starting is thrown away
-REPORT_S = 1.0  # a radio repeats what it hears
+REPORT_S = 1.0  # a radio repeats its readings
 
 
 @dataclass(slots=True)
@@ -76,7 +76,7 @@ class Lane:
 class Emulator:
     """Emulates a link between two interfaces for all its contacts, in real time.
 
-    `report(heard)` is called as the two radios would: at the begin of a contact and every second
+    `report(received)` is called as the two radios would: at the begin of a contact and every second
     while it lasts with True, at its end with False.
     """
 

@@ -1,6 +1,6 @@
 """`python -m benchmarks.link.flows`: what datagrams alone carry, on simulated links.
 
-64 links of 0.25 to 50 Mbit/s, 10 to 600 ms and no to 20 % loss. In each a robot asks for 2 MB
+64 links of 0.25 to 50 Mbit/s, 10 to 600 ms and no to 20 % loss. In each a robot requests 2 MB
 at its first contact, then at a later one with what the first has shown, then for 100 messages of
 1 KB. Deterministic: two states of the code are compared by the JSON that each has written.
 
@@ -62,13 +62,13 @@ LINKS = tuple(itertools.starmap(Link, itertools.product(RATES_MBIT_S, RTTS_S, LO
 
 
 class Contact:
-    """A robot asks, and another one that serves it sends what it has."""
+    """A robot requests, and another one that serves it sends what it has."""
 
     def __init__(
         self, link: Link, frames: Iterator[int], known: Mapping[str, Any], seed: int
     ) -> None:
         self._left = list(frames)[::-1]
-        self._asked: list[bytes] = []
+        self._requested: list[bytes] = []
         self.world = World()
         rate = link.mbit_s * MBIT
         queue = max(QUEUE_PACKETS * PACKET_BYTES, rate * link.rtt_s)
@@ -84,18 +84,18 @@ class Contact:
             for k in (0, 1)
         ]
         self.way = ways[0]
-        question = iter([bytes(OPENING_BYTES)])
+        request = iter([bytes(OPENING_BYTES)])
         # A peer without an address token is unproven, as in `sync.flows`.
         self.server = End(
-            self.world, ways[0], self._answer, self._asked, proven=bool(known), **known
+            self.world, ways[0], self._answer, self._requested, proven=bool(known), **known
         )
-        self.client = End(self.world, ways[1], lambda _: next(question, None))
+        self.client = End(self.world, ways[1], lambda _: next(request, None))
         self.client.join(self.server)
         self.client.flow.on_contact(0.0)
         self.client.go()
 
     def _answer(self, room: int) -> bytes | None:
-        if not self._asked or not self._left:
+        if not self._requested or not self._left:
             return None
         size = self._left.pop()
         if size > room:

@@ -46,7 +46,7 @@ def enter() -> None:
             "(sysctl kernel.unprivileged_userns_clone=1, or kernel.apparmor_restrict_"
             "unprivileged_userns=0), or run as root"
         )
-    # Router solicitations and the like are traffic that no program asked for.
+    # Router solicitations and the like are traffic that no program requested.
     for which in ("default", "all"):
         path = Path(f"/proc/sys/net/ipv6/conf/{which}/disable_ipv6")
         if path.exists():
@@ -64,7 +64,7 @@ def be_punctual() -> None:
     Children do not inherit it; the nodes share the cores like other programs.
     """
     policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK
-    with contextlib.suppress(OSError):  # not root: the results say how late it was
+    with contextlib.suppress(OSError):  # not root: the results show how late it was
         os.sched_setscheduler(0, policy, os.sched_param(1))
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1000, 0, 0, 0)

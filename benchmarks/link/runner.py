@@ -77,10 +77,10 @@ def _end(cell: _Cell) -> Score | str:
 
 def _cell(task: Task, budget: Budget, result: Connection) -> None:
     end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the command itself says so to all
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the command itself ends all
     try:
         result.send(measure(task, budget))
     except EmulationError as error:
         result.send(error)
-    except Exception:  # noqa: BLE001 - the runner tells it
+    except Exception:  # noqa: BLE001 - the runner reports it
         result.send(traceback.format_exc())

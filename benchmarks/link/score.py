@@ -18,8 +18,8 @@ class Score:
 
     Attributes:
         share: bytes of complete, intact messages by `rate x sum of (contact - one round trip)`.
-            A round trip is what asking costs at least. Every message counts once. If all that was
-            offered came across, contacts count only up to the last delivery.
+            A round trip is what a request costs at least. Every message counts once. If all that
+            was offered came across, contacts count only up to the last delivery.
         delivered_bytes: the same as a number.
         allowed_bytes: what it is a share of.
         empty_contacts: contacts of 3 s or more in which no message became complete.
@@ -29,7 +29,7 @@ class Score:
         damaged: messages that arrived other than they were.
         cores: what the two nodes and the emulator took while the link was up.
         last_s, ended_s: from the first contact's begin to the last message, and until the two
-            had told each other that there is no more (the latter only of the nodes).
+            had reported to each other that there is no more (the latter only of the nodes).
         firsts_s: from each contact's begin to the first message in it; None: it brought none.
         late_ms: how late the emulator moved packets: median, 99th percentile, worst.
     """

@@ -72,8 +72,8 @@ def _cliffs(options: argparse.Namespace) -> list[dict[str, Any]]:
         row = {"map": f"W20_Z{zones}", "way": "walled"} | _run("walled", 20, zones, options)
         rows.append(row)
         times = (f"{row[f'{n}_median_ms']:>17.2f}{row[f'{n}_worst_ms']:>8.1f}" for n in CLIFFS)
-        said = row.get("failed") or f"{row['build_ms']:>9.0f}" + "".join(times)
-        print(f"{zones + 4:>6}{said}", flush=True)
+        result = row.get("failed") or f"{row['build_ms']:>9.0f}" + "".join(times)
+        print(f"{zones + 4:>6}{result}", flush=True)
     return rows
 
 
@@ -141,7 +141,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _judge(rows: list[dict[str, Any]]) -> int:
-    """Say which targets are met; returns how many are not."""
+    """Print which targets are met; returns how many are not."""
     found = {(row["way"], row["map"]): row for row in rows}
     missed = sum(row.get("not_found", 0) > 0 for row in rows if row["way"] not in PEERS)
     print(f"\nload {os.getloadavg()[0]:.1f}; targets are for two idle processors")
@@ -149,9 +149,9 @@ def _judge(rows: list[dict[str, Any]]) -> int:
         value = found.get((way, f"W{waypoints}_Z{zones}"), {}).get(what)
         if value is not None:
             missed += value > most
-            said = "met" if value <= most else "MISSED"
+            result = "met" if value <= most else "MISSED"
             print(
-                f"{way:<10} W{waypoints}_Z{zones:<5} {what:<17}{value:>10.4g} of {most:<8g}{said}"
+                f"{way:<10} W{waypoints}_Z{zones:<5} {what:<17}{value:>10.4g} of {most:<8g}{result}"
             )
     return missed
 

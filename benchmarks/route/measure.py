@@ -1,6 +1,6 @@
 """One cell, in a process of its own: one way on one map. Prints a JSON object.
 
-Times are processor time: what the clock says on an idle machine, and nearly so on a busy one.
+Times are processor time: what the clock shows on an idle machine, and nearly so on a busy one.
 """
 
 import gc
@@ -32,9 +32,9 @@ def measured(name: str, map_: Map, repeats: int) -> dict[str, Any]:
     before_mb = _resident_mb()
     way = WAYS[name](map_)
     first_ms, query = _least_ms(way.build, 1)
-    cold_ms, lengths_m = _asked(query, map_)
+    cold_ms, lengths_m = _queried(query, map_)
     after_mb = _resident_mb()
-    warm_ms, _ = _asked(query, map_)
+    warm_ms, _ = _queried(query, map_)
     build_ms = min(first_ms, _least_ms(way.build, repeats - 1)[0]) if repeats > 1 else first_ms
     return {
         "build_ms": build_ms,
@@ -52,14 +52,14 @@ def walled_in(map_: Map) -> dict[str, Any]:
     """The planner `shortest` where its goals are open, behind a tight gate, and walled in."""
     cell: dict[str, Any] = {}
     within, gated = (walled(map_, gate=gate) for gate in (False, True))
-    for name, asked, found in (
+    for name, queried, found in (
         ("found", replace(within, pairs=map_.pairs), True),
         ("gate", gated, True),
         ("refused", within, False),
     ):
         gc.collect()
-        cell["build_ms"], query = _least_ms(Shortest(asked).build, 1)
-        answers = zip(*_asked(query, asked), strict=True)
+        cell["build_ms"], query = _least_ms(Shortest(queried).build, 1)
+        answers = zip(*_queried(query, queried), strict=True)
         times_ms = [took_ms for took_ms, m in answers if (m is not None) == found]
         cell[f"{name}_median_ms"] = statistics.median(times_ms)
         cell[f"{name}_worst_ms"] = max(times_ms)
@@ -67,7 +67,7 @@ def walled_in(map_: Map) -> dict[str, Any]:
     return cell
 
 
-def _asked(query: Query, map_: Map) -> tuple[list[float], list[float | None]]:
+def _queried(query: Query, map_: Map) -> tuple[list[float], list[float | None]]:
     times_ms, lengths_m = [], []
     for start, goal in map_.pairs:
         began_s = time.process_time()

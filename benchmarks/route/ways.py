@@ -118,7 +118,7 @@ PEERS = ("extremitypathfinder", "pyvisgraph")
 
 
 def mission(map_: Map, kind: Any, nodes: int | None = None) -> Any:
-    """What the planners ask of a mission."""
+    """What the planners read from a mission."""
     places = map_.waypoints[:nodes]
     return SimpleNamespace(
         airspace=map_.airspace,

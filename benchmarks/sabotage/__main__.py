@@ -21,7 +21,7 @@ MISSION = "missions/pennovation/mission.yaml"
 
 
 def fly(scenes: Iterable[str]) -> Iterator[dict[str, Any]]:
-    """Fly scenes, as `FAULT-seed`, with the code as it is imported; what the judge says of each."""
+    """Fly scenes, as `FAULT-seed`, with the code as it is imported; the judge's verdict on each."""
     from sitl.cli import fly as flown  # noqa: PLC0415 - changed code is imported late
     from sitl.rehearsal import Fault, Scene  # noqa: PLC0415
 
@@ -43,7 +43,7 @@ def run(changes: Iterable[Any], scenes: Iterable[str]) -> Iterator[dict[str, Any
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     with process:
-        assert process.stdout is not None  # noqa: S101 - it was asked for
+        assert process.stdout is not None  # noqa: S101 - it is a pipe
         assert process.stderr is not None  # noqa: S101 - as well
         for line in process.stdout:
             yield json.loads(line)
@@ -88,8 +88,8 @@ def main() -> int:
     with ThreadPoolExecutor(arguments.jobs) as pool:
         survived, catching = 0, set[str]()
         for sabotage, how in zip(chosen, pool.map(caught, chosen), strict=True):
-            scene, words = how or ("**nothing: it survived**", "")
-            print(f"| {sabotage.name} | {scene} | {words} |", flush=True)
+            scene, verdict = how or ("**nothing: it survived**", "")
+            print(f"| {sabotage.name} | {scene} | {verdict} |", flush=True)
             survived += how is None
             catching |= set() if how is None else {scene}
         scenes = sorted(catching)

@@ -15,7 +15,7 @@ class Sabotage(NamedTuple):
     """A way to break the flight code.
 
     Attributes:
-        name: What is broken, in words.
+        name: What is broken, as text.
         scenes: What is flown with it, as `FAULT-seed`, in order, until the judge finds one bad.
         changes: Where.
     """

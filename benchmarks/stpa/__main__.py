@@ -64,7 +64,7 @@ def file_of(test: str) -> str:
 
 
 def outcome(test: str, changes: tuple[Change, ...] = ()) -> str:
-    """What becomes of a test with changed code: "passes", "fails", or why it tells nothing."""
+    """What becomes of a test with changed code: "passes", "fails", or why it is inconclusive."""
     command = [sys.executable, "-m", "benchmarks.patched", json.dumps(list(changes))]
     command += ["pytest", "-n", "0", "-q", "-x", "-p", "no:cacheprovider"]
     command += [f"{file_of(test)}::{test}"]
@@ -79,7 +79,7 @@ def outcome(test: str, changes: tuple[Change, ...] = ()) -> str:
         return "passes"
     if done.returncode == _FAILED and "failed" in done.stdout:
         return "fails"
-    return f"tells nothing: {(done.stdout + done.stderr).strip()[-300:]}"
+    return f"inconclusive: {(done.stdout + done.stderr).strip()[-300:]}"
 
 
 def main() -> int:

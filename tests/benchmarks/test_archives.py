@@ -10,7 +10,7 @@ from sitl.experiment import experiment_names, load_experiment
 from sitl.experiment.campaign import read_archive
 
 
-def test_the_index_says_what_made_each_archive():
+def test_the_index_states_what_made_each_archive():
     text = archives.INDEX.read_text(encoding="utf-8")
     assert text == archives.index(archives.moved()), "python -m benchmarks.archives --index"
 
@@ -37,7 +37,7 @@ def test_runs_of_archives_without_a_note_are_chosen_by_the_seed(notes):
     assert [record["seed"] for _, record in first] != [record["seed"] for _, record in other]
 
 
-def test_a_run_that_comes_out_otherwise_fails_the_check_and_says_how_to_go_on(
+def test_a_run_with_another_result_fails_the_check_which_prints_how_to_go_on(
     notes, monkeypatch, capsys
 ):
     _, records = read_archive(archives.path_of("field"))
@@ -51,19 +51,19 @@ def test_a_run_that_comes_out_otherwise_fails_the_check_and_says_how_to_go_on(
     assert archives.check(6, 3) == 0
     kept.clear()
     assert archives.check(6, 3) == 1
-    said = capsys.readouterr()
-    assert "table1: not tried, results have moved: moved" in said.out
-    assert "--again field" in said.err
+    printed = capsys.readouterr()
+    assert "table1: not tried, results have moved: moved" in printed.out
+    assert "--again field" in printed.err
 
 
 def test_the_page_has_every_declared_claim_once_and_in_order():
     page = archives.PAGE.read_text(encoding="utf-8")
     table = page.partition("<!-- begin all claims -->")[2].partition("<!-- end -->")[0]
-    told = [int(number) for number in re.findall(r"^\| (\d+) \|", table, re.MULTILINE)]
+    listed = [int(number) for number in re.findall(r"^\| (\d+) \|", table, re.MULTILINE)]
     declared = {
         claim.number for name in experiment_names() for claim in load_experiment(name)[0].claims
     }
-    assert told == sorted(declared)
+    assert listed == sorted(declared)
 
 
 def test_claims_are_decided_by_archives_and_lead_to_their_sections():

@@ -21,7 +21,7 @@ def test_a_goal_is_met_at_most_or_at_least():
     assert Figure("never", math.inf, "s", 2).met is False
 
 
-def test_each_anchor_has_its_ratio_and_a_missed_goal_is_said():
+def test_each_anchor_has_its_ratio_and_a_missed_goal_is_printed():
     first, second = DELAY.lines()
     assert first.split() == ["delay,", "ms", "<=", "20", "25", "bare:", "10", "2.50", "MISSED"]
     assert second.split() == ["none:", "0", "-"]
@@ -30,15 +30,15 @@ def test_each_anchor_has_its_ratio_and_a_missed_goal_is_said():
 
 @pytest.fixture
 def groups(monkeypatch):
-    """In place of measuring: what each group brings, and which were asked."""
-    asked = []
+    """In place of measuring: what each group brings, and which were requested."""
+    requested = []
 
     def measured(name, conditions):
-        asked.append((name, conditions.busy))
+        requested.append((name, conditions.busy))
         return ([], "no browser") if name == "editing" else ([DELAY, SHARE], "")
 
     monkeypatch.setattr(command, "_measured", measured)
-    return asked
+    return requested
 
 
 def test_a_measurement_goes_on_where_it_was_left(groups, tmp_path, capsys):
@@ -82,7 +82,7 @@ def test_every_group_is_measured_by_the_module_of_its_name(name):
     assert callable(importlib.import_module(f"benchmarks.goals.{name}").measure)
 
 
-def test_a_group_that_fails_says_why():
+def test_a_group_that_fails_reports_why():
     figures, why = command.figures_of("nothing", None)
     assert figures == []
     assert "No module named" in why

@@ -3,7 +3,7 @@ from textwrap import dedent, indent
 
 import pytest
 
-from benchmarks.silence import ASKED, HANDLER, HANDLES, silences
+from benchmarks.silence import HANDLER, HANDLES, REQUESTED, silences
 from benchmarks.trunk import DEFINED, ROOT, files_of, measured
 
 FILES = {
@@ -89,8 +89,8 @@ class Gate:
         self.navigator.fly_to(self.goal)
         return True
 
-    def _say_once(self):
-        if not self.said:
+    def _announce_once(self):
+        if not self.announced:
             self.context.say("once")
 
 
@@ -111,12 +111,12 @@ class State(StateHandler):
         ("for each in self.goals:\n    self.gate.send(each)", ["self.gate.send(each)"]),
         ("match self.x:\n    case 1:\n        return\n    case _:\n        raise E", ["return"]),
         ("self._go()", []),
-        ("self._say_once()\nreturn None", ["return None"]),
+        ("self._announce_once()\nreturn None", ["return None"]),
         ("try:\n    self._go()\nexcept E:\n    pass", ["pass"]),
         ("self.context.actions.append(motion)", []),
     ],
 )
-def test_a_return_is_silent_unless_every_way_to_it_says_something(body, silent):
+def test_a_return_is_silent_unless_every_way_to_it_reports_something(body, silent):
     text = HANDLERS + indent(body, " " * 8)
     lines = text.splitlines()
     found = silences({"a.py": ast.parse(text)})
@@ -124,7 +124,7 @@ def test_a_return_is_silent_unless_every_way_to_it_says_something(body, silent):
     assert {each.function for each in found} <= {"State.begin"}
 
 
-def test_what_is_asked_for_a_motion_is_there():
+def test_the_methods_from_which_a_motion_is_requested_exist():
     """Else nothing that it does would be silent."""
     found = {
         node.name: ({each.name for each in node.body if isinstance(each, ast.FunctionDef)}, node)
@@ -132,7 +132,7 @@ def test_what_is_asked_for_a_motion_is_there():
         for node in ast.walk(tree)
         if isinstance(node, ast.ClassDef)
     }
-    assert [name for name, names in ASKED.items() if not {*names} <= found[name][0]] == []
+    assert [name for name, names in REQUESTED.items() if not {*names} <= found[name][0]] == []
     heirs = [node for _, node in found.values() if HANDLER in map(ast.unparse, node.bases)]
     assert len(heirs) > 5
     assert {*HANDLES} <= found[HANDLER][0]

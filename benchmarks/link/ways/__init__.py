@@ -19,17 +19,17 @@ class Side(Protocol):
     def start(self) -> None:
         """Get ready; there is no contact yet."""
 
-    def heard(self, *, again: bool) -> None:
-        """The radio hears the other one: a contact begins, or (`again`) goes on."""
+    def signal_received(self, *, again: bool) -> None:
+        """The radio receives the other one: a contact begins, or (`again`) goes on."""
 
     def lost(self) -> None:
-        """The radio does not hear the other one any more."""
+        """The radio does not receive the other one any more."""
 
     def close(self) -> None:
         """Stop; what was delivered stays readable."""
 
     def data(self, key: int) -> bytes | None:
-        """A message that was delivered, as it arrived (asked of the wanting side only)."""
+        """A message that was delivered, as it arrived (called on the wanting side only)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,14 +68,14 @@ class _DdsSide:
         self._parts = [domain, participant, topic]
         return participant, topic, qos
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         pass  # it finds its peers by itself
 
     def lost(self) -> None:
         pass
 
     def close(self) -> None:
-        pass  # the process ends; saying good-bye to a peer that is out of reach takes long
+        pass  # the process ends; closing waits long for a peer that is out of reach
 
 
 class DdsSource(_DdsSide):

@@ -8,7 +8,7 @@ from benchmarks.link.ways import ADDRESSES, ENDED, Deliver
 from mocha_link import ManualRadio, MessageStored, Node, SyncEnded
 from mocha_link.links import Direction, LinkEvent
 
-HEARD_DBM = -50.0
+RECEIVED_DBM = -50.0
 START_S = 50.0
 
 
@@ -25,8 +25,8 @@ class _NodeSide:
     def start(self) -> None:
         self.node.start()
 
-    def heard(self, *, again: bool) -> None:
-        self._radio.report(self._peer, HEARD_DBM)
+    def signal_received(self, *, again: bool) -> None:
+        self._radio.report(self._peer, RECEIVED_DBM)
 
     def lost(self) -> None:
         self._radio.report(self._peer, None)

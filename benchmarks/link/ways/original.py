@@ -54,7 +54,7 @@ class OriginalNode:
         self._threads: list[threading.Thread] = []
 
     def add(self, header: bytes, body: bytes) -> None:
-        """Hold a message; of each robot's topic only the newest is told of."""
+        """Hold a message; of each robot's topic only the newest is announced."""
         self.bodies[header] = body
         stamp_ms = _stamp_ms(header)
         if stamp_ms > self.newest.get(header[:2], -1):
@@ -111,24 +111,24 @@ class OriginalNode:
 
     def _pull(self) -> None:
         try:
-            headers = self._ask(b"GHEAD")
+            headers = self._request(b"GHEAD")
             if headers is None:
                 return
             for start in range(0, len(headers), _HEADER_BYTES):
                 header = headers[start : start + _HEADER_BYTES]
                 if _stamp_ms(header) <= self.newest.get(header[:2], -1):
                     continue
-                body = self._ask(b"GDATA", header)
+                body = self._request(b"GDATA", header)
                 if body is None:
                     return
                 self.add(header, body)
                 self.stored(header)
-            if self._ask(b"DENDT", NAMES[self._number].encode()):
+            if self._request(b"DENDT", NAMES[self._number].encode()):
                 self.ended()
         finally:
             self._busy = False
 
-    def _ask(self, code: bytes, argument: bytes = b"") -> bytes | None:
+    def _request(self, code: bytes, argument: bytes = b"") -> bytes | None:
         request_id = secrets.token_bytes(_ID_BYTES)
         client = self.context.socket(zmq.REQ)
         client.linger = 0
@@ -159,7 +159,7 @@ class OriginalSource:
             self._node.add(header_of(key, base_s), pack(self._offer.data(key)))
         self._node.serve()
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         self._node.trigger()
 
     def lost(self) -> None:
@@ -185,7 +185,7 @@ class OriginalSink:
         self._node.ended = lambda: self._deliver(ENDED)
         self._node.serve()
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         self._node.trigger()
 
     def lost(self) -> None:

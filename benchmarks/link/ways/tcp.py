@@ -1,6 +1,6 @@
 """A raw TCP stream with resume: about the best that TCP can do in a contact.
 
-The wanting side connects as soon as the contact begins and says what it has: a bit for every
+The wanting side connects as soon as the contact begins and sends what it has: a bit for every
 complete message and how much of which one is begun. The other side streams the rest.
 """
 
@@ -29,7 +29,7 @@ class TcpSource:
         self._listener.listen()
         threading.Thread(target=self._serve, daemon=True).start()
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         pass
 
     def lost(self) -> None:
@@ -75,7 +75,7 @@ class TcpSink:
     def start(self) -> None:
         pass
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         if not again:
             self._stream = socket.socket()
             threading.Thread(target=self._receive, args=(self._stream,), daemon=True).start()

@@ -1,7 +1,7 @@
 """eclipse-zenoh over TCP: a fresh session per contact, and one get of all that is missing.
 
 A fresh session did better than a kept one, which sleeps in TCP's back-off when a contact begins.
-The query says what is there already, so nothing comes twice; replies are passed on one by one.
+The query lists what is there already, so nothing comes twice; replies are passed on one by one.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ class ZenohSource:
         self._session = zenoh.open(_config(mode="peer", listen=[ENDPOINT]))
         self._session.declare_queryable(f"{PREFIX}/*", self._queried, complete=True)
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         pass
 
     def lost(self) -> None:
@@ -66,7 +66,7 @@ class ZenohSink:
     def start(self) -> None:
         pass
 
-    def heard(self, *, again: bool) -> None:
+    def signal_received(self, *, again: bool) -> None:
         if not again:
             self._over = threading.Event()
             threading.Thread(target=self._pull, daemon=True).start()
