@@ -1,4 +1,4 @@
-"""`sitl conform`: hold the recorded conversations with a vehicle, and say where it departs."""
+"""`sitl conform`: hold the recorded conversations with a vehicle, and report where it departs."""
 
 import contextlib
 import json

@@ -142,7 +142,7 @@ def _archive(text: str) -> Path:
 @option("--json", is_flag=True, help="print one JSON object on stdout")
 @option("--list", is_flag=True, help="list the experiments and their rows")
 def run(arguments: Options) -> int:
-    """Run the experiment, and say what came out."""
+    """Run the experiment, and print its results."""
     if arguments.list:
         _print_list(arguments.json)
         return ExitCode.DONE
@@ -182,7 +182,7 @@ def run_with(
         declared = {"declaration": experiment.declaration, "rules": experiment.rules}
         journal.note("begun", **declared, program=program(), **seeds)
         interrupted = _run_campaign(campaign, arguments, work, log, journal)
-    _tell_of_other_programs(campaign, status)
+    _note_other_programs(campaign, status)
     records = campaign.records
     if records:
         if arguments.archive is not None and not interrupted:
@@ -199,8 +199,8 @@ def run_with(
 def _from_archive(archive: Path, arguments: Options, work: Work) -> int:
     """Table and claims of archived runs; whether a document, or the program, agrees with them."""
     if not archive.name.endswith(ARCHIVE_ENDING):
-        asked = "--verify" if arguments.verify else "--remake"
-        raise UsageError(f"{asked} is about an archive of runs; give a file *{ARCHIVE_ENDING}")
+        which = "--verify" if arguments.verify else "--remake"
+        raise UsageError(f"{which} is about an archive of runs; give a file *{ARCHIVE_ENDING}")
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
@@ -219,9 +219,9 @@ def _from_archive(archive: Path, arguments: Options, work: Work) -> int:
 
     found = differences(arguments.verify, Report(experiment, records), archive)
     for what in found:
-        sys.stderr.write(f"{what}: not what the archived runs say\n")
+        sys.stderr.write(f"{what}: differs from the archived runs\n")
     if not found:
-        sys.stderr.write(f"{experiment.name}: {counted(len(records), 'runs')} say the same\n")
+        sys.stderr.write(f"{experiment.name}: {counted(len(records), 'runs')} agree\n")
     return ExitCode.ENDED_OTHERWISE if found else ExitCode.DONE
 
 
@@ -312,7 +312,7 @@ def terminated() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _tell_of_other_programs(campaign: Campaign, status: StatusLine) -> None:
+def _note_other_programs(campaign: Campaign, status: StatusLine) -> None:
     others = sorted({record["program"] for record in campaign.records} - {program()})
     if others:
         status.print_line(

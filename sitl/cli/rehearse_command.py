@@ -30,12 +30,12 @@ from sitl.rehearsal.judge import End, Verdict, Violation, judge
 from sitl.rehearsal.programs import OURS, SPEED, WIRE, RealFlight, WireScene, wire_scenes
 
 
-def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> str:
+def table(verdicts: Iterable[tuple[str, Verdict]], labels: Mapping[str, str]) -> str:
     """Markdown.
 
     Args:
         verdicts: Of every flight, with the name of the fault that it counts for.
-        words: A line for each fault, in the order of the table.
+        labels: A line for each fault, in the order of the table.
     """
     verdicts = list(verdicts)
     ends = [end for end in End if any(v.end is end for _, v in verdicts)]
@@ -47,7 +47,7 @@ def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> 
         "not as it should",
     ]
     lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    for fault, line in words.items():
+    for fault, line in labels.items():
         mine = [verdict for name, verdict in verdicts if name == fault]
         if mine:
             lines.append(_row(line, mine, ends))

@@ -1,15 +1,15 @@
 """Events in simulated time: what is to happen when, and the log of what did.
 
 Simulated seconds only, no clock. Two things at the same time happen in the order in which they were
-asked for, so a run is the same every time and everywhere.
+scheduled, so a run is the same every time and everywhere.
 
 The log has everything that was decided on, and everything that was decided, without the texts for
 people: a reworded announcement is no other run. One JSON object per line, in the order in which
 things happened:
 
-    {"t": 12.5, "uav": "uav01", "event": {...}}     a controller was told (see docs/records.md)
-    {"t": 12.5, "uav": "uav01", "action": {...}}    what it asked for then
-        with "of": n, if it is a motion or what became of one: the n-th that was asked for
+    {"t": 12.5, "uav": "uav01", "event": {...}}     a controller received it (see docs/records.md)
+    {"t": 12.5, "uav": "uav01", "action": {...}}    what it commanded then
+        with "of": n, if it is a motion or what became of one: the n-th that was commanded
     {"t": 12.5, "sent": [...]}                      a transmission ended: exchange.Transmission
     {"t": 12.5, "goal": "g3", "robot": "ugv02"}     a robot reached a goal
 
@@ -90,7 +90,7 @@ class EventLog:
     """The log of a run: only its digest is kept, which is of all lines.
 
     Args:
-        queue: Tells the time.
+        queue: The clock.
 
     Attributes:
         actions: How many there were, without announcements.
@@ -99,7 +99,7 @@ class EventLog:
     def __init__(self, queue: EventQueue) -> None:
         self.actions = 0
         self._queue = queue
-        self._motions: list[Motion] = []  # all that were asked for: `of` is the place here
+        self._motions: list[Motion] = []  # all that were commanded: `of` is the place here
         self._digest = hashlib.sha256()
 
     @property
@@ -108,7 +108,7 @@ class EventLog:
         return self._digest.hexdigest()
 
     def event(self, uav: str, event: Event) -> None:
-        """A controller is told."""
+        """A controller receives an event."""
         if isinstance(event, CommandConfirmed | CommandFailed):
             self._write(uav=uav, event=_plain(event), of=self._number(event.action))
         else:
@@ -138,7 +138,7 @@ class EventLog:
         for number in range(len(self._motions) - 1, -1, -1):
             if self._motions[number] is motion:
                 return number
-        raise AssertionError(f"{motion} was not asked for")
+        raise AssertionError(f"{motion} was not commanded")
 
     def _write(self, **fields: Any) -> None:
         line = json.dumps({"t": self._queue.now_s, **fields}, separators=(",", ":"))

@@ -3,7 +3,7 @@
 A run is named by its row and its seed's number. Its seed follows from the experiment's name, the
 row and that number alone, so it is the same on every machine, today and later. Of the row those
 settings count in which rows differ, without the `paired` ones: rows that differ only in paired
-settings (the policy, say) meet the same start places and goals, and their runs are pairs.
+settings (the policy, for example) meet the same start places and goals, and their runs are pairs.
 
 Numbers from `confirmation_seed` on are kept for confirmation: runs that answer a claim which was
 declared before they were made. Whatever else is looked at comes from the exploration seeds below.
@@ -82,9 +82,9 @@ class PartRule(BaseModel):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if (self.more_than is None) == (self.less_than is None):
-            raise ValueError("say either more_than or less_than")
+            raise ValueError("set either more_than or less_than")
         if bool(self.measure) == bool(self.share) or (self.share and not all(self.reference)):
-            raise ValueError("say either a measure or a share with its reference")
+            raise ValueError("set either a measure or a share with its reference")
         return self
 
 
@@ -140,7 +140,7 @@ class Task:
 
     @property
     def key(self) -> tuple[str, int]:
-        """What tells it from the other runs of its experiment."""
+        """What distinguishes it from the other runs of its experiment."""
         return self.row.label, self.number
 
     @property
@@ -170,14 +170,14 @@ class StopRule(BaseModel):
 
 
 class Header(BaseModel):
-    """What an experiment's file says of it, but for its rows.
+    """An experiment's file without its rows.
 
     Attributes:
         name: short, for folders and seeds.
         title: one line for people.
         question: what it is to answer.
         seeds: how many runs of each row, unless the command line has another number.
-        first_seed: the number of each row's first run, unless the command line says otherwise.
+        first_seed: the number of each row's first run, unless the command line has another one.
         confirmation_seed: from this number on runs are for confirmation.
         claims: what its runs are to decide, and how.
         space: settings that every run draws by its seed: between two numbers, or one of a list.
@@ -233,7 +233,7 @@ class Experiment(Header):
         return hashlib.sha256(declared.encode()).hexdigest()[:12]
 
     def seed(self, row: Row, number: int) -> int:
-        """The seed of a row's run: between 0 and 2^63, by the rule that the module tells."""
+        """The seed of a row's run: between 0 and 2^63, by the rule that the module states."""
         kept = {k: row.settings.get(k) for k in self.varied if k not in self.paired}
         digest = hashlib.sha256(f"{self.name}\n{canonical(kept)}\n{number}".encode()).digest()
         return int.from_bytes(digest[:8], "big") >> 1

@@ -1,6 +1,6 @@
 """Reads experiment files: YAML, checked, problems with places (docs/evidence/experiments.md).
 
-Experiments, towns and missions that come with the program are known by a word; others by a path.
+Experiments, towns and missions that come with the program are known by a name; others by a path.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def load_experiment(name: str) -> tuple[Experiment, Path]:
 
 
 def experiment_of(document: Document) -> Experiment:
-    """What a file says. Raises DocumentError."""
+    """The experiment in a file. Raises DocumentError."""
     return _Reading(document, document.parse(_File)).experiment()
 
 
@@ -231,7 +231,7 @@ def _is_name(name: str) -> bool:
 
 
 def _plain(model: BaseModel | None) -> dict[str, Any]:
-    """What a file says of a model's fields, as plain values."""
+    """The fields of a model that its file sets, as plain values."""
     return model.model_dump(mode="json", exclude_unset=True) if model else {}
 
 

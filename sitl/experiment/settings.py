@@ -1,7 +1,7 @@
 """What one simulated run is made of: the team, the channel, the protocol, and every reading.
 
 A reading is a choice where the paper's text leaves one. Each has one default for all rows; how the
-defaults came about: docs/evidence/experiments.md. An experiment that takes another one says so.
+defaults came about: docs/evidence/experiments.md. An experiment that takes another one states it.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class PaperModel(_Model):
 class PathLossModel(_Model):
     """Log-distance path loss with shadowing and buildings: `sitl.world.radio`.
 
-    Two transmissions exclude one another only if one of the four robots hears one of the other
+    Two transmissions exclude one another only if one of the four robots receives one of the other
     two; so far apart they share the channel in space.
 
     Attributes:
@@ -136,7 +136,7 @@ class PathLossModel(_Model):
         hysteresis_db: So much weaker it ends.
         carrier_dbm: At this power a transmission of others keeps one from sending.
         rates: `linear`: by the two below. `802.11n`: half of the rate of a 20 MHz channel with one
-            stream, by the least power that the standard asks for at each rate.
+            stream, by the least power that the standard requires at each rate.
         rate_bytes_s: What a link at 30 dB above `trigger_dbm` carries.
         least_rate_bytes_s: What a link at `trigger_dbm` carries; between both it is linear in dB.
         round_trip_s: Time of a round trip without any data.
@@ -181,7 +181,7 @@ class RunSettings(_Model):
         radius_m: Contact is nearer than this (`paper`). Horizontal distance: the paper's UAV flies
             at 60 m and meets robots within 5 to 30 m, so its height cannot count.
         paper, path_loss: The models' numbers; the one that `channel` names counts.
-        protocol: What the nodes speak.
+        protocol: Of the nodes.
         pulls: Who begins a pull.
         duration_s: Simulated time of the run.
         policy: Whom the UAVs seek.
@@ -204,7 +204,7 @@ class RunSettings(_Model):
             mission's `battery_reserve` a UAV comes home and lands. `none`: it never does.
         map_interval_s: A UAV publishes its map so often.
         message_wait: What the paper's waits are compared with, in a calibration.
-        telemetry_s: A UAV's controller hears of it so often.
+        telemetry_s: A UAV's controller receives it so often.
         link_scores: Models of links are fitted during the run and judged by the links that follow.
     """
 
@@ -244,7 +244,7 @@ class RunSettings(_Model):
 
 
 def value_of(settings: Mapping[str, Any], key: str) -> Any:
-    """A setting of a row, which need not say what is as usual; None: it is neither said nor usual.
+    """A row's setting, or the default where the row has none; None: there is neither.
 
     Args:
         settings: Plain values, as a file has them.

@@ -40,18 +40,18 @@ def plan(*events, paper=QUICK, duration_s=6.0, ugvs=2):
 
 
 def test_real_nodes_take_turns_and_messages_go_on_to_the_third():
-    said = [Publication(0.0, name, "/pose", b"{}") for name in ("uav01", "ugv01", "ugv02")]
+    published = [Publication(0.0, name, "/pose", b"{}") for name in ("uav01", "ugv01", "ugv02")]
     met = [Meeting(1.0, "uav01", "ugv01", up=True), Meeting(1.0, "uav01", "ugv02", up=True)]
     again = [Meeting(5.0, "uav01", "ugv02", up=False), Meeting(5.5, "uav01", "ugv02", up=True)]
-    found = asyncio.run(replay(plan(*said, *met, *again, duration_s=10.0)))
+    found = asyncio.run(replay(plan(*published, *met, *again, duration_s=10.0)))
     measures = found.measures
     assert measures["exchanges_broken"] == 0
     assert measures["exchanges_complete"] == 6
     assert measures["exchanges_open"] == 0
     in_order = sorted(found.transmissions, key=lambda sent: sent.start_s)
     assert all(first.end_s <= then.start_s for first, then in itertools.pairwise(in_order))
-    assert {sent.answering for sent in in_order if sent.asking == 2} == {0}  # it never meets 1
-    assert sum(sent.messages for sent in in_order if sent.asking == 2) == 2  # the poses of both
+    assert {sent.answering for sent in in_order if sent.requesting == 2} == {0}  # it never meets 1
+    assert sum(sent.messages for sent in in_order if sent.requesting == 2) == 2  # the poses of both
 
 
 def test_contact_that_is_lost_cuts_what_is_on_the_air_and_then_ends_the_pull():
@@ -69,7 +69,7 @@ def test_a_node_that_ends_is_an_error_of_the_run():
         asyncio.run(replay(plan(wrong, duration_s=3.0, ugvs=1)))
 
 
-def test_what_a_run_says_does_not_depend_on_when_the_channel_is_free():
+def test_what_a_run_publishes_does_not_depend_on_when_the_channel_is_free():
     (task,) = tasks_of("table1", ["radius_m=30", "ugvs=3", "uavs=1"], range(1, 2))
     one = planned(task, 60.0)
     times = {event.at_s for event in one.events if isinstance(event, Publication)}

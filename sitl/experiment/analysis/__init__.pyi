@@ -1,4 +1,4 @@
-# What `sitl.experiment.analysis` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.experiment.analysis`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.experiment.analysis.figures import draw_all as draw_all
 from sitl.experiment.analysis.report import Report as Report

@@ -56,7 +56,7 @@ _LEAST_S: Final = 1e-3
 _WAITS: Final = get_args(MessageWait)
 
 GOALS_R2: Final = 0.5
-"""What is asked of goals; of waits, that they are explained better than by the formula."""
+"""What goals have to reach; for waits, that they are explained better than by the formula."""
 
 LEAST_COVERED: Final = 10
 """So many of twelve 95 % intervals have to hold the paper's number; of right ones, 98 % do."""
@@ -98,7 +98,7 @@ def columns_of(record: Record, waits: Iterable[str]) -> Numbers:
 
 
 class Calibration:
-    """What the runs of a calibration say of their settings.
+    """What the runs of a calibration show of their settings.
 
     Attributes:
         kept: The settings whose tables come nearest to the paper's, in the order of drawing.
@@ -192,7 +192,7 @@ class Calibration:
         nearest = np.sort(np.argsort(away.sum(axis=(1, 2)))[:_KEPT])
         self.kept, self.tables = [drawn[n] for n in nearest], every[nearest]
 
-    def told(self) -> str:
+    def text(self) -> str:
         """What is known of each setting before and after, and how good the fit is."""
         text = ["| setting | declared | after the fit |", "|---|---|---|"]
         for key, prior in self._space.items():
@@ -224,7 +224,7 @@ class Calibration:
 
 
 class Prediction:
-    """What the runs of a prediction say of rows of the paper's table.
+    """What the runs of a prediction show of rows of the paper's table.
 
     Attributes:
         rows: The rows that are predicted.
@@ -250,7 +250,7 @@ class Prediction:
         self.formula = _shapes(self.rows) + (known - _shapes(seen)).mean(axis=0)
         self.regression = _terms(self.rows) @ np.linalg.lstsq(_terms(seen), known)[0]
 
-    def told(self) -> str:
+    def text(self) -> str:
         """How well each column is predicted."""
         text = [
             f"| column |{' R² | formula | regression |' * 2} in the interval | its reach | asked |",
@@ -267,14 +267,17 @@ class Prediction:
             away = np.abs(self.paper - self.guess)[:, n]
             held = int(np.count_nonzero(away <= self.reach[:, n]))
             reach = float(np.median(self.reach[:, n]))
-            asked = f"held by {LEAST_COVERED}: {_yes(held >= LEAST_COVERED)}"
+            goal = f"held by {LEAST_COVERED}: {_yes(held >= LEAST_COVERED)}"
             if not n:
-                asked += f"; R² above {GOALS_R2:g}: {_yes(fitted[0] > GOALS_R2)}"
+                goal += f"; R² above {GOALS_R2:g}: {_yes(fitted[0] > GOALS_R2)}"
             elif "wait" in column.key:
-                asked += f"; R² above the formula's: {_yes(fitted[0] > fitted[1])}"
+                goal += f"; R² above the formula's: {_yes(fitted[0] > fitted[1])}"
             cells = [f"{value:.2f}" for value in (*fitted, *plain)]
             cells += [f"{held} of {len(self.rows)}"]
-            cells += [f"{reach:.0f} points" if not n else f"a factor of {np.exp(reach):.1f}", asked]
+            cells += [
+                f"{reach:.0f} points" if not n else f"a factor of {np.exp(reach):.1f}",
+                goal,
+            ]
             text.append(f"| {column.head} | {' | '.join(cells)} |")
         return "\n".join(text)
 

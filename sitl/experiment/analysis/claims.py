@@ -42,7 +42,7 @@ Verdict = Literal["holds", "fails", "undecided"]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One statement of a claim, what the runs say of it, and the numbers."""
+    """One statement of a claim, the verdict of the runs, and the numbers."""
 
     what: str
     verdict: Verdict
@@ -85,12 +85,12 @@ class Claim:
         parts: dict[Verdict, list[str]] = {"holds": [], "fails": [], "undecided": []}
         for part in self.parts:
             parts[part.verdict].append(part.what)
-        told = [f"{verdict}: {'; '.join(what)}" for verdict, what in parts.items() if what]
-        return ". ".join([self.brief, *(told if len(told) > 1 else [])])
+        listed = [f"{verdict}: {'; '.join(what)}" for verdict, what in parts.items() if what]
+        return ". ".join([self.brief, *(listed if len(listed) > 1 else [])])
 
 
 def claims_of(experiment: Experiment, records: Sequence[Record]) -> list[Claim]:
-    """What the runs say about the experiment's claims; none unless all its rows have runs.
+    """What the runs show about the experiment's claims; none unless all its rows have runs.
 
     Raises:
         UsageError: a claim is about a measure that runs do not have.
@@ -163,18 +163,18 @@ def _verdict(found: Interval, part: PartRule) -> Verdict:
 
 
 def _because(effect: Effect, shown: Interval, part: PartRule, tests: int) -> str:
-    """The effect with its interval, what was asked, and what as many runs would have shown."""
+    """The effect with its interval, the claim's bound, and what as many runs would have shown."""
     if math.isnan(shown.value):
         return "too few runs"
     detectable = effect.detectable(tests)
-    unit, form, told = part.measure.rpartition("_")[2], "+.2f", f"{detectable:.2f}"
+    unit, form, least = part.measure.rpartition("_")[2], "+.2f", f"{detectable:.2f}"
     if part.ratio:
-        unit, form, told = "times", ".2f", f"a factor of {math.exp(detectable):.2f}"
+        unit, form, least = "times", ".2f", f"a factor of {math.exp(detectable):.2f}"
     elif part.share or unit == "percent":
         unit = "points"
     value, low, high = (format(number, form) for number in shown)
     side, bound = ("more", part.more_than) if part.less_than is None else ("less", part.less_than)
-    return f"{value} {unit} [{low}, {high}]; asked: {side} than {bound:g}; detectable: {told}"
+    return f"{value} {unit} [{low}, {high}]; asked: {side} than {bound:g}; detectable: {least}"
 
 
 # Rows compared.
@@ -260,19 +260,19 @@ def comparisons(runs: Runs) -> list[list[str]]:
     """The comparisons as they are read: the heads, then the cells of each.
 
     A difference with its interval, which holds together with those of the other rows, and how large
-    one is that so many pairs tell from 0.
+    one is that so many pairs distinguish from 0.
     """
     found = compared(runs)
-    measures = {key: told for key, told in MEASURES.items() if runs.has(key)}
+    measures = {key: head for key, head in MEASURES.items() if runs.has(key)}
     rows = [["row", "against", "pairs", *measures.values()]]
     for one in found:
         cells = [one.row, one.base, str(one.pairs)]
         for measure in measures:
             effect = runs.effect(one.weights, measure)
             value, low, high = effect.interval(len(found))
-            told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: "
+            text = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: "
             known = not math.isnan(value)
-            cells.append(f"{told}{effect.detectable(len(found)):.1f}" if known else "unknown")
+            cells.append(f"{text}{effect.detectable(len(found)):.1f}" if known else "unknown")
         rows.append(cells)
     return rows
 

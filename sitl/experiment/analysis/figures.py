@@ -61,7 +61,7 @@ _LEAST_SCENARIOS: Final = 2
 _LEAST_POLICIES: Final = 2
 _MARKERS: Final = "os^DvPX"
 _LEAST_FACTOR: Final = 0.3
-"""Factors below are told in numbers."""
+"""Factors below are written as numbers."""
 _STEP_S: Final = 15.0
 
 
@@ -272,7 +272,7 @@ def _scenario(row: Row) -> str:
 
 
 def draw_fidelity(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
-    """Missions by experiments as a factor of what flies says, with the tenth that is asked."""
+    """Missions by experiments as a factor of what flies, with the tenth that is allowed."""
     other, found = flown_beside(Runs(experiment, records))
     if not found:
         return None

@@ -163,7 +163,7 @@ def strata(found: Scenarios, keys: Sequence[str]) -> list[list[str]]:
     return lines
 
 
-def told(found: Scenarios, relevant: float) -> str:
+def outcome_text(found: Scenarios, relevant: float) -> str:
     """The table for a document, and what so many scenarios could show.
 
     Args:

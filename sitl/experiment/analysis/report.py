@@ -1,4 +1,4 @@
-"""What the runs of an experiment amount to, and the files and documents that say it.
+"""What the runs of an experiment amount to, and the files and documents with it.
 
 results.csv     a line per run, a column per number, units in the names
 results.parquet the same with types, if pyarrow is there
@@ -42,7 +42,13 @@ from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
 from sitl.experiment.analysis.link_prediction import links_text
-from sitl.experiment.analysis.outcome import Scenarios, is_of_scenarios, standings, strata, told
+from sitl.experiment.analysis.outcome import (
+    Scenarios,
+    is_of_scenarios,
+    outcome_text,
+    standings,
+    strata,
+)
 from sitl.experiment.analysis.parquet import write_parquet
 from sitl.experiment.analysis.statistics import Runs
 
@@ -103,7 +109,7 @@ class Report:
 
     @cached_property
     def prediction(self) -> Prediction | None:
-        """What fitted settings say of the paper's rows, if every row has some."""
+        """What fitted settings predict of the paper's rows, if every row has some."""
         fitted = all("message_wait" in row.settings for row in self.experiment.rows)
         return Prediction(self.records) if fitted else None
 
@@ -244,7 +250,7 @@ def fill(document: Path, report: Report, archive: Path | None, figures: Sequence
 
 
 def differences(document: Path, report: Report, archive: Path) -> list[str]:
-    """Blocks and files of evidence that say something else than the archived runs.
+    """Blocks and files of evidence that differ from the archived runs.
 
     Raises:
         NoMarksError: the document has no block of the experiment.
@@ -271,7 +277,7 @@ def _filled(text: str, name: str, contents: Mapping[str, str]) -> str:
 
 
 def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, str]:
-    """The text for each kind of block; empty where there is nothing to say."""
+    """The text for each kind of block; empty where there is none."""
     experiment = report.experiment
     whole = tables.of_the_paper(experiment) and len(experiment.rows) == len(tables.PAPER_TABLE)
     return {
@@ -280,10 +286,10 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
         "claims": _claims(document, report),
         "facts": _facts(report),
         "paper": tables.nearness(report.lines) if whole else "",
-        "fit": report.calibration.told() if report.calibration else "",
-        "outcome": told(report.scenarios, experiment.relevant) if report.scenarios else "",
+        "fit": report.calibration.text() if report.calibration else "",
+        "outcome": outcome_text(report.scenarios, experiment.relevant) if report.scenarios else "",
         "links": links_text(experiment, report.records),
-        "blind": report.prediction.told() if report.prediction else "",
+        "blind": report.prediction.text() if report.prediction else "",
         "archive": "" if archive is None else _archive(archive, document, report),
     }
 
@@ -303,7 +309,7 @@ def _claims(document: Path, report: Report) -> str:
 
 
 def _archive(archive: Path, document: Path, report: Report) -> str:
-    """Where the runs are, and what tells them from others."""
+    """Where the runs are, and what distinguishes them from others."""
     path = archive.absolute().relative_to(document.absolute().parent).as_posix()
     programs, rules, commits = (
         ", ".join(sorted({record[key] for record in report.records if key in record}))

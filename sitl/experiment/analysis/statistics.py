@@ -106,7 +106,7 @@ class Effect(NamedTuple):
         return Interval(self.value, self.value - reach, self.value + reach)
 
     def detectable(self, tests: int = 1) -> float:
-        """How far from a bound an effect lies that is told from it with a power of 0.8."""
+        """How far from a bound an effect lies that is distinguished from it with a power of 0.8."""
         quantiles = _stats().t.isf([LEVEL / 2 / tests, 1 - POWER], self.freedom)
         return float(quantiles.sum()) * self.error
 

@@ -36,7 +36,7 @@ _WIDTH: Final = 160
 """Letters in a line of a terminal that is opened wide."""
 
 _MOST_SETTINGS: Final = 3
-"""Where rows differ in more settings than that, their labels say more."""
+"""Where rows differ in more settings than that, their labels have more."""
 
 _CAPTION: Final = (
     "Means over all runs of a row; waits and times over all messages and all goals of its runs.\n"
@@ -76,7 +76,7 @@ class Column(NamedTuple):
         measure: of each run.
         per: a measure by which each run counts as much; None: all count alike.
         sd: a measure, the standard deviation about `measure`: that is what the column is about.
-        paper: what the paper says of it in `PaperRow`.
+        paper: the paper's value in `PaperRow`.
     """
 
     key: str
@@ -227,7 +227,7 @@ def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
 
 
 def as_text(experiment: Experiment, found: Sequence[Line], seeds: str) -> str:
-    """The table for a terminal, in parts that fit into it; `seeds` says which it is made of."""
+    """The table for a terminal, in parts that fit into it; `seeds` names the runs' seeds."""
     rows = as_rows(experiment, found)
     names, columns = rows[0].index("runs") + 1, zip(*rows, strict=True)
     padded = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]

@@ -1,4 +1,4 @@
-# What `sitl.experiment.board` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.experiment.board`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.experiment.board.board import BASELINE as BASELINE
 from sitl.experiment.board.board import Standing as Standing

@@ -1,4 +1,4 @@
-# What `sitl.experiment.campaign` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.experiment.campaign`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.experiment.campaign.campaign import Campaign as Campaign
 from sitl.experiment.campaign.campaign import Work as Work

@@ -30,7 +30,7 @@ _MOST_FAILURES: Final = 5
 
 
 class MixedRunsError(UsageError):
-    """The finished runs belong to other settings, seeds or a phase other than what is asked for."""
+    """The finished runs belong to other settings, seeds or a phase other than those requested."""
 
 
 class Campaign:
@@ -81,7 +81,7 @@ class Campaign:
         for record in kept:
             if record["phase"] != phase:
                 raise MixedRunsError(
-                    f"{folder} holds {record['phase']} runs, and {phase} runs are asked for; give "
+                    f"{folder} holds {record['phase']} runs, and {phase} runs are requested; give "
                     "another --out"
                 )
             if row := known.get(record["row"]):
@@ -193,9 +193,9 @@ def make_runs(
 ) -> Outcomes:
     """Make all runs, in any order; closing the iterator ends the processes at once.
 
-    A pool of `concurrent.futures` breaks as a whole when a worker dies, and does not tell whose it
-    was. So the runs that were under way then are made once more, one at a time: what dies alone is
-    at fault itself, and given up. A run that may not be begun when its turn comes is left out.
+    A pool of `concurrent.futures` breaks as a whole when a worker dies, and does not report whose
+    it was. So the runs that were under way then are made once more, one at a time: what dies alone
+    is at fault itself, and given up. A run that may not be begun when its turn comes is left out.
     """
     waiting = deque(tasks)
     while waiting:
@@ -255,13 +255,13 @@ def _due(waiting: deque[Task], may_begin: Callable[[Task], bool]) -> Iterator[Ta
 
 
 def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record | str]:
-    # The parent decides what Ctrl-C means: a worker inherits that it does not hear of it, from its
-    # first moment on. The tracker, which the first start would start, lets signals through again.
+    # The parent decides what Ctrl-C means: a worker inherits a blocked SIGINT, from its first
+    # moment on. The tracker, which the first start would start, lets signals through again.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return pool.submit(attempt, work, task)
-    except BrokenProcessPool as error:  # before the results of the others said so
+    except BrokenProcessPool as error:  # before the results of the others showed it
         broken: Future[Record | str] = Future()
         broken.set_exception(error)
         return broken
@@ -275,5 +275,5 @@ def attempt(work: Work, task: Task) -> Record | str:
         return work(task)
     except EXPECTED as error:
         return error_text(error)
-    except Exception:  # noqa: BLE001 - whatever it is, it is told, and others go on
+    except Exception:  # noqa: BLE001 - whatever it is, it is reported, and others go on
         return traceback.format_exc()

@@ -34,7 +34,7 @@ class Journal:
 
     Args:
         folder: Of the campaign.
-        now: Tells the time.
+        now: The clock.
     """
 
     def __init__(self, folder: Path, now: Callable[[], datetime] = utc_now) -> None:
@@ -55,7 +55,7 @@ class StopClock:
     Args:
         rule: What was declared; None: all may.
         begun: Seed numbers that have runs.
-        now: Tells the time.
+        now: The clock.
 
     Attributes:
         stopped: It has refused one.

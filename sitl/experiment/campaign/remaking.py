@@ -1,4 +1,4 @@
-"""Makes archived runs again from today's sources, and says what comes out otherwise."""
+"""Makes archived runs again from today's sources, and reports what comes out otherwise."""
 
 from __future__ import annotations
 

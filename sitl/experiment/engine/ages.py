@@ -1,12 +1,12 @@
 """How old what robots hold of each other is: exact, from every message that is made and delivered.
 
 A robot holds a state of another one. Its age is the time since that state stopped being true: 0 as
-long as the robot that made it would still say the same. A map stops being true when one more cell
-is seen, claims when one is made, kept or left; what is told on the other topics, when the next
-message is made, which is when a peer asks. A pose is true at its instant only. Before the first
-delivery, ages count from when there was something to say. The peak age is the mean of the ages just
-before each delivery of news; that at the end of a run is the last peak, unless it is 0.
-docs/evidence/experiments.md#age-of-information says whose measures these are.
+long as the robot that made it would still publish the same. A map stops being true when one more
+cell is seen, claims when one is made, kept or left; what is published on the other topics, when the
+next message is made, which is when a peer requests it. A pose is true at its instant only. Before
+the first delivery, ages count from when there was something to publish. The peak age is the mean of
+the ages just before each delivery of an update; that at the end of a run is the last peak, unless
+it is 0. docs/evidence/experiments.md#age-of-information names the sources of these measures.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class _Source:
     """A robot's messages on one topic.
 
     Attributes:
-        state: What it would say now; None: every message of it is another state.
-        published: What it said last.
-        false_s: By state that it said: since when the one before is not true any more. The last
-            entry is of what it said last, and is inf as long as that is true.
+        state: What it would publish now; None: every message of it is another state.
+        published: What it published last.
+        false_s: By state that it published: since when the one before is not true any more. The
+            last entry is of what it published last, and is inf as long as that is true.
         places: Of the states of its messages.
     """
 
@@ -84,14 +84,14 @@ class Ages:
                 source.false_s[-1] = min(before_s, self._queue.now_s) if differs else math.inf
 
     def listener(
-        self, robot: str, hear: Callable[[LinkEvent], None]
+        self, robot: str, receive: Callable[[LinkEvent], None]
     ) -> Callable[[LinkEvent], None]:
         """Follow a robot's link events, and pass them on."""
 
         def listen(event: LinkEvent) -> None:
             if isinstance(event, MessageStored) and event.topic in USES:
                 self._stored(robot, event)
-            hear(event)
+            receive(event)
 
         return listen
 

@@ -1,6 +1,6 @@
 """The radio channel as the engine sees it, and the two models of it.
 
-A model says who is in contact, how long a transmission takes, which transmissions exclude each
+A model decides who is in contact, how long a transmission takes, which transmissions exclude each
 other, and in which order those that wait get their turn. What moves is in `channel_sim`.
 """
 
@@ -37,8 +37,8 @@ _WIFI: Final = (
 sensitivity of receivers for MCS 0 to 7, and their rates with a guard interval of 800 ns)."""
 
 _WIFI_SHARE: Final = 0.5
-"""So much of that rate is left for what robots say: frames' heads, answers and back-offs take the
-rest. A reading; 802.11 does not say it."""
+"""So much of that rate is left for robots' messages: frames' heads, answers and back-offs take the
+rest. A reading; 802.11 does not state it."""
 
 Places = npt.NDArray[np.float64]
 """(robots, 3): east, north, height above ground, in metres."""
@@ -55,7 +55,7 @@ class Stage(IntEnum):
 class Link(NamedTuple):
     """One direction of pulling: robots by their number in the run."""
 
-    asking: int
+    requesting: int
     answering: int
 
 
@@ -83,7 +83,7 @@ class Change(NamedTuple):
 
 
 class Channel(ABC):
-    """A model of the radio channel. Deterministic: seeded, and asked in a fixed order.
+    """A model of the radio channel. Deterministic: seeded, and queried in a fixed order.
 
     Attributes:
         patience_s: So long an exchange that has lost contact waits for it to come back.
@@ -198,8 +198,8 @@ class PaperChannel(Channel):
 class PathLossChannel(Channel):
     """A radio as robots have it: power that falls with distance, fades, and is lost in buildings.
 
-    Contact begins and ends by received power, the rate follows from it, and robots that do not hear
-    each other send at once. `sitl.world.radio` has the model of the power itself.
+    Contact begins and ends by received power, the rate follows from it, and robots that do not
+    receive each other send at once. `sitl.world.radio` has the model of the power itself.
 
     Args:
         model: Powers and rates.
@@ -211,7 +211,7 @@ class PathLossChannel(Channel):
     def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
         self.pull_every_s = model.pull_every_s  # None: only when a contact begins
         self._model = model
-        radio = RadioModel.model_construct(  # an experiment may ask for more than a world file
+        radio = RadioModel.model_construct(  # an experiment may set more than a world file
             shadowing_db=model.shadowing_db,
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
         )
@@ -232,7 +232,7 @@ class PathLossChannel(Channel):
         )
         # All by the numbers of both robots, and the same in both directions:
         self._rssi_dbm = np.full((len(names), len(names)), -np.inf)  # at the last look
-        self._hears: npt.NDArray[np.bool_] = np.eye(len(names), dtype=bool)  # or is itself
+        self._senses: npt.NDArray[np.bool_] = np.eye(len(names), dtype=bool)  # or is itself
         self._up = np.zeros((len(names), len(names)), dtype=bool)  # in contact
         self._next_update_s = 0.0  # simulated time of the next update
 
@@ -242,8 +242,8 @@ class PathLossChannel(Channel):
             return []
         self._next_update_s = now_s + _LOOK_S
         self._rssi_dbm = self._radio.rssi_dbm(now_s, places)
-        self._hears = self._rssi_dbm >= self._model.carrier_dbm
-        np.fill_diagonal(self._hears, val=True)
+        self._senses = self._rssi_dbm >= self._model.carrier_dbm
+        np.fill_diagonal(self._senses, val=True)
         up = self._rssi_dbm >= self._model.trigger_dbm - self._model.hysteresis_db * self._up
         changed = np.argwhere(np.triu(up != self._up)).tolist()
         self._up = up
@@ -265,4 +265,4 @@ class PathLossChannel(Channel):
     def occupied(self, busy: Sequence[Link]) -> AbstractSet[int]:
         """Those that would disturb a transmission or be disturbed."""
         sending = [number for link in busy for number in link]
-        return set(np.flatnonzero(np.any(self._hears[sending], axis=0)).tolist())
+        return set(np.flatnonzero(np.any(self._senses[sending], axis=0)).tolist())

@@ -1,6 +1,6 @@
 """What is on the air: exchanges between nodes wait for the channel, cross it, and are cut.
 
-The nodes decide what they say; the channel's model decides who is in contact, whose turn it is,
+The nodes decide what they send; the channel's model decides who is in contact, whose turn it is,
 and how long it takes. This carries it out.
 """
 
@@ -137,12 +137,12 @@ class ChannelSim:
 
     def _ends(self, exchange: Exchange) -> tuple[Node, Node]:
         """Who pulls, and from whom."""
-        return self._nodes[exchange.link.asking], self._nodes[exchange.link.answering]
+        return self._nodes[exchange.link.requesting], self._nodes[exchange.link.answering]
 
     def _pull(self, link: Link) -> None:
         self._pulled_s[link] = self._queue.now_s
-        node = self._nodes[link.asking]
-        node.refresh()  # what it has to say itself belongs to what it has
+        node = self._nodes[link.requesting]
+        node.refresh()  # its own messages belong to what it has
         node.gossip.sync(self._nodes[link.answering].name, node.now)
         self._settle(node)
 
@@ -168,8 +168,8 @@ class ChannelSim:
 
     def _supplies(self, exchange: Exchange) -> bool:
         """Whether the answering node may have frames for it."""
-        asking, answering = self._ends(exchange)
-        return not exchange.dry and answering.gossip.route(asking.name) == exchange.route
+        requesting, answering = self._ends(exchange)
+        return not exchange.dry and answering.gossip.route(requesting.name) == exchange.route
 
     def _withdraw(self, exchange: Exchange) -> None:
         """Contact is lost, or the exchange is over: off the air, and out of the queue."""
@@ -212,7 +212,7 @@ class ChannelSim:
 
     def _load(self, exchange: Exchange) -> Load | None:
         """What an exchange whose turn it is sends; None: nothing that takes time."""
-        asking, answering = self._ends(exchange)
+        requesting, answering = self._ends(exchange)
         if not exchange.requests or stage_of(exchange.requests[0]) is Stage.HEADER:
             answering.refresh()
             self._settle(answering)
@@ -221,7 +221,7 @@ class ChannelSim:
         messages = size = 0
         data = False
         while not messages or not data:
-            supplied = answering.gossip.supply(asking.name)
+            supplied = answering.gossip.supply(requesting.name)
             if supplied is None:
                 exchange.dry = True
                 break
@@ -261,27 +261,27 @@ class ChannelSim:
 
     def _greet(self, exchange: Exchange) -> None:
         """The other node's reply to an opening comes along with it."""
-        asking, answering = self._ends(exchange)
-        supplied = answering.gossip.supply(asking.name)
+        requesting, answering = self._ends(exchange)
+        supplied = answering.gossip.supply(requesting.name)
         if supplied is not None:
             self._answer(exchange, supplied[1])
 
     def _request(self, exchange: Exchange, request: bytes) -> None:
         """A request arrives, and what is answered at once comes back."""
-        asking, answering = self._ends(exchange)
+        requesting, answering = self._ends(exchange)
         exchange.dry = False
-        answering.gossip.request(asking.name, exchange.route, [request], answering.now)
+        answering.gossip.request(requesting.name, exchange.route, [request], answering.now)
         self._settle(answering)
         replies, self._replies = self._replies, []
         for reply in replies:
             self._answer(exchange, [reply])
 
     def _answer(self, exchange: Exchange, parts: Sequence[bytes | memoryview]) -> None:
-        """A frame arrives at the asking node, unless it has hung up."""
+        """A frame arrives at the requesting node, unless it has hung up."""
         if not exchange.over:
-            asking, answering = self._ends(exchange)
-            asking.gossip.reply(answering.name, parts, asking.now)
-            self._settle(asking)
+            requesting, answering = self._ends(exchange)
+            requesting.gossip.reply(answering.name, parts, requesting.now)
+            self._settle(requesting)
 
     # Nodes.
 

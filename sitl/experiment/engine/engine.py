@@ -44,7 +44,7 @@ from sitl.experiment.robots import (
     MapPainter,
     Node,
     Uav,
-    base_says,
+    base_messages,
     controllers_of,
     fleet_of,
     scenery_of,
@@ -86,7 +86,7 @@ class Run:
 
     Attributes:
         settings: The team, the channel, the protocol.
-        queue: Tells the time.
+        queue: The clock.
         town: Where it happens, with the goals of this run.
         log: Of everything that was decided; its digest is the run's.
         fleet: Who takes part; by its `names` robots have their numbers.
@@ -96,7 +96,7 @@ class Run:
         nodes: Of all robots, by number.
         airtime: What was on the air.
         channel_sim: Connects the nodes.
-        link_scores: Judges models of links; None: that was not asked for.
+        link_scores: Judges models of links; None: that was not requested.
         travelled_m: How far each robot has come over ground, by number.
         goal_bound_share: At most this share of the goals can be reached, in the mean over time.
         held: What robots held of each other, when it is over.
@@ -212,24 +212,24 @@ class Run:
             triggered=self.settings.pulls == "node",
         )
         if name == self.fleet.base:
-            return make(publish=partial(base_says, self.town, self.queue))
+            return make(publish=partial(base_messages, self.town, self.queue))
         if name in self.robots:
-            publish, hear = self.robots[name].outbox, self._ear(name)
+            publish, receive = self.robots[name].outbox, self._receiver(name)
         else:
             uav = next(each for each in self.uavs if each.name == name)
-            publish, hear = uav.say, uav.hear
-        return make(publish=publish, hear=self.ages.listener(name, hear))
+            publish, receive = uav.outbox, uav.receive
+        return make(publish=publish, receive=self.ages.listener(name, receive))
 
-    def _ear(self, name: str) -> Callable[[LinkEvent], None]:
+    def _receiver(self, name: str) -> Callable[[LinkEvent], None]:
         """What a ground robot does with what happens on its links."""
         robot, number = self.robots[name], self._numbers[name]
 
-        def hear(event: LinkEvent) -> None:
+        def receive(event: LinkEvent) -> None:
             if isinstance(event, MessageStored) and event.robot != name:
                 data = self.nodes[number].data_of(event)
                 robot.take(event.robot, event.topic, data, self.queue.now_s)
 
-        return hear
+        return receive
 
     # What happens.
 
@@ -276,9 +276,9 @@ class Run:
 
 def _check(settings: RunSettings) -> None:
     if settings.uavs + settings.ugvs + settings.base_station == 0:
-        raise ValueError("no robot takes part; say uavs, ugvs or base_station")
+        raise ValueError("no robot takes part; set uavs, ugvs or base_station")
     if settings.linked and not settings.uavs:
-        raise ValueError("'linked' is contact with the first UAV; say uavs")
+        raise ValueError("'linked' is contact with the first UAV; set uavs")
     if settings.path_loss.air != "log_distance" and settings.uav_altitude_m > HIGHEST_M:
         raise ValueError(f"'air' of 3GPP is for UAVs up to {HIGHEST_M:g} m; lower uav_altitude_m")
     if not 0 < settings.telemetry_s <= MOST_TELEMETRY_S:

@@ -52,7 +52,7 @@ class Transmission(NamedTuple):
         ready_s: When it could have begun, had the channel been free; of each try the same.
         start_s: When it began.
         end_s: When it arrived, or was interrupted.
-        asking: Number of the robot that pulls.
+        requesting: Number of the robot that pulls.
         answering: Of whom it pulls from.
         stage: A `Stage`.
         messages: Robots' messages that arrived with it.
@@ -63,7 +63,7 @@ class Transmission(NamedTuple):
     ready_s: float
     start_s: float
     end_s: float
-    asking: int
+    requesting: int
     answering: int
     stage: int
     messages: int
@@ -92,7 +92,7 @@ class Exchange:
         link: Who pulls from whom.
         route: By what the answering node knows the connection.
         requests: Requests that have not crossed yet, in their order.
-        supplied: Frames of data that are under way to the asking node.
+        supplied: Frames of data that are under way to the requesting node.
         load: What is on the air, or was when contact was lost.
         ready_s: Since when it is its turn but for the channel; None: it has nothing to send.
         start_s: When it began to send; None: it does not.
@@ -122,7 +122,7 @@ class Exchange:
 
 
 def code_of(request: bytes) -> bytes:
-    """The five letters that say what a request is."""
+    """The five letters that name the kind of a request."""
     return request[ID_BYTES:_BODY]
 
 

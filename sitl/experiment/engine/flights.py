@@ -93,9 +93,9 @@ class WorldRun:
     Args:
         path: The mission's file; it names team and world.
         seed: Of the world.
-        queue: Tells the time.
+        queue: The clock.
         log: Takes the controller's events and actions.
-        policy: Whom it seeks, whatever the mission says.
+        policy: Whom it seeks, instead of the mission's policy.
 
     Attributes:
         uav: Flies it.
@@ -131,11 +131,13 @@ class WorldRun:
             Controller(setup, router, flight_plan, ground=painter.grid),
             painter,
         )
-        uav.node = Node(0, uav.name, team, queue, triggered=True, publish=uav.say, hear=uav.hear)
+        uav.node = Node(
+            0, uav.name, team, queue, triggered=True, publish=uav.outbox, receive=uav.receive
+        )
         self.nodes = {uav.name: uav.node}
-        for number, name in enumerate(roles.ground, start=1):  # the world says what they say
-            ear = partial(self._hear, name)
-            self.nodes[name] = Node(number, name, team, queue, triggered=True, hear=ear)
+        for number, name in enumerate(roles.ground, start=1):  # the world publishes for them
+            receive = partial(self._receive, name)
+            self.nodes[name] = Node(number, name, team, queue, triggered=True, receive=receive)
         channel = _WorldChannel()
         nodes = list(self.nodes.values())
         channel.sim = self._sim = _WorldSim(queue, channel, nodes, AirtimeStats(lambda _row: None))
@@ -160,7 +162,7 @@ class WorldRun:
         """What went wrong in policies of exploring robots, by robot."""
         return self._world.policy_faults
 
-    def _hear(self, name: str, event: LinkEvent) -> None:
+    def _receive(self, name: str, event: LinkEvent) -> None:
         """Something has happened on a ground robot's links."""
         if isinstance(event, MessageStored) and event.robot != name:
             data = self.nodes[name].data_of(event)
@@ -275,7 +277,7 @@ def _faults(uav: str, fault: str | None, robots: Mapping[str, str]) -> dict[str,
 
 
 def fault_in(announcement: str) -> str | None:
-    """What an announcement says of a policy that failed (`GuardedPolicy`); None: nothing."""
+    """What an announcement states of a policy that failed (`GuardedPolicy`); None: nothing."""
     found = re.search(r"seek policy '.*?' failed \((.*)\), in turn", announcement)
     return None if found is None else found[1]
 

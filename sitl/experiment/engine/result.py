@@ -118,7 +118,7 @@ def _delivered_bytes(run: Run) -> int:
     return sum(
         sent.bytes
         for sent in run.airtime.transmissions
-        if sent.complete and sent.stage == Stage.DATA and {sent.asking, sent.answering} & uavs
+        if sent.complete and sent.stage == Stage.DATA and {sent.requesting, sent.answering} & uavs
     )
 
 

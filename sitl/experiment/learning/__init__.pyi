@@ -1,4 +1,4 @@
-# What `sitl.experiment.learning` gives, for type checkers; `__init__.py` says where it is.
+# The names of `sitl.experiment.learning`, for type checkers; `__init__.py` has the module of each.
 
 from sitl.experiment.learning.decisions import Decision as Decision
 from sitl.experiment.learning.decisions import DecisionRun as DecisionRun

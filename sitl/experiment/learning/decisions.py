@@ -36,8 +36,8 @@ class _ClosedError(Exception):
     """The run is not wanted any more."""
 
 
-class _Asking:
-    """A policy that asks: the robot of the answer first, the others in their turn behind it."""
+class _Requesting:
+    """A policy that requests decisions: the answer's robot first, then the others in their turn."""
 
     def __init__(self, uav: str, where: Policy, run: DecisionRun) -> None:
         self._uav, self._where, self._run = uav, where, run
@@ -49,7 +49,7 @@ class _Asking:
 
     def order(self, targets: TargetList, context: SeekContext) -> list[SearchPlace]:
         """As `Policy.order`."""
-        chosen = self._run.ask(Decision(self._uav, targets, context))
+        chosen = self._run.request(Decision(self._uav, targets, context))
         names = sorted(targets.candidates(context.now_s), key=lambda name: name != chosen)
         places = [self.place(name, targets, context) for name in names]
         return [replace(places[0], reason=f"chosen; {places[0].reason}"), *places[1:]]
@@ -65,7 +65,7 @@ class DecisionRun:
     Args:
         settings: Of the run; its policy does not count.
         seed: Of the run.
-        where: Says where a robot is sought.
+        where: Decides where a robot is sought.
 
     Attributes:
         run: The run, which is over once `next` has returned None.
@@ -76,8 +76,8 @@ class DecisionRun:
 
     def __init__(self, settings: RunSettings, seed: int, where: Policy) -> None:
         names = [f"uav{number + 1:02d}" for number in range(settings.uavs)]
-        self.run = Run(settings, seed, {name: _Asking(name, where, self) for name in names})
-        self._asked: SimpleQueue[Decision | Exception | None] = SimpleQueue()
+        self.run = Run(settings, seed, {name: _Requesting(name, where, self) for name in names})
+        self._requests: SimpleQueue[Decision | Exception | None] = SimpleQueue()
         self._answers: SimpleQueue[str | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._finish, daemon=True)
 
@@ -91,7 +91,7 @@ class DecisionRun:
             self._thread.start()
         else:
             self._answers.put(answer)
-        found = self._asked.get()
+        found = self._requests.get()
         if isinstance(found, Exception):
             raise found
         return found
@@ -102,9 +102,9 @@ class DecisionRun:
             self._answers.put(None)
             self._thread.join(timeout=60)
 
-    def ask(self, decision: Decision) -> str:
+    def request(self, decision: Decision) -> str:
         """In the run's thread: the answer, for which the run stands still."""
-        self._asked.put(decision)
+        self._requests.put(decision)
         answer = self._answers.get()
         if answer is None:
             raise _ClosedError
@@ -116,9 +116,9 @@ class DecisionRun:
         except _ClosedError:
             return
         except Exception as error:  # noqa: BLE001 - raised where the answers come from
-            self._asked.put(error)
+            self._requests.put(error)
             return
-        self._asked.put(None)
+        self._requests.put(None)
 
 
 def robots_of(run: Run) -> Sequence[str]:

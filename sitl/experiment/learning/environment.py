@@ -18,8 +18,8 @@ Observation (`Box(-10, 10)`), 3 numbers and then 8 for each robot, in the missio
     east, north of the place where the robot would be sought, from the UAV, in kilometres
     flight      to that place, in units of 600 s; 10: no way leads there
     held, given ages of what the UAV holds of the robot, and the other way round, of 1200 s
-    tries       searches since it was last heard, in units of 5
-    heard       1: the UAV knows something of it
+    tries       searches since it was last received, in units of 5
+    known       1: the UAV knows something of it
     free        1: it is neither lost nor sought by another UAV
 
 Action (`Discrete`): the robot that is sought next, by its number.
@@ -67,7 +67,7 @@ class SeekEnvironment(ParallelEnv):  # type: ignore[misc]  # PettingZoo is typed
     Args:
         settings: Of the runs; their policy does not count.
         reward: What a step is worth.
-        where: The seek policy that says where a robot is sought.
+        where: The seek policy that decides where a robot is sought.
 
     Attributes:
         possible_agents: The UAVs.
@@ -82,7 +82,7 @@ class SeekEnvironment(ParallelEnv):  # type: ignore[misc]  # PettingZoo is typed
         self, settings: RunSettings, *, reward: Reward = "goals", where: str = "rendezvous"
     ) -> None:
         if not settings.uavs:
-            raise ValueError("no UAV takes part; say uavs")
+            raise ValueError("no UAV takes part; set uavs")
         self._settings, self._reward, self._where = settings, reward, where
         self.possible_agents = [f"uav{number + 1:02d}" for number in range(settings.uavs)]
         self.agents: list[str] = []

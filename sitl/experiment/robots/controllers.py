@@ -106,7 +106,7 @@ def _scenery(settings: RunSettings, seed: int | None) -> Scenery:
 
 
 def _seek_policy(settings: RunSettings) -> str:
-    """What the mission says; policies that do not fly are put in its place later."""
+    """The mission's policy; policies that do not fly take its place later."""
     return "rendezvous" if settings.policy in OFF_BOARD else settings.policy
 
 

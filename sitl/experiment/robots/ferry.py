@@ -1,9 +1,9 @@
 """A message ferry under partial observation, for comparison: beliefs of where robots are.
 
-The problem is a POMDP: robots move on while they are out of reach, and a search tells only whether
+The problem is a POMDP: robots move on while they are out of reach, and a search shows only whether
 a robot was in reach of where the UAV flew. Its exact solution is out of reach for a team, so this
 takes the usual way: a belief by particles for each robot, and the action that is best by what the
-belief says now, as if it were to be known afterwards (QMDP: Littman, Cassandra and Kaelbling,
+belief is now, as if it were to be known afterwards (QMDP: Littman, Cassandra and Kaelbling,
 Learning policies for partially observable environments, ICML 1995).
 """
 

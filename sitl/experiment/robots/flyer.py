@@ -59,7 +59,7 @@ class Flyer:
         self.landed = False
         self._charge = 1.0  # drains evenly while it flies, as the simulated autopilot's
         full = settings.battery
-        # until it is empty; None: no word of it
+        # until it is empty; None: it never is
         self._battery_s = None if full == "none" else 60.0 * full
         self._cruise_m = mission.altitude_above_home_m
         self._climb_m_s = settings.uav_climb_m_s

@@ -2,7 +2,7 @@
 
 Topics and priorities are those of the authors' simulations: pose and claimed goals are of high
 priority, the path of medium, reachability of low, the map of objects of none. Whom a UAV seeks, and
-where the base station stands, are said besides.
+where the base station stands, are published besides.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""
 
 REFRESH_S: Final = 1.0
-"""A robot publishes at most so often; and nothing while no peer asks, since only the newest message
-of a topic is ever exchanged."""
+"""A robot publishes at most so often; and nothing while no peer requests, since only the newest
+message of a topic is ever exchanged."""
 
 BASE: Final = "base"
 
@@ -99,10 +99,10 @@ class Fleet:
 
 
 _ID_ROBOTS: Final = 256
-"""So many robots a header's first byte tells apart."""
+"""So many robots a header's first byte distinguishes."""
 
 _ID_TOPICS: Final = 8
-"""So many topics a robot may have, where the second byte tells robots apart, too."""
+"""So many topics a robot may have, where the second byte distinguishes robots, too."""
 
 
 class _WholeTeam(Team):
@@ -191,8 +191,8 @@ def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
     return Fleet(Team.from_document(document), aerial, ground, BASE if base else None)
 
 
-def base_says(town: Town, queue: EventQueue) -> list[tuple[str, bytes]]:
-    """What a base station has to say to a peer that asks: where it stands, which is at home."""
+def base_messages(town: Town, queue: EventQueue) -> list[tuple[str, bytes]]:
+    """What a base station sends to a peer on request: where it stands, which is at home."""
     pose = PoseMessage(stamp_s=EPOCH_S + queue.now_s, **degrees(town.frame, town.home))
     return [(POSE_TOPIC, pose.encode())]
 
@@ -203,10 +203,10 @@ class Node:
     Args:
         number: Of the robot in the run.
         name: Its name in the team.
-        queue: Tells the time.
+        queue: The clock.
         triggered: Its own trigger begins pulls, and pulls that are over follow.
-        publish: Asks the robot for what it has to say: (topic, data), at most one per topic.
-        hear: Tells the robot what has happened on its links.
+        publish: Returns what the robot publishes: (topic, data), at most one per topic.
+        receive: Delivers the link events to the robot.
     """
 
     def __init__(  # noqa: PLR0913 - what connects a robot with others
@@ -218,7 +218,7 @@ class Node:
         *,
         triggered: bool = False,
         publish: Callable[[], list[tuple[str, bytes]]] = list,
-        hear: Callable[[LinkEvent], None] = lambda _event: None,
+        receive: Callable[[LinkEvent], None] = lambda _event: None,
     ) -> None:
         self.number = number
         self.name = name
@@ -233,12 +233,12 @@ class Node:
             both_ways=False,  # the channel's model is of pulls, each in one direction
         )
         self.triggered = triggered  # else pulls are begun for it
-        self._heard_dbm = team.trigger.rssi_threshold_dbm  # what its radio says in a contact
+        self._received_dbm = team.trigger.rssi_threshold_dbm  # what its radio reads in a contact
         self._queue = queue
         self._publish = publish
-        self._hear = hear
+        self._receive = receive
         self._topics = {topic.name: topic for topic in team.topics_of(name)}  # that it may publish
-        self._fresh_s = -REFRESH_S  # simulated time at which its robot spoke last
+        self._fresh_s = -REFRESH_S  # simulated time at which its robot published last
 
     @property
     def now(self) -> Instant:
@@ -246,7 +246,7 @@ class Node:
         return Instant(EPOCH_S + self._queue.now_s, self._queue.now_s)
 
     def refresh(self) -> None:
-        """A peer is about to be told what is new: let the robot speak first."""
+        """A peer is about to receive what is new: let the robot publish first."""
         if self._queue.now_s - self._fresh_s >= REFRESH_S:
             self._fresh_s = self._queue.now_s
             for topic, data in self._publish():
@@ -264,23 +264,23 @@ class Node:
             self.gossip.sync(peer, self.now, both=True)
 
     def contact(self, peer: str, began_s: float, *, up: bool) -> None:
-        """The radio hears a peer, or not any more: the robot is told, as by a node with a radio."""
+        """The radio receives a peer, or not any more: notify the robot, as with a real radio."""
         at_s = self.now.unix_s
         if self.triggered:
-            self.gossip.signal_received(peer, self._heard_dbm if up else None, self.now)
+            self.gossip.signal_received(peer, self._received_dbm if up else None, self.now)
         elif up:
-            self._hear(ContactBegan(peer, at_s, None))
+            self._receive(ContactBegan(peer, at_s, None))
         else:
-            self._hear(ContactEnded(peer, at_s, self._queue.now_s - began_s, NO_SIGNAL))
+            self._receive(ContactEnded(peer, at_s, self._queue.now_s - began_s, NO_SIGNAL))
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
-        """What the node wants done, and of what it told its robot."""
+        """What the node wants done, and the events that it delivered to its robot."""
         actions, events = self.gossip.take()
         for event in events:
-            self._hear(event)
+            self._receive(event)
         return actions, events
 
     def data_of(self, event: MessageStored) -> bytes:
-        """The message that an event tells of."""
+        """The message that an event is about."""
         record = self.gossip.database.get(event.header)
         return b"" if record is None else wire.unpack(record.body)

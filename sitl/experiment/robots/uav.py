@@ -132,7 +132,7 @@ class Uav:
         self._map_every_s = settings.map_interval_s  # least time between maps for peers
         self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf  # of the last ones
         self._seen = False  # robots are, by an oracle
-        self._sought: str | None = None  # the team was told last; None: it seeks none
+        self._sought: str | None = None  # as published last; None: it seeks none
 
     @property
     def heading_deg(self) -> float:
@@ -159,7 +159,7 @@ class Uav:
             self.painter.paint(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
         self._handle(self.flyer.telemetry())
 
-    def hear(self, event: LinkEvent) -> None:
+    def receive(self, event: LinkEvent) -> None:
         """Something has happened on the links."""
         if isinstance(event, MessageStored) and event.robot == self.name:
             return  # the controller knows its own messages
@@ -184,7 +184,7 @@ class Uav:
         self._seen = True
         self._handle(RobotPose(robot, _millimetres(position), EPOCH_S + self._queue.now_s, peer))
 
-    def say(self) -> list[tuple[str, bytes]]:
+    def outbox(self) -> list[tuple[str, bytes]]:
         """Its messages for a peer that requests them now."""
         now_s = self._queue.now_s
         where = degrees(self._frame, self.flyer.position)
@@ -219,7 +219,7 @@ class Uav:
             self.node.publish(*self._seek_message())
         elif isinstance(action, StateChanged):
             self.states.append((self._queue.now_s, action.target.name))
-        # all else is words for a pilot, who is not simulated
+        # all else is text for a pilot, who is not simulated
 
     def _send(self) -> None:
         """Send the newest motion, if it is still the right one from where the vehicle is."""

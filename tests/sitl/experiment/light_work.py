@@ -22,7 +22,7 @@ def sometimes_deadly(task):
 
 
 def leisurely(task):
-    """Says where it is made, and takes its time."""
+    """Marks the process that makes it, and takes its time."""
     (Path(task.folder) / f"at-{os.getpid()}").touch()
     time.sleep(0.05)  # the work itself: no test waits for anything here
     return {**answer(task), "pid": os.getpid()}

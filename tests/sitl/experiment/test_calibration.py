@@ -96,9 +96,9 @@ def test_settings_that_make_the_papers_table_are_found(monkeypatch):
     assert stuck[1] == pytest.approx(0.25, abs=0.1)
     assert {own["message_wait"] for own in kept} == {"delay"}
     located = [own["explorer.located"] for own in kept]
-    assert max(located) - min(located) > 0.4  # nothing tells of it
+    assert max(located) - min(located) > 0.4  # nothing determines it
     assert len(fitted.calibration.draws) == DRAWS
-    assert "| goals % | 0.88 | 1.00 |" in fitted.calibration.told()
+    assert "| goals % | 0.88 | 1.00 |" in fitted.calibration.text()
 
 
 def test_runs_of_a_row_are_pooled_as_the_paper_pools_them():
@@ -132,7 +132,7 @@ def test_rows_that_are_predicted_rightly_are_explained_and_held():
     assert found.guess == pytest.approx(found.paper, abs=1e-9)
     # Student's t of 9 degrees of freedom, one more draw beside ten, and their standard deviation.
     assert found.reach[0, 0] == pytest.approx(2.262 * math.sqrt(11 / 10 * 10 / 9) * 10, rel=1e-3)
-    rows = found.told().splitlines()
+    rows = found.text().splitlines()
     assert rows[2].startswith("| goals % | 1.00 | ")
     assert rows[2].endswith("| 12 of 12 | 25 points | held by 10: yes; R² above 0.5: yes |")
     assert rows[4].startswith("| wait s | 1.00 | 0.61 | 0.75 | ")
@@ -144,7 +144,7 @@ def test_rows_that_are_predicted_rightly_are_explained_and_held():
 
 def test_rows_that_are_predicted_wrongly_are_neither():
     found = predicted(shift=3.0, spread=1.0)
-    goals = found.told().splitlines()[2]
+    goals = found.text().splitlines()[2]
     assert "| 0 of 12 | 25 points | held by 10: no; R² above 0.5: no |" in goals
 
 

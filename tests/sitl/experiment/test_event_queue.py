@@ -1,7 +1,7 @@
 from sitl.experiment.events import EventQueue
 
 
-def test_things_happen_in_order_of_time_and_then_of_asking():
+def test_things_happen_in_order_of_time_and_then_of_scheduling():
     queue, seen = EventQueue(), []
     queue.at(2.0, lambda: seen.append("c"))
     queue.at(1.0, lambda: seen.append("a"))
@@ -22,7 +22,7 @@ def test_what_recurs_does_not_drift():
 
 def test_times_are_whole_microseconds():
     queue, seen = EventQueue(), []
-    queue.after(0.3333334, lambda: seen.append(("asked first", queue.now_s)))
+    queue.after(0.3333334, lambda: seen.append(("scheduled first", queue.now_s)))
     queue.after(1 / 3, lambda: seen.append(("a hair sooner", queue.now_s)))
     queue.run(1.0)
-    assert seen == [("asked first", 0.333333), ("a hair sooner", 0.333333)]
+    assert seen == [("scheduled first", 0.333333), ("a hair sooner", 0.333333)]

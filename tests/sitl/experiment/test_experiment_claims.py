@@ -250,7 +250,7 @@ def test_runs_are_pairs_by_their_seed_and_not_by_their_place():
     assert goals.effect == pytest.approx((4.0, 4.0, 4.0))
 
 
-def test_verdicts_say_from_which_runs_and_rules_they_come():
+def test_verdicts_state_from_which_runs_and_rules_they_come():
     experiment, records = table(lambda _: 80.0, lambda _: 1.0, seeds=2)
     assert claims.claims_of(experiment, records[2:]) == []  # a row has no runs
     explored = [{**record, "phase": "exploration"} for record in records]
@@ -308,16 +308,16 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
     assert effects[2].value == pytest.approx((effects[0].value + effects[1].value) / 2)
     assert effects[2].error < effects[0].error
     value, low, high = effects[0].interval(3)  # as many are compared
-    told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: {effects[0].detectable(3):.1f}"
+    text = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: {effects[0].detectable(3):.1f}"
     heads, first, *_ = claims.comparisons(runs)
-    assert first[heads.index("wait, s")] == told
+    assert first[heads.index("wait, s")] == text
 
 
 @pytest.mark.parametrize(
     ("syncs", "within"),
     [((100, 101, 99), "yes"), ((150, 151, 149), "no"), ((60, 100, 150), "open")],
 )
-def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, within):
+def test_what_is_within_a_tenth_is_decided_by_the_interval_of_the_ratio(syncs, within):
     experiment, _ = load_experiment("fidelity")
 
     def flights(numbers):
@@ -330,17 +330,17 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
 
     both = flights({"mission": syncs, "processes": (100, 100, 100)})
 
-    def told(records):
+    def likeness_of(records):
         lines = claims.likeness(Runs(experiment, records)).splitlines()
         return {cells[1].strip(): cells[2:-1] for cells in (line.split("|") for line in lines)}
 
-    here, there, ratio, said = map(str.strip, told(both)["syncs, both directions"])
+    here, there, ratio, verdict = map(str.strip, likeness_of(both)["syncs, both directions"])
     mean = math.prod(syncs) ** (1 / 3)
-    assert (here, there, said) == (f"{mean:.1f}", "100.0", within)
+    assert (here, there, verdict) == (f"{mean:.1f}", "100.0", within)
     assert ratio.startswith(f"{mean / 100:.2f} (")
-    assert told(both)["searches"][-1].strip() == "yes"
+    assert likeness_of(both)["searches"][-1].strip() == "yes"
     # Fading that both sides meet alike is no doubt about their ratio.
-    alike = told(flights({"mission": syncs, "processes": syncs}))
+    alike = likeness_of(flights({"mission": syncs, "processes": syncs}))
     assert alike["syncs, both directions"][2].strip() == "1.00 (1.00 to 1.00)"
     assert claims.likeness(Runs(experiment, both[:3])) == ""
 

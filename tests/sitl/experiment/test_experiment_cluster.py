@@ -33,9 +33,9 @@ def programs(folder, workers):
     address = folder / "scheduler.json"
     with contextlib.ExitStack() as stack:
 
-        def start(*words):
+        def start(*arguments):
             process = subprocess.Popen(
-                [sys.executable, "-m", "distributed.cli." + words[0], *words[1:]],
+                [sys.executable, "-m", "distributed.cli." + arguments[0], *arguments[1:]],
                 env=environment,
                 cwd=folder,
                 stdout=subprocess.DEVNULL,

@@ -69,7 +69,7 @@ def sitl(tmp_path, monkeypatch):
     monkeypatch.setattr(statistics, "_RESAMPLES", 100)  # intervals need not be exact here
 
     def call(  # noqa: PLR0913 - what tests vary
-        *words,
+        *options,
         experiment=path,
         out=True,
         pool=None,
@@ -79,7 +79,7 @@ def sitl(tmp_path, monkeypatch):
     ):
         fixed = [str(experiment), *(["--out", str(tmp_path / "out")] if out else [])]
         figured = [] if figures else ["--no-figures"]
-        arguments = options_for(command.run, *fixed, *figured, *words)
+        arguments = options_for(command.run, *fixed, *figured, *options)
         pool = pool or Here()
         monkeypatch.setattr(command, "make_runs", pool.run)
         return command.run_with(arguments, work, try_out), pool
@@ -101,11 +101,11 @@ def rows_of(path):
 def test_a_stopped_experiment_leaves_the_document_as_it_is(sitl, tmp_path):
     page, archive = tmp_path / "page.md", tmp_path / "small-runs.jsonl.xz"
     page.write_text("<!-- begin small facts -->\nearlier\n<!-- end -->\n", encoding="utf-8")
-    told = page.read_text(encoding="utf-8")
-    words = ("--docs", str(page), "--archive", str(archive))
-    assert sitl(*words, pool=Here(most=5))[0] == 130
-    assert page.read_text(encoding="utf-8") == told
-    assert sitl(*words)[0] == 0
+    text = page.read_text(encoding="utf-8")
+    options = ("--docs", str(page), "--archive", str(archive))
+    assert sitl(*options, pool=Here(most=5))[0] == 130
+    assert page.read_text(encoding="utf-8") == text
+    assert sitl(*options)[0] == 0
     assert "12 runs" in page.read_text(encoding="utf-8")
 
 
@@ -180,7 +180,7 @@ def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
     assert "From confirmation seeds 2 to 3." in capsys.readouterr().out
     results = rows_of(tmp_path / "after" / "results.csv")
     assert {row["phase"] for row in results} == {"confirmation"}
-    # What has been looked at stays what it was, whatever the file says later.
+    # What has been looked at stays what it was, however the file changes later.
     sitl.path.write_text(SMALL + "confirmation_seed: 1\n", encoding="utf-8")
     with pytest.raises(MixedRunsError, match="holds exploration runs"):
         sitl("--seeds", "1", "--first-seed", "1")
@@ -189,7 +189,7 @@ def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
         sitl("--seeds", "1", "--first-seed", "3", "--out", after)
 
 
-def test_an_archive_remakes_what_a_document_says(sitl, tmp_path, capsys):
+def test_an_archive_remakes_what_a_document_has(sitl, tmp_path, capsys):
     folder = tmp_path / "evidence"
     page = folder / "page.md"
     folder.mkdir()
@@ -201,10 +201,10 @@ def test_an_archive_remakes_what_a_document_says(sitl, tmp_path, capsys):
     sitl("--docs", str(page), "--archive", str(archive))
     size = sum(len(json.dumps(record)) for record in runs_in(tmp_path / "out"))
     assert archive.stat().st_size < size / 5
-    told = page.read_text(encoding="utf-8")
-    assert f"SHA-256 `{hashlib.sha256(archive.read_bytes()).hexdigest()}`" in told
-    assert "12 runs (4 rows, exploration seeds 0 to 2)" in told
-    # What the file says later, and what its towns are, changes nothing of what was archived.
+    text = page.read_text(encoding="utf-8")
+    assert f"SHA-256 `{hashlib.sha256(archive.read_bytes()).hexdigest()}`" in text
+    assert "12 runs (4 rows, exploration seeds 0 to 2)" in text
+    # Later changes of the file and of its towns change nothing of what was archived.
     sitl.path.write_text("name: small\ntitle: Another\nrows: [{ugvs: 1}]\n", encoding="utf-8")
 
     capsys.readouterr()
@@ -213,18 +213,18 @@ def test_an_archive_remakes_what_a_document_says(sitl, tmp_path, capsys):
         code, _ = sitl("--verify", str(page), experiment=archive)
         return code, capsys.readouterr().err
 
-    assert verify() == (0, "small: 12 runs say the same\n")
-    page.write_text(told.replace("seeds 0 to 2", "seeds 0 to 3"), encoding="utf-8")
+    assert verify() == (0, "small: 12 runs agree\n")
+    page.write_text(text.replace("seeds 0 to 2", "seeds 0 to 3"), encoding="utf-8")
     table.write_text(table.read_text(encoding="utf-8").replace("runs", "ruins"), encoding="utf-8")
     code, err = verify()
     assert code == 1
     assert [line.partition(":")[0] for line in err.splitlines()] == [str(page), str(table)]
-    assert "page.md: small facts: not what the archived runs say" in err
-    page.write_text(told, encoding="utf-8")
+    assert "page.md: small facts: differs from the archived runs" in err
+    page.write_text(text, encoding="utf-8")
     table.write_text("", encoding="utf-8")
     sitl("--docs", str(page), experiment=archive)
     assert verify()[0] == 0
-    assert page.read_text(encoding="utf-8") == told
+    assert page.read_text(encoding="utf-8") == text
     with pytest.raises(UsageError, match="is about an archive"):
         sitl("--verify", str(page))
     (folder / "x.jsonl.xz").write_bytes(b"none")
@@ -242,9 +242,9 @@ def test_runs_for_confirmation_have_blocks_of_their_own(sitl, tmp_path):
     blocks.append("<!-- begin small-confirmation facts -->\n<!-- end -->\n")
     page.write_text("".join(blocks), encoding="utf-8")
     sitl(*confirm, "--archive", str(archive))
-    told = page.read_text(encoding="utf-8")
-    assert told.startswith(blocks[0])
-    assert "confirmation seeds 10001 to 10001" in told
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith(blocks[0])
+    assert "confirmation seeds 10001 to 10001" in text
     assert sitl("--verify", str(page), experiment=archive)[0] == 0
 
 
@@ -285,14 +285,14 @@ def test_a_document_has_verdicts_on_exploration_seeds_in_a_line(sitl, tmp_path):
     assert "| **1** | **More help.** | **holds** | |\n| | sooner | holds | +" in confirmed
 
 
-def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):
+def test_a_fault_of_the_model_is_reported_and_the_others_go_on(sitl, capsys):
     code, _ = sitl("--seeds", "2", work=made_up.failing_work)
     assert code == 1
     err = capsys.readouterr().err
     assert "5 m, 3 UGVs, seed 1 failed: the model's own fault" in err
 
 
-def test_runs_of_another_version_are_told(sitl, tmp_path, capsys):
+def test_runs_of_another_version_are_reported(sitl, tmp_path, capsys):
     sitl("--seeds", "1")
     assert "other versions" not in capsys.readouterr().err
     path = tmp_path / "out" / "runs.jsonl"
@@ -306,7 +306,7 @@ def test_runs_of_another_version_are_told(sitl, tmp_path, capsys):
     assert "runs are from other versions of the program (0.0 of before; this is" in err
 
 
-def test_what_would_be_in_vain_is_told_before_the_first_run(sitl, tmp_path):
+def test_what_would_be_in_vain_is_reported_before_the_first_run(sitl, tmp_path):
     page = tmp_path / "page.md"
     page.write_text("# Nothing\n", encoding="utf-8")
     pool = Here()
@@ -337,7 +337,7 @@ class Unlucky(Here):
         yield from super().run(work, [first, *others], workers, may_begin)
 
 
-def test_a_lost_run_is_told(sitl, capsys):
+def test_a_lost_run_is_reported(sitl, capsys):
     code, pool = sitl(pool=Unlucky())
     assert code == 1
     assert len(pool.made) == 11
@@ -367,8 +367,8 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
     columns = {name for name in rows[0] if name.split(".")[0] not in RunSettings.model_fields}
     page = (ROOT / "docs" / "evidence" / "experiments.md").read_text(encoding="utf-8")
     _, part, *_ = re.split("### The columns of the results|## The paper", page)
-    told = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
-    assert set(re.findall(r"`(\w+)`", " ".join(told))) == columns
+    heads = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
+    assert set(re.findall(r"`(\w+)`", " ".join(heads))) == columns
 
 
 def test_every_figure_is_drawn_and_a_document_gets_those_that_it_shows(sitl, tmp_path, monkeypatch):
@@ -441,7 +441,7 @@ def test_the_table_sums_up_messages_and_goals_not_runs(sitl, tmp_path):
     assert cells[heads.index("paper: goals %")] == "66.7"
 
 
-def test_intervals_hold_what_they_say():
+def test_intervals_hold_their_share():
     chance = np.random.default_rng(5)
     inside = 0
     for _ in range(60):

@@ -138,14 +138,14 @@ paired: [polcy]
 """
 
 
-def told(error):
+def problems_in(error):
     return re.findall(r"yaml:(\d+):(\d+): .*\[(.+)\]", str(error.value))
 
 
-def test_all_problems_of_a_file_are_told_with_their_places(tmp_path):
+def test_all_problems_of_a_file_are_reported_with_their_places(tmp_path):
     with pytest.raises(DocumentError) as error:
         load(tmp_path, WRONG)
-    assert told(error) == [
+    assert problems_in(error) == [
         ("2", "7", "wrong-form"),
         ("4", "8", "out-of-range"),
         ("5", "12", "unknown-key"),
@@ -159,12 +159,12 @@ def test_all_problems_of_a_file_are_told_with_their_places(tmp_path):
     assert "did you mean 'radius_m'?" in str(error.value)
 
 
-def test_what_only_shows_between_values_is_told_too(tmp_path):
+def test_what_only_shows_between_values_is_reported_too(tmp_path):
     with pytest.raises(DocumentError, match="'polcy' is no setting"):
         load(tmp_path, SENSELESS)
     with pytest.raises(DocumentError) as error:
         load(tmp_path, SENSELESS.replace("polcy", "policy"))
-    assert sorted(code for _, _, code in told(error)) == ["no-such-file", "same-name"]
+    assert sorted(code for _, _, code in problems_in(error)) == ["no-such-file", "same-name"]
     with pytest.raises(DocumentError, match="one-rows-key"):
         load(tmp_path, "name: a\ntitle: b\n")
     with pytest.raises(UnknownPlaceError, match=r"one of .*table1"):
@@ -188,15 +188,15 @@ def test_claims_are_declared_with_what_decides_them(tmp_path):
     assert experiment.task(experiment.rows[0], 0).rules == experiment.rules
     other = load(tmp_path, PAIRED + CLAIM.replace("more_than: 5", "more_than: 4"))
     assert len({experiment.rules, other.rules, load(tmp_path, PAIRED).rules}) == 3
-    for wrong, told in (
+    for wrong, message in (
         (CLAIM.replace("round_robin", "rendezvous"), r":16:\d+: no row has all of this"),
-        (CLAIM.replace("more_than: 5", "each: true"), "say either more_than or less_than"),
+        (CLAIM.replace("more_than: 5", "each: true"), "set either more_than or less_than"),
         (
             CLAIM.replace("measure: goals_found_percent", "ratio: true"),
             "either a measure or a share",
         ),
     ):
-        with pytest.raises(DocumentError, match=told):
+        with pytest.raises(DocumentError, match=message):
             load(tmp_path, PAIRED + wrong)
 
 
@@ -222,16 +222,16 @@ def test_rows_are_chosen_by_settings_and_by_names():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         ("telemetry_s: 3", "row 'all': telemetry_s of 3"),
         ("uavs: 0, base_station: false", "no robot takes part"),
         ("world: processes, policy: oracle", "a policy that flies"),
     ],
 )
-def test_what_no_run_can_be_made_of_is_told_before_any_begins(tmp_path, wrong, told):
+def test_what_no_run_can_be_made_of_is_reported_before_any_begins(tmp_path, wrong, message):
     text = f"name: a\ntitle: b\nsettings: {{{wrong}}}\nrows: [{{ugvs: 0}}]\n"
     experiment = load(tmp_path, text)
-    with pytest.raises(AirRouterError, match=told) as error:
+    with pytest.raises(AirRouterError, match=message) as error:
         put_together(next(experiment.tasks(range(1))))
     assert error.value.exit_code is ExitCode.INVALID_FILE

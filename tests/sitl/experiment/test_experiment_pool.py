@@ -1,4 +1,4 @@
-"""Runs in processes: one that dies is noticed, told and made again; Ctrl-C ends them all."""
+"""Runs in processes: one that dies is noticed, reported and made again; Ctrl-C ends them all."""
 
 import multiprocessing
 import os

@@ -46,8 +46,8 @@ def sitl(tmp_path, monkeypatch):
 
     monkeypatch.setattr(command, "make_runs", here)
 
-    def call(*words):
-        arguments = options_for(command.run, *words, "--out", str(tmp_path / "out"))
+    def call(*options):
+        arguments = options_for(command.run, *options, "--out", str(tmp_path / "out"))
         return command.run_with(arguments, work["make"])
 
     call.work = work
@@ -106,7 +106,7 @@ def test_lines_of_other_policies_stay_and_a_moved_result_is_noted(sitl, tmp_path
         sitl("tour", "--table", str(table))
 
 
-def test_a_policy_that_fails_is_counted_and_the_exit_code_says_it(sitl, capsys):
+def test_a_policy_that_fails_is_counted_and_the_exit_code_shows_it(sitl, capsys):
     sitl.work["make"] = slower
     assert sitl("rendezvous", "--json") == ExitCode.ENDED_OTHERWISE
     standings = {own["policy"]: own for own in json.loads(capsys.readouterr().out)}

@@ -12,7 +12,7 @@ import pytest
 from mocha_link.team import Document
 from sitl.experiment.analysis.figures import draw_outcome
 from sitl.experiment.analysis.outcome import OUTCOMES, Scenarios, is_of_scenarios, standings, strata
-from sitl.experiment.analysis.outcome import told as table
+from sitl.experiment.analysis.outcome import outcome_text as table
 from sitl.experiment.analysis.report import Report
 from sitl.experiment.analysis.statistics import contrast, power
 from sitl.experiment.campaign.campaign import Campaign, make_runs
@@ -84,7 +84,7 @@ def test_a_scenario_counts_only_if_every_policy_has_met_it():
     assert Report(plan, records[:4]).scenarios is None  # one is none
 
 
-def test_tables_say_how_often_a_policy_was_better_and_what_would_have_been_seen():
+def test_tables_show_how_often_a_policy_was_better_and_what_would_have_been_seen():
     plan = experiment()
     noise = np.random.default_rng(1).normal(0, 1, 8)
 
@@ -169,7 +169,7 @@ def test_every_run_has_the_hash_of_the_file_that_declared_it(tmp_path):
     plan, _ = load_experiment(str(path))
     record = made_up.work(plan.task(plan.rows[0], 0))
     assert len(record["declaration"]) == 64
-    path.write_text(FILE + "# a word more\n", encoding="utf-8")
+    path.write_text(FILE + "# a comment more\n", encoding="utf-8")
     again, _ = load_experiment(str(path))
     assert again.declaration != plan.declaration
     assert again.rules == plan.rules

@@ -90,7 +90,7 @@ def test_ages_are_drawn_by_scenario_and_policy(figures):
     assert figures.draw_policies(load_experiment("table1")[0], records) is None
 
 
-def test_flights_are_drawn_as_factors_with_the_tenth_that_is_asked(figures):
+def test_flights_are_drawn_as_factors_with_the_tenth_that_is_allowed(figures):
     experiment, _ = load_experiment("autopilot")
     searches = {"mission": 9.0, "px4": 10.0}
     records = [

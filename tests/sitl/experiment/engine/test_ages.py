@@ -41,10 +41,10 @@ class World:
         self.ages.listener(robot, self.passed_on.append)(event)
         return self
 
-    def say(self, header):
+    def publish(self, header):
         return self.store(self.maker, header)
 
-    def hear(self, header):
+    def receive(self, header):
         return self.store(self.user, header)
 
     @property
@@ -59,14 +59,15 @@ class World:
 
 def test_poses_age_from_when_they_were_made():
     world = World("/pose", "ugv01", "uav01", watched=False)
-    world.at(2).say("a").at(4).hear("a").at(5).say("b").at(10).hear("b").at(11).hear("a")
+    world.at(2).publish("a").at(4).receive("a").at(5).publish("b")
+    world.at(10).receive("b").at(11).receive("a")
     # 0..4 s: 0 to 4; 4..10 s: 2 to 8; 10..20 s: 5 to 15; an older one that comes late is none
     assert mean_age_s(world.held, 20.0) == pytest.approx((8 + 30 + 100) / 20)
     assert peak_age_s(world.held, 20.0) == pytest.approx((4 + 8 + 15) / 3)
     assert len(world.passed_on) == 5
 
 
-def test_who_never_hears_is_as_old_as_what_there_was_to_hear():
+def test_who_never_receives_is_as_old_as_what_there_was_to_receive():
     world = World().at(3).become(1)
     assert mean_age_s(world.held, 13.0) == pytest.approx(50 / 13)
     assert peak_age_s(world.held, 13.0) == 10.0
@@ -101,12 +102,12 @@ class Slow:
     """The same by the definition: states and messages are kept, and looked through every second."""
 
     def __init__(self):
-        self.states, self.told = [], []  # by second; seconds of messages
+        self.states, self.sent = [], []  # by second; seconds of messages
 
     def false_s(self, message):
-        """When the last stretch began in which there was another state to tell, until it was."""
-        state, made = (0, -1) if message is None else (self.state(message), self.told[message])
-        later = [t for t in self.told if t > made and (message is None or self.states[t] != state)]
+        """When the last stretch began in which there was another state to publish, until it was."""
+        state, made = (0, -1) if message is None else (self.state(message), self.sent[message])
+        later = [t for t in self.sent if t > made and (message is None or self.states[t] != state)]
         last = later[0] if later else len(self.states) - 1
         if message is None and later and self.states[last] == state:
             return last
@@ -118,20 +119,20 @@ class Slow:
         return first
 
     def state(self, message):
-        return self.states[self.told[message]]
+        return self.states[self.sent[message]]
 
-    def is_news(self, message, newest):
-        """Whether a message tells of another state than the newest that was heard."""
+    def is_update(self, message, newest):
+        """Whether a message has another state than the newest that was received."""
         if newest is None or message <= newest:
             return newest is None
         return len({self.state(each) for each in range(newest, message + 1)}) > 1
 
-    def area_and_peaks(self, heard):
-        """The area under the ages, and the peaks; `heard`: a message by second."""
+    def area_and_peaks(self, received):
+        """The area under the ages, and the peaks; `received`: a message by second."""
         area, peaks, newest, end = 0.0, [], None, len(self.states)
         for second in range(end):
-            message = heard.get(second)
-            if message is not None and self.is_news(message, newest):
+            message = received.get(second)
+            if message is not None and self.is_update(message, newest):
                 peaks.append(max(0.0, second - self.false_s(newest)))
                 newest = message
             if self.false_s(newest) <= second:
@@ -142,18 +143,18 @@ class Slow:
 
 @given(STEPS)
 def test_ages_are_those_of_a_simulation_second_by_second(steps):
-    """Each second the state may change, be told, and one of the messages told so far be heard."""
-    world, slow, heard = World(), Slow(), {}
-    for second, (state, says, hears) in enumerate(steps):
+    """Each second the state may change, be sent, and an earlier message be received."""
+    world, slow, received = World(), Slow(), {}
+    for second, (state, publishes, receives) in enumerate(steps):
         world.at(second).become(state)
         slow.states.append(state)
-        if says:
-            world.say(str(len(slow.told)))
-            slow.told.append(second)
-        if hears is not None and slow.told:
-            heard[second] = hears % len(slow.told)
-            world.hear(str(heard[second]))
-    area, peaks = slow.area_and_peaks(heard)
+        if publishes:
+            world.publish(str(len(slow.sent)))
+            slow.sent.append(second)
+        if receives is not None and slow.sent:
+            received[second] = receives % len(slow.sent)
+            world.receive(str(received[second]))
+    area, peaks = slow.area_and_peaks(received)
     assert mean_age_s(world.held, float(len(steps))) == pytest.approx(area / len(steps))
     peak_s = peak_age_s(world.held, float(len(steps)))
     assert peak_s is None if not peaks else peak_s == pytest.approx(np.mean(peaks))

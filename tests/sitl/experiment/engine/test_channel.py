@@ -1,4 +1,4 @@
-"""What the models of the channel say: contacts, turns, durations."""
+"""What the models of the channel decide: contacts, turns, durations."""
 
 import itertools
 import math
@@ -67,7 +67,7 @@ class TestPaper:
         assert channel.update(2.0, near) == []
         assert channel.update(3.0, far) == [(0, 1, False), (1, 2, False)]
 
-    def test_what_was_cut_waits_or_is_given_up_as_the_reading_says(self):
+    def test_what_was_cut_waits_or_is_given_up_by_the_reading(self):
         cuts = {"hold": math.inf, "drop": 0.0, "timeout": 5.0}
         for cut, patience_s in cuts.items():
             assert PaperChannel(PaperModel(cut=cut), 10.0, 4, seed=1).patience_s == patience_s
@@ -136,19 +136,19 @@ class TestPathLoss:
     def test_with_a_line_of_sight_a_vehicle_is_in_contact_far_away_and_parked_stays_so(self):
         far = places((0, 999, 0.5), (0, 0, 60), (0, 85, 0.5), (60, 60, 0.5))
         models = {air: PathLossModel(air=air) for air in ("log_distance", "umi_av", "uma_av")}
-        heard = {
+        by_model = {
             air: [PathLossChannel(model, TOWN, NAMES, seed=seed) for seed in range(20)]
             for air, model in models.items()
         }
         share = {
             air: np.mean([(1, 2, True) in channel.update(0.0, far) for channel in channels])
-            for air, channels in heard.items()
+            for air, channels in by_model.items()
         }
         assert share["log_distance"] < 0.5
         assert share["umi_av"] == share["uma_av"] == 1.0
         changed = {
             air: sum(len(channel.update(now_s, far)) for now_s in range(1, 60) for channel in own)
-            for air, own in heard.items()
+            for air, own in by_model.items()
         }
         assert changed["log_distance"] > 0
         assert changed["umi_av"] == changed["uma_av"] == 0

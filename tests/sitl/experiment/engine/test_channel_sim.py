@@ -1,4 +1,4 @@
-"""Exchanges on the air, over a channel of which the test says everything."""
+"""Exchanges on the air, over a channel of which the test decides everything."""
 
 import math
 
@@ -48,18 +48,18 @@ class Script:
 
 
 class Once:
-    """A robot that says something, and then no more."""
+    """A robot that publishes once, and then no more."""
 
-    def __init__(self, said):
-        self.said = said
+    def __init__(self, messages):
+        self.messages = messages
 
     def __call__(self):
-        said, self.said = self.said, []
-        return said
+        messages, self.messages = self.messages, []
+        return messages
 
 
 class Field:
-    """Two ground robots and a UAV that have something to say."""
+    """Two ground robots and a UAV that have something to publish."""
 
     def __init__(self, protocol, patience_s=math.inf, *, triggered=False):
         self.queue = EventQueue()
@@ -74,7 +74,7 @@ class Field:
                 self.queue,
                 triggered=triggered,
                 publish=Once([("/pose", name.encode()), ("/path", b"way")]),
-                hear=self.events[name].append,
+                receive=self.events[name].append,
             )
             for number, name in enumerate(fleet.names)
         ]
@@ -116,8 +116,8 @@ def test_two_robots_meet(protocol):
     assert sorted(field.ended("ugv01")) == ["in", "out"]
     assert (field.airtime.complete, field.airtime.broken, field.channel_sim.open) == (2, 0, 0)
     rows = field.rows()
-    stages = [Stage(row["stage"]) for row in rows if row["asking"] == 1]
-    # Ours takes both messages in one frame, and needs no word at the end.
+    stages = [Stage(row["stage"]) for row in rows if row["requesting"] == 1]
+    # Ours takes both messages in one frame, and ends without a request.
     assert stages == ([HEADER, DATA, DATA, END] if protocol == "original" else [HEADER, DATA])
     assert rows["messages"][rows["stage"] == DATA].sum() == 4
 
@@ -126,11 +126,11 @@ def test_who_comes_later_in_the_order_waits():
     field = met("original", 60.0)
     rows = field.rows()
     assert np.all(rows["start_s"][1:] == rows["end_s"][:-1])
-    second = rows[rows["asking"] == 2]
+    second = rows[rows["requesting"] == 2]
     assert second["ready_s"][0] == 0.0
     assert second["start_s"][0] == 4.0  # after the four of the first
     waits = rows["start_s"] - rows["ready_s"]
-    assert waits[rows["asking"] == 1].max() == 0.0
+    assert waits[rows["requesting"] == 1].max() == 0.0
 
 
 @pytest.mark.parametrize("protocol", ["original", "ours"])
@@ -176,7 +176,7 @@ def test_after_the_time_out_an_exchange_begins_anew(protocol):
 
 
 @pytest.mark.parametrize("protocol", ["original", "ours"])
-def test_news_travel_over_a_third_robot(protocol):
+def test_messages_travel_over_a_third_robot(protocol):
     field = met(protocol, 30.0)
     field.contact(1, 2, up=False)
     field.contact(0, 2, up=True)
@@ -185,7 +185,7 @@ def test_news_travel_over_a_third_robot(protocol):
     assert ("ugv01", "/claimed_goals") not in field.stored("uav01")
 
 
-def test_in_a_contact_that_lasts_robots_pull_again_as_often_as_the_channel_says():
+def test_in_a_contact_that_lasts_robots_pull_again_at_the_channel_s_interval():
     field = Field("ours")
     field.channel.pull_every_s = 10.0
     field.contact(1, 2, up=True)

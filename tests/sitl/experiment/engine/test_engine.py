@@ -94,7 +94,9 @@ def test_only_one_robot_sends_at_a_time_and_what_it_sends_is_the_protocol_s(orig
     order = np.argsort(rows["start_s"], kind="stable")
     assert np.all(rows["start_s"][order][1:] >= rows["end_s"][order][:-1] - 1e-6)
     assert np.all(rows["ready_s"] <= rows["start_s"])
-    for exchange in (rows[rows["complete"] & (rows["asking"] == 1) & (rows["answering"] == 0)],):
+    for exchange in (
+        rows[rows["complete"] & (rows["requesting"] == 1) & (rows["answering"] == 0)],
+    ):
         assert exchange["stage"][0] == Stage.HEADER
         assert Stage.DATA in exchange["stage"]
     ends = rows["complete"] & (rows["stage"] == Stage.END)
@@ -122,26 +124,26 @@ def test_ours_brings_more_messages_over_in_less_time_on_the_air(original, ours):
 
 def test_poses_and_maps_travel(original, ours):
     for result in (original, ours):
-        news = {
+        updates = {
             name: [len(h) - 1 for pair, h in result.held.items() if pair[0] == name]
             for name in ("pose", "map")
         }
-        # there is a map from the first picture on, long before a robot asks for it
+        # there is a map from the first picture on, long before a robot requests it
         assert result.held["map", "uav01", "ugv01"][0].tolist() == [0.0, 4.0]
-        assert all(news["pose"])
-        assert any(news["map"])
+        assert all(updates["pose"])
+        assert any(updates["map"])
         assert any(mean_age_s(held, 200.0) < 150.0 for held in result.held.values())
 
 
 def test_an_unchanged_map_does_not_grow_old():
-    """Where every robot always hears every other one, what they hold is true but for a moment."""
+    """Where all robots always receive each other, what they hold is true but for a moment."""
     radio = PathLossModel(trigger_dbm=-255.0, shadowing_db=0.0, pull_every_s=1.0, rate_bytes_s=1e8)
     settings = but(uavs=1, ugvs=2, channel="path_loss", path_loss=radio)
     settings = but(settings, duration_s=100.0, base_station=False)
     result = run(settings)
     ages_s = {pair: mean_age_s(held, 100.0) for pair, held in result.held.items()}
     assert all(0.4 < age_s < 2.0 for pair, age_s in ages_s.items() if pair[0] == "pose")
-    # the map is told every 10 s at most while it grows
+    # the map is published every 10 s at most while it grows
     assert all(0 < age_s < 10.0 for pair, age_s in ages_s.items() if pair[0] == "map")
     assert all(age_s < 2.0 for pair, age_s in ages_s.items() if pair[0] == "claims")
 

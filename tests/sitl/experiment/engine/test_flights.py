@@ -40,8 +40,8 @@ EXPLORERS = URBAN.with_name("explorers")
 UNIX_S = 1_000_000.0  # when the flight's time began
 
 
-def told(*changes):
-    """A meter that was told of changes of state: seconds, from, to."""
+def meter_of(*changes):
+    """A meter of changes of state: seconds, from, to."""
     meter = Meter(EventQueue())
     for time_s, source, target in changes:
         meter.take(time_s, StateChanged(source, Signal.TIMER, target, None))
@@ -49,7 +49,7 @@ def told(*changes):
 
 
 def test_searches_waits_and_visits_are_counted_from_changes_of_state():
-    meter = told(
+    meter = meter_of(
         (0.0, State.READY, State.INIT),
         (180.0, State.INIT, State.SEARCH),
         (200.0, State.SEARCH, State.COMM),
@@ -70,10 +70,10 @@ def test_searches_waits_and_visits_are_counted_from_changes_of_state():
 
 
 def test_ages_are_areas_under_saw_teeth_from_init_to_the_way_home():
-    meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
+    meter = meter_of((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
     meter.take(50.0, SyncStarted("io", UNIX_S + 50.0, Direction.IN))
     meter.take(50.0, RobotPose("io", Point(0, 0), UNIX_S + 40.0, "io"))  # ten seconds old
-    meter.take(60.0, RobotPose("io", Point(0, 0), UNIX_S + 30.0, "europa"))  # older: no news
+    meter.take(60.0, RobotPose("io", Point(0, 0), UNIX_S + 30.0, "europa"))  # older: no update
     for time_s, whole in ((60.0, True), (90.0, False), (120.0, True)):  # broken; after the flight
         meter.take(time_s, SyncEnded("io", 0.0, Direction.OUT, 1, 10, 0.1, complete=whole))
     found = meter.measures(["io"], [])
@@ -84,15 +84,15 @@ def test_ages_are_areas_under_saw_teeth_from_init_to_the_way_home():
 
 
 def test_goals_count_until_the_way_home_and_only_where_robots_look_for_some():
-    meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
+    meter = meter_of((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
     meter.take(50.0, SyncStarted("io", UNIX_S + 50.0, Direction.IN))
     found = meter.measures(["io"], [], Goals(15, [UNIX_S + s for s in (20.0, 109.0, 111.0)]))
     assert (found["goals_found"], found["goals_total"]) == (2, 15)
     assert "goals_found" not in meter.measures(["io"], [])
 
 
-def test_the_columns_of_a_flight_are_told():
-    meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
+def test_the_columns_of_a_flight_are_documented():
+    meter = meter_of((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
     page = (Path(__file__).parents[4] / "docs" / "evidence" / "experiments.md").read_text(
         encoding="utf-8"
     )
@@ -102,7 +102,7 @@ def test_the_columns_of_a_flight_are_told():
     assert set(re.findall(r"`(\w+)`", " ".join(heads))) == columns
 
 
-def test_a_row_says_in_which_world_its_mission_is_flown(monkeypatch):
+def test_a_row_selects_the_world_in_which_its_mission_is_flown(monkeypatch):
     experiment, _ = load_experiment("fidelity")
     seen = []
 
@@ -156,7 +156,7 @@ def test_an_announcement_of_a_failed_policy_is_recognised():
     assert flights.fault_in(f"SEARCH io: {place.reason}") == "ZeroDivisionError: no time left"
 
 
-def test_a_flight_in_processes_that_fails_is_an_error_in_its_words(monkeypatch):
+def test_a_flight_in_processes_that_fails_is_an_error_with_its_message(monkeypatch):
     failed = SimpleNamespace(returncode=3, stderr="no way home\n", stdout=json.dumps({}))
     monkeypatch.setattr(flights.subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(AirRouterError, match="seed 7: no way home"):
@@ -180,22 +180,22 @@ def test_only_the_row_of_a_real_px4_has_one(monkeypatch, world):
 
 
 class Kept(EventLog):
-    """A log that keeps what the controller was told and what it asked for."""
+    """A log that keeps what the controller received and what it commanded."""
 
     def __init__(self, queue):
         super().__init__(queue)
-        self.told = []
+        self.logged = []
 
     def event(self, uav, event):
         super().event(uav, event)
-        self.told.append((self._queue.now_s, event))
+        self.logged.append((self._queue.now_s, event))
 
     def action(self, uav, action):
         super().action(uav, action)
-        self.told.append((self._queue.now_s, action))
+        self.logged.append((self._queue.now_s, action))
 
     def of(self, kind):
-        return [(time_s, what) for time_s, what in self.told if isinstance(what, kind)]
+        return [(time_s, what) for time_s, what in self.logged if isinstance(what, kind)]
 
 
 def mission(folder, **keys):
@@ -212,7 +212,7 @@ def mission(folder, **keys):
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """Four minutes of the mission, which then comes home: what was told, bytes, and the run."""
+    """Four minutes of the mission, which then comes home: the log, bytes, and the run."""
     path = mission(
         tmp_path_factory.mktemp("urban"),
         ends=("duration_s: 1800", "duration_s: 240"),
@@ -236,7 +236,7 @@ def test_a_mission_is_flown_to_its_end(short):
 
 
 def test_its_battery_is_that_of_the_simulated_vehicle(short, capsys):
-    """Flights by processes are compared with it, and come home when the battery says so."""
+    """Flights by processes are compared with it, and come home by the battery."""
     assert main(["vehicle", "--help"]) == 0
     minutes = float(
         re.search(r"battery, in minutes\s+\(default ([\d.]+)\)", capsys.readouterr().out)[1]
@@ -292,7 +292,7 @@ def test_a_world_s_robots_whose_policy_fails_are_named(tmp_path):
 
 
 def test_robots_explore_with_the_maps_that_gossip_brings_them(tmp_path):
-    """Until they have heard of the UAV's map they know of no goal that they have not seen."""
+    """Until they have received the UAV's map they know of no goal that they have not seen."""
     path = exploring(tmp_path, EXPLORERS / "world.yaml")
     queue = EventQueue()
     log = Kept(queue)
@@ -313,7 +313,7 @@ def test_its_map_has_the_cells_of_the_mapper_s(short):
     assert painter.resolution_m == mapper.resolution_m
 
 
-def test_a_mission_without_a_team_is_told(tmp_path):
+def test_a_mission_without_a_team_is_reported(tmp_path):
     path = mission(
         tmp_path, team=("team: team.yaml\n", ""), uav=("uav: titan\n", ""), world=("world: w", "#w")
     )

@@ -16,8 +16,8 @@ STEPS = st.lists(
 @given(STEPS)
 def test_the_first_is_the_least_of_all_whose_robots_are_free(steps):
     turns, waiting = Turns(), []
-    for count, (asking, answering, priority, occupied, leaves) in enumerate(steps):
-        exchange = Exchange(Link(asking, answering), ())
+    for count, (requesting, answering, priority, occupied, leaves) in enumerate(steps):
+        exchange = Exchange(Link(requesting, answering), ())
         turns.add(exchange, ((float(priority),), count))
         waiting.append(exchange)
         free = [each for each in waiting if occupied.isdisjoint(each.link)]

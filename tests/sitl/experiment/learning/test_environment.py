@@ -83,7 +83,7 @@ def test_choosing_as_a_policy_flies_as_that_policy():
     assert infos["uav01"]["measures"]["flown_km"] == flown_m / 1e3
 
 
-def test_an_observation_says_whose_action_counts_and_where_robots_are():
+def test_an_observation_shows_whose_action_counts_and_where_robots_are():
     environment = SeekEnvironment(settings(uavs=2))
     seen, infos = environment.reset(seed=3)
     deciding = [agent for agent, info in infos.items() if info["decides"]]

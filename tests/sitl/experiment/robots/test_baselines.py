@@ -15,7 +15,7 @@ SPEED_M_S = 5.0
 PLACES = {"a": Point(-100, 0), "b": Point(130, 0), "c": Point(140, 0), "d": Point(150, 0)}
 
 
-def heard(*names):
+def targets_of(*names):
     """All met at once, then not any more."""
     targets = TargetList(names)
     for name in names:
@@ -40,15 +40,15 @@ def order(policy, targets, *, walled=()):
 
 
 def test_three_robots_side_by_side_come_before_a_nearer_one_that_is_alone():
-    everyone = heard(*PLACES)
+    everyone = targets_of(*PLACES)
     assert order(Freshest(), everyone)[0] == "a"
     assert order(Orienteering(SPEED_M_S), everyone) == ["b", "a", "c", "d"]
     assert order(Orienteering(SPEED_M_S, {"a": 9.0}), everyone)[0] == "a"
-    assert order(Orienteering(SPEED_M_S), heard("a", "b"))[0] == "a"  # b alone is farther
+    assert order(Orienteering(SPEED_M_S), targets_of("a", "b"))[0] == "a"  # b alone is farther
 
 
 def test_where_no_way_leads_or_another_uav_goes_it_seeks_no_robot_first():
-    everyone = heard(*PLACES)
+    everyone = targets_of(*PLACES)
     assert order(Orienteering(SPEED_M_S), everyone, walled=[PLACES["b"]])[-1] == "b"
     everyone.sought_by_other("uav02", "b", 300.0)
     assert order(Orienteering(SPEED_M_S), everyone)[-1] == "b"

@@ -15,7 +15,7 @@ SPEED_M_S = 5.0
 PLACES = {"a": Point(0, 100), "b": Point(0, 20), "c": Point(0, 60), "d": Point(0, 40)}
 
 
-def heard(places=PLACES, *, now_s=0.0):
+def targets_of(places=PLACES, *, now_s=0.0):
     """All met at once, then not any more."""
     targets = TargetList(tuple(places))
     for name, place in places.items():
@@ -40,7 +40,7 @@ def first(policy, targets, now_s=300.0):
 
 
 def test_three_in_turn_goes_on_where_the_turn_was_and_flies_to_the_nearest_first():
-    policy, targets = ThreeInTurn(), heard()
+    policy, targets = ThreeInTurn(), targets_of()
     place = first(policy, targets)
     assert (*place.over, place.robot) == ("b", "c", "a")
     place = first(policy, targets)
@@ -50,27 +50,27 @@ def test_three_in_turn_goes_on_where_the_turn_was_and_flies_to_the_nearest_first
 
 
 def test_three_in_turn_leaves_a_robot_to_the_uav_that_seeks_it():
-    policy, targets = ThreeInTurn(), heard()
+    policy, targets = ThreeInTurn(), targets_of()
     targets.sought_by_other("uav02", "b", 300.0)
     place = first(policy, targets)
     assert (*place.over, place.robot) == ("d", "c", "a")
 
 
 def test_the_nearest_that_is_not_sought_in_this_round_comes_first():
-    policy, targets = Nearest(), heard()
+    policy, targets = Nearest(), targets_of()
     assert [first(policy, targets).robot for _ in range(5)] == ["b", "d", "c", "a", "b"]
     every = list(policy.order(targets, context_at(300.0)))
     assert sorted(place.robot for place in every) == sorted(PLACES)
 
 
 def test_a_tour_of_one_goes_over_no_other_robot():
-    assert first(Tour(), heard()).over
-    place = first(TourOfOne(), heard())
+    assert first(Tour(), targets_of()).over
+    place = first(TourOfOne(), targets_of())
     assert (place.over, place.robot) == ((), "b")
 
 
 def test_without_ages_a_robot_that_was_just_met_counts_like_the_others():
-    targets = heard()
+    targets = targets_of()
     for direction in Direction:
         targets.tracks["b"].synced(direction, 299.0)
     targets.tracks["b"].pose_received(PLACES["b"], 1e9 + 299.0, 299.0)
@@ -81,7 +81,7 @@ def test_without_ages_a_robot_that_was_just_met_counts_like_the_others():
 
 
 def test_without_paths_a_robot_is_looked_for_where_it_was():
-    targets = heard({"a": Point(0, 0)})
+    targets = targets_of({"a": Point(0, 0)})
     targets.tracks["a"].path_received((Point(0, 0), Point(200, 0)), 1e9 + 0.1, 0.0)
     context = context_at(60.0, here=(0.0, -50.0))
     assert Tour().place("a", targets, context).position != Point(0, 0)
@@ -90,7 +90,7 @@ def test_without_paths_a_robot_is_looked_for_where_it_was():
 
 
 def test_a_ferry_s_belief_moves_on_along_the_path_and_leaves_where_it_looked_in_vain():
-    targets = heard({"a": Point(0, 0)})
+    targets = targets_of({"a": Point(0, 0)})
     targets.tracks["a"].path_received((Point(0, 0), Point(200, 0)), 1e9 + 0.1, 0.0)
     ferry = Ferry(reach_m=10.0)
     places = [ferry.place("a", targets, context_at(now_s)) for now_s in (20.0, 90.0)]
@@ -101,7 +101,7 @@ def test_a_ferry_s_belief_moves_on_along_the_path_and_leaves_where_it_looked_in_
     assert (before.position, before.along) != (after.position, after.along)
 
 
-def test_a_ferry_seeks_a_robot_that_was_never_heard_where_the_uav_was_longest_ago():
+def test_a_ferry_seeks_a_robot_that_was_never_received_where_the_uav_was_longest_ago():
     assert first(Ferry(reach_m=10.0), TargetList(("a",))).position is None
 
 

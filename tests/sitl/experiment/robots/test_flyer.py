@@ -51,7 +51,7 @@ def test_a_leg_is_straight_at_the_cruise_speed_and_ends_at_rest(flyer):
     assert 21.0 <= (there + 1) * 0.5 <= 24.0
 
 
-def test_modes_and_items_are_what_was_asked_for(flyer):
+def test_modes_and_items_are_those_commanded(flyer):
     flyer.command(FlyToNode(3, Point(20.0, 0.0)))
     flyer.fly(2.0)
     telemetry = flyer.telemetry()
@@ -77,7 +77,7 @@ def test_a_turn_takes_no_more_than_the_acceleration(flyer):
     assert flyer.position == Point(-50.0, 0.0)
 
 
-def test_it_flies_the_same_however_often_it_is_asked(flyer):
+def test_it_flies_the_same_however_often_it_is_queried(flyer):
     other = vehicle()
     for each in (flyer, other):
         each.command(FlyToPoint(Point(33.3, -12.1), 60.0))
