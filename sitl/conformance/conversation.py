@@ -138,7 +138,7 @@ class Conversation:
     before: Version | None = None
 
     def is_held_with(self, version: Version) -> bool:
-        """Whether there is anything to say to a PX4 of this version."""
+        """Whether it is for a PX4 of this version."""
         return (self.since is None or self.since <= version) and (
             self.before is None or version < self.before
         )
@@ -200,7 +200,7 @@ def reported_version(line: Line) -> Version:
             break
     found = session.newest("AUTOPILOT_VERSION")
     if found is None:
-        raise SilentVehicleError("the vehicle does not say which version it is")
+        raise SilentVehicleError("the vehicle does not report its version")
     number = found["flight_sw_version"]
     return number >> 24 & 0xFF, number >> 16 & 0xFF
 

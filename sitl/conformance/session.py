@@ -99,7 +99,7 @@ class LocalLine:
         return self.vehicle.autopilot.time_s
 
     def send(self, link: LinkKind, frame: bytes) -> None:
-        """Say something."""
+        """Send a frame."""
         self.vehicle.receive(self._ends[link], frame)
 
     def listen(self) -> list[tuple[LinkKind, Frame]]:
@@ -247,7 +247,7 @@ class Session:
         self.vehicle_id = 1
         self._received: list[ReceivedMessage] = []  # since the present exchange began
         self._newest: dict[tuple[LinkKind, str], Frame] = {}  # through all exchanges
-        self._speakers: dict[tuple[int, int], Sender] = {}  # by sender: sequences go on
+        self._senders: dict[tuple[int, int], Sender] = {}  # by sender: sequences go on
         self._beat_s = self._sticks_s = -math.inf  # vehicle's time of the last we sent, and are due
 
     @property
@@ -264,8 +264,8 @@ class Session:
     def send(self, name: str, link: LinkKind = LinkKind.API, **fields: Any) -> None:
         """Send one message; where it has a target that is not given, the vehicle is it."""
         _, *sender = self.beats.get(link, GROUND_STATION)
-        speaker = self._speakers.setdefault((sender[0], sender[1]), Sender(*sender))
-        self.line.send(link, speaker.pack_values(name, addressed(name, self.vehicle_id, fields)))
+        source = self._senders.setdefault((sender[0], sender[1]), Sender(*sender))
+        self.line.send(link, source.pack_values(name, addressed(name, self.vehicle_id, fields)))
 
     # Receiving
 
@@ -279,7 +279,7 @@ class Session:
                 return True
             if self.now_s >= end_s:
                 return until is None
-            self._speak_on()
+            self._send_due()
             self._listen()
 
     def run_to_reply(self, seconds: float, until: Callable[[], bool]) -> bool:
@@ -337,9 +337,9 @@ class Session:
 
     def _listen(self) -> None:
         for link, frame in self.line.listen():
-            self._hear(link, frame)
+            self._receive(link, frame)
 
-    def _speak_on(self) -> None:
+    def _send_due(self) -> None:
         now_s = self.now_s
         if now_s - self._beat_s >= _BEAT_S:
             self._beat_s = now_s
@@ -351,7 +351,7 @@ class Session:
             self._sticks_s = (now_s if late else self._sticks_s) + _STICKS_S
             self.send("MANUAL_CONTROL", **self.sticks)
 
-    def _hear(self, link: LinkKind, frame: Frame) -> None:
+    def _receive(self, link: LinkKind, frame: Frame) -> None:
         if frame.component_id != _AUTOPILOT and frame.name != "STATUSTEXT":
             return  # passed on from the other link
         if frame.name == "HEARTBEAT":

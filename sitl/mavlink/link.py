@@ -156,7 +156,7 @@ class MavlinkLink:
             self._acknowledge(command, result, sender)
             return
         twice = command == DO_SET_MODE and behaviour.answers_mode_twice
-        if twice:  # PX4 1.16 and 1.17 say yes first and decide later
+        if twice:  # PX4 1.16 and 1.17 accept first and decide later
             self._acknowledge(command, CommandResult.ACCEPTED, sender)
         result = self._commands.execute(command, params, sender[1])
         delay_s = _SECOND_ACK_S if twice else 0.0
@@ -205,9 +205,9 @@ class MavlinkLink:
             found = self._autopilot.parameters.read(message.param_id, message.param_index)
             self._queue_values(found)
             if not found and self._autopilot.behaviour.names_absent_parameters:
-                self._say_none(message)
+                self._report_absent(message)
 
-    def _say_none(self, message: Any) -> None:
+    def _report_absent(self, message: Any) -> None:
         """It has no such parameter."""
         fields = {"param_id": message.param_id.encode(), "param_index": message.param_index}
         error = {"error": _NO_SUCH_PARAMETER} | _target(_sender(message))
@@ -223,7 +223,7 @@ class MavlinkLink:
             self._queue_values(self._autopilot.parameters.set(*wanted))
 
     def _on_text(self, message: Any) -> None:
-        _log.info("%d/%d says: %s", *_sender(message), message.text)
+        _log.info("STATUSTEXT of %d/%d: %s", *_sender(message), message.text)
 
     def _on_manual_control(self, message: Any) -> None:
         """Axes out of range are in the middle."""
@@ -237,15 +237,15 @@ class MavlinkLink:
 
     # Out
 
-    def step(self, spoken: list[Notice], events: list[Outgoing]) -> None:
+    def step(self, notices: list[Notice], events: list[Outgoing]) -> None:
         """Queue the messages that are due; to be called after every step of the autopilot.
 
         Args:
-            spoken: The autopilot's announcements in this step.
+            notices: The autopilot's announcements in this step.
             events: The EVENT messages of it, and whatever else every link sends.
         """
         now_s = self._autopilot.time_s
-        for notice in spoken:
+        for notice in notices:
             self._texts.add(notice, now_s)
         if now_s < _STARTUP_SILENCE_S:
             return

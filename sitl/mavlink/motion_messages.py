@@ -1,7 +1,7 @@
 """Messages about where the vehicle is and how it moves: the estimate's, and the truth's.
 
 Each function makes the fields of the message that is called as it is, but for the vehicle's clock;
-None: nothing to say.
+None: nothing to send.
 """
 
 import math

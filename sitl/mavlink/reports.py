@@ -76,7 +76,7 @@ class TextChannel:
 
 
 def worded_as(notice: Notice, behaviour: Px4Behaviour) -> Notice:
-    """The announcement as a version of PX4 words it."""
+    """The announcement in the text of a version of PX4."""
     event, text = behaviour.texts.get(notice.event, (notice.event, notice.text))
     return replace(notice, event=event, text=text if notice.text else "")
 

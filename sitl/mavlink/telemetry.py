@@ -190,7 +190,7 @@ def knows(name: str) -> bool:
 
 
 def message(name: str, autopilot: Autopilot) -> Outgoing | None:
-    """The message as it is now; None if there is nothing to say yet."""
+    """The message as it is now; None if there is nothing to send yet."""
     fields = _MESSAGES[name].fields(autopilot)
     if fields is None:
         return None

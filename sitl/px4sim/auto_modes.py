@@ -27,7 +27,7 @@ class Flight(ABC):
 
 
 class HoldFlight(Flight):
-    """AUTO.LOITER: stop, and stay or go where DO_REPOSITION says."""
+    """AUTO.LOITER: stop, and stay or go where DO_REPOSITION commands."""
 
     def __init__(self) -> None:
         self._target: Setpoint = Setpoint()

@@ -1,7 +1,7 @@
 """The simulated autopilot: modes, arming, take-off and landing, as PX4 1.17 does them.
 
-Pure: `step` moves the simulated time on, methods are commands that came in, `take_notices` is
-what it says. It knows nothing of MAVLink but PX4's mode numbers and item layouts.
+Pure: `step` moves the simulated time on, methods are commands that came in, `take_notices`
+returns what it announces. It knows nothing of MAVLink but PX4's mode numbers and item layouts.
 """
 
 from dataclasses import replace

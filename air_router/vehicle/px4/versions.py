@@ -68,7 +68,7 @@ FACTS: Final = (
     VersionFact(
         "the summary of the arming checks (EVENT) reports whether Mission mode can run",
         "HealthAndArmingChecks/Common.cpp, commander_arming_check_summary",
-        "checks-asked-for",
+        "checks-requested",
     ),
     VersionFact(
         "MISSION_CURRENT has checksums of mission, fence and rally points",

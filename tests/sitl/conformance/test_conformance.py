@@ -1,4 +1,4 @@
-"""Our autopilot holds to every recorded conversation; and a departure is noticed and told."""
+"""Our autopilot holds to every recorded conversation; and a departure is noticed and reported."""
 
 import json
 import socket
@@ -32,7 +32,7 @@ CONVERSATIONS = conversations()
 
 IN_EVERY_VERSION = {
     *("every-mode-on-the-ground", "mission-upload-and-download", "same-plan-again", "landing"),
-    *("mission-from-the-ground", "checks-asked-for"),
+    *("mission-from-the-ground", "checks-requested"),
 }
 """What the player itself expects otherwise: answers to a mode, requests, mission_state."""
 
@@ -65,7 +65,7 @@ def test_as_another_version_it_holds_to(version, one):
     run_steps(ready_to_hold(one, version), one.steps)
 
 
-def test_every_one_says_where_its_fact_is_from():
+def test_every_one_states_where_its_fact_is_from():
     assert len(CONVERSATIONS) == 149
     assert all(one.fact and one.recorded and one.steps for one in CONVERSATIONS)
 
@@ -85,7 +85,7 @@ def test_every_verb_is_needed():
 
 
 class TestVersions:
-    """A step says what is different in which version of PX4; what is written is of 1.17."""
+    """A step states what is different in which version of PX4; what is written is of 1.17."""
 
     @pytest.mark.parametrize(
         ("version", "wanted"),
@@ -105,12 +105,12 @@ class TestVersions:
         assert in_version(step, (1, 16)) is None
         assert in_version(step, (1, 17)) == {"wait": 3.0}
 
-    def test_one_that_a_version_has_nothing_to_say_to(self):
+    def test_one_that_is_not_for_a_version(self):
         case = "one:\n- {on the ground: A fact (here), since: '1.18'}\n- {wait: 1}\n"
         (one,) = cases_of(case)
         assert [one.is_held_with((1, minor)) for minor in (17, 18)] == [False, True]
 
-    def test_a_vehicle_says_which_it_is(self):
+    def test_a_vehicle_reports_its_version(self):
         assert reported_version(local_line()) == USUAL
 
     def test_a_vehicle_of_another_version_departs(self):
@@ -122,7 +122,7 @@ class TestVersions:
 
 
 class LateLine:
-    """To a vehicle that what is said reaches some simulated seconds later, as a fast one."""
+    """To a vehicle that frames reach some simulated seconds later, as a fast one."""
 
     def __init__(self, late_s, time_scale):
         self._line, self._sent = local_line(), []
@@ -179,7 +179,7 @@ class TestDepartures:
             {"expect": "PING", "within_s": 0.5},
             {"expect": "EXTENDED_SYS_STATE", "fields": {"landed_state": 2}, "within_s": 0.5},
             {"nothing": "HEARTBEAT", "for_s": 2.0},
-            {"text": "never said", "within_s": 0.5},
+            {"text": "never announced", "within_s": 0.5},
             {"event": "never_sent", "within_s": 0.5},
             {"mode": "AUTO_LAND", "within_s": 0.5},
             {"mode": "AUTO_LOITER", "armed": True, "within_s": 1.5},
@@ -251,13 +251,13 @@ def test_another_vehicle_that_sends_to_the_same_port_is_not_taken_for_it():
     port = line._sockets[LinkKind.API].getsockname()
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
-            heard = []
+            received = []
             for system_id in (3, 7):
                 beat = Sender(system_id).pack_values("HEARTBEAT", {"type": 2, "autopilot": 12})
                 end.sendto(beat, port)
-            while not heard:
-                heard = line.listen()
-        assert [frame.system_id for _, frame in heard] == [7]
+            while not received:
+                received = line.listen()
+        assert [frame.system_id for _, frame in received] == [7]
     finally:
         line.close()
 
@@ -265,13 +265,13 @@ def test_another_vehicle_that_sends_to_the_same_port_is_not_taken_for_it():
 class TestCommandLine:
     def test_outcomes_as_json(self, capsys):
         assert cli.main(["conform", "arm-twice", "unknown-commands", "--json"]) == 0
-        said = capsys.readouterr()
-        rows = json.loads(said.out)
+        printed = capsys.readouterr()
+        rows = json.loads(printed.out)
         assert [(row["name"], row["held"]) for row in rows] == [
             ("arm-twice", True),
             ("unknown-commands", True),
         ]
-        assert "2 held, 0 departed" in said.err
+        assert "2 held, 0 departed" in printed.err
 
     def test_list(self, capsys):
         assert cli.main(["conform", "--list"]) == 0

@@ -79,15 +79,15 @@ class TestCodec:
     def test_event_ids_are_px4s(self, name, number):
         assert Notice(Severity.INFO, event=name).event_id == number
 
-    def test_every_event_that_is_said_has_its_words_and_no_other(self):
+    def test_every_event_that_is_sent_has_its_text_and_no_other(self):
         files = [file for room in ROOMS for file in (ROOT / "sitl" / room).glob("*.py")]
-        said = re.findall(r'"([a-z]+_\w+)"', "\n".join(f.read_text("utf-8") for f in files))
+        strings = re.findall(r'"([a-z]+_\w+)"', "\n".join(f.read_text("utf-8") for f in files))
         batteries = {f"check_{cause.name.lower()}" for cause in Cause if "BATTERY" in cause.name}
         fields = {field for of in DEFINITIONS.values() for field in of.defaults}
         roots = tuple({event.partition("_")[0] for event in EVENTS})
         others = {event for each in BEHAVIOURS.values() for event, _ in each.texts.values()}
-        named = {word for word in said if word.startswith(roots)} - fields - others
-        assert named | batteries <= EVENTS.keys() <= {*said} | batteries
+        named = {name for name in strings if name.startswith(roots)} - fields - others
+        assert named | batteries <= EVENTS.keys() <= {*strings} | batteries
 
     def test_the_dialect_has_what_is_streamed(self):
         autopilot = ready_for(Start.AIR, {"EKF2_DRAG_CTRL": 1}).line.vehicle.autopilot
@@ -152,9 +152,9 @@ def test_two_links_cannot_upload_at_once():
 def test_time_outs_are_on_the_wall_clock_when_the_simulation_is_fast():
     session = Session(local_line(speed=10.0), USUAL)
     session.run(5)
-    asked = {"count": "MISSION_REQUEST_INT", "fields": {"seq": 0}}
+    requested = {"count": "MISSION_REQUEST_INT", "fields": {"seq": 0}}
     upload = {"send": "MISSION_COUNT", "fields": {"count": 3}}
-    run_steps(session, [upload, asked | {"for_s": 20, "between": (8, 9)}])  # two wall seconds
+    run_steps(session, [upload, requested | {"for_s": 20, "between": (8, 9)}])  # two wall seconds
 
 
 class TestParameters:
@@ -166,8 +166,8 @@ class TestParameters:
 
     def test_read_by_name_and_by_index(self):
         session = ready_for()
-        asked = {"param_id": "NAV_ACC_RAD", "param_index": -1}
-        (by_name,) = self.values(session, "PARAM_REQUEST_READ", **asked)
+        by = {"param_id": "NAV_ACC_RAD", "param_index": -1}
+        (by_name,) = self.values(session, "PARAM_REQUEST_READ", **by)
         assert (by_name["param_id"], by_name["param_value"]) == ("NAV_ACC_RAD", 10.0)
         index = by_name["param_index"]
         assert self.values(session, "PARAM_REQUEST_READ", param_index=index) == [by_name]

@@ -28,7 +28,7 @@ ORDERS = (
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """Fields of MISSION_ITEM_INT; by default of a waypoint that says nothing."""
+    """Fields of MISSION_ITEM_INT; by default of a waypoint without parameters."""
 
     command: int = Command.NAV_WAYPOINT
     frame: int = FRAME_RELATIVE

@@ -83,7 +83,7 @@ def test_a_waypoint_that_is_only_passed_is_passed_in_flight():
     assert 1.0 < turning < 3.0
 
 
-def test_what_sticks_ask_for_goes_with_the_distance_up_to_the_greatest_speed():
+def test_what_sticks_command_goes_with_the_distance_up_to_the_greatest_speed():
     pace = SpeedLimits(most_m_s=12.0, most_up_m_s=3.0, most_down_m_s=1.5)
     near = direct_velocity(Direct((2.0, 0.0), 101.0), (0.0, 0.0, 100.0), pace)
     assert (near.north_m_s, near.up_m_s) == pytest.approx((1.9, 1.0))

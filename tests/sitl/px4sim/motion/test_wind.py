@@ -26,7 +26,7 @@ def test_in_still_air_only_what_moves_is_held_back():
     assert -3.0 < drag_m_s2 < -2.5
 
 
-def test_it_comes_from_where_it_is_said_to():
+def test_it_comes_from_where_it_is_set_to():
     wind, pushes = blow(WindSettings(8.0, 270.0, 0.0))
     assert (wind.north_m_s, wind.east_m_s) == pytest.approx((0.0, 8.0))
     assert pushes[0][1] > 1.0  # it sets in at once
