@@ -20,7 +20,7 @@ _AGAIN_S: Final = 0.1  # between two attempts to connect
 
 
 class PaceServer(Pace):
-    """Where the processes of a world connect; see `air_router.vehicle.pace` for what they say.
+    """Where the processes of a world connect; see `air_router.vehicle.pace` for their messages.
 
     A vehicle that follows sends `follows` as well, and is sent the limit.
 

@@ -6,7 +6,7 @@
     def test_contract():
         check(ComesBack)
 
-`check` also returns what was chosen, so a test can say more.
+`check` also returns what was chosen, so a test can check more.
 """
 
 from __future__ import annotations

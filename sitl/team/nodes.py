@@ -1,7 +1,7 @@
 """The gossip nodes of the simulated ground robots: what they publish, receive and hold.
 
 Some robots may be played by the user's own programs, which their nodes are served to; the others
-say their poses and paths in the types that the team file has for them.
+publish their poses and paths in the types that the team file has for them.
 """
 
 import contextlib

@@ -120,7 +120,7 @@ class TeamSimulation(Closeable):
         check_rovers(rovers, roles, team)
         self.world = make_world(mission, team, roles, plan, rovers)
         self.clock = SimClock(epoch_s)
-        self._speech = RosMessages(team)
+        self._ros_messages = RosMessages(team)
         self._mission = mission
         self._team = team
         self._pace = TeamPace()
@@ -236,7 +236,7 @@ class TeamSimulation(Closeable):
 
     def report(self) -> Mapping[str, Any]:
         """What became of all robots so far."""
-        self._hear()
+        self._deliver()
         found = report(self.world, self._nodes, self.clock)
         return {**found, "pace": self._pace.as_json()}
 
@@ -249,12 +249,12 @@ class TeamSimulation(Closeable):
             self._relay.set_link(change.a, change.b, up=change.up)
             _log.info("%s and %s %s", change.a, change.b, "in contact" if change.up else "lost")
         self._radio.send_readings(step.readings)
-        self._nodes.publish(map(self._speech.of, step.publications))
-        self._hear()
+        self._nodes.publish(map(self._ros_messages.of, step.publications))
+        self._deliver()
         for name, patch in step.patches.items():
             self._vehicles[name].show(patch)
 
-    def _hear(self) -> None:
+    def _deliver(self) -> None:
         """Deliver to robots the messages that have reached their nodes."""
         for name, message in self._nodes.arrived():
             try:

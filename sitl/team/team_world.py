@@ -20,13 +20,13 @@ def make_world(
 ) -> World:
     """The pure world of a mission: robots where they start.
 
-    Those that are `played` by programs stand there, and say nothing by themselves.
+    Those that are `played` by programs stand there, and publish nothing by themselves.
     """
     corners = [corner for fence in mission.fences for corner in fence.corners]
     corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
     raster = Raster.draw(plan.land_cover, corners, RESOLUTION_M, plan.margin_m)
-    speech = RosMessages(team)
-    topics = {name: () if name in played else speech.topics(name) for name in roles.ground}
+    ros_messages = RosMessages(team)
+    topics = {name: () if name in played else ros_messages.topics(name) for name in roles.ground}
     world = World(plan, mission.frame, roles.vehicles, raster, topics)
     for name in played:
         world.stand(name, world.robots[name].position)

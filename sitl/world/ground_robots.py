@@ -118,7 +118,7 @@ class ExplorerUgv:
         self.robot.take(robot, topic, data, self.now_s)
 
     def publish(self, time_s: float, unix_s: float) -> list[Publication]:  # noqa: ARG002 - as on patrol
-        """What it has to say; nothing before it has set off."""
+        """What it publishes; nothing before it has set off."""
         publications = self.robot.outbox()
         return [
             Publication(self.robot.name, *each) for each in publications if each[0] in self.topics

@@ -36,7 +36,7 @@ from sitl.world.air_to_ground import (
 )
 
 AirModel = Literal[AirScenario, "aerpaw"]
-"""What a world file may say of links between air and ground."""
+"""The models of links between air and ground that a world file may name."""
 
 ELEVATIONS_DEG: Final = (4.1, 7.6, 12.2, 17.2, 24.5, 37.4, 50.9, 65.8, 80.7)
 """Mean elevations of the measurements in each band; between them values are linear."""

@@ -75,7 +75,7 @@ class Step:
 
     Attributes:
         links: Radios that came up or went down.
-        readings: What radios say.
+        readings: Of radios.
         publications: What robots publish.
         patches: What the cameras of vehicles see, by vehicle.
     """

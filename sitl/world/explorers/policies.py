@@ -107,7 +107,7 @@ class RobotPolicy(Protocol):
     """
 
     def choose(self, view: RobotView) -> Drive | None:
-        """Where to drive, asked every `thinking_s`; None: it looks for goals, as without a policy.
+        """Where to drive, called every `thinking_s`; None: it looks for goals, as without a policy.
 
         To choose something else than the goal that it is on its way to gives that goal back to the
         team.

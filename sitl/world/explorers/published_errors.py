@@ -27,7 +27,7 @@ LOCALISATION_M: Final = (0.94, 10.0)
 
 
 def with_published_errors(settings: ExplorerSettings, seed: int) -> ExplorerSettings:
-    """The settings of a run, with the errors that its seed draws if they ask for published ones."""
+    """The settings of a run, with the errors that its seed draws if they select published ones."""
     if settings.errors == "given":
         return settings
     chance = random.Random(f"{seed} published errors")  # noqa: S311 - repeatable on purpose

@@ -18,7 +18,7 @@ MISSION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml
 LIMIT_S = 60
 
 
-def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal():
+def test_it_prints_when_it_is_ready_sends_and_ends_on_a_signal():
     truth = TruthReceiver("udp://127.0.0.1:0")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
         client.bind(("127.0.0.1", 0))
@@ -65,15 +65,15 @@ def test_a_taken_port_is_one_clear_error(capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(ports.onboard.bind)
         assert main(["vehicle", "--instance", "201"]) == 4
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert "port 14781" in said.err
-    assert "--instance" in said.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert "port 14781" in printed.err
+    assert "--instance" in printed.err
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--home", "here"], "LAT,LON,ALT"),
         (["--home", "95,0,0"], "not a place"),
@@ -89,9 +89,9 @@ def test_a_taken_port_is_one_clear_error(capsys):
         (["--px4-version", "1.17", "--param", "MAN_OVERRIDE_SPD=1"], "PX4 1.17 has no parameter"),
     ],
 )
-def test_wrong_usage(capsys, arguments, words):
+def test_wrong_usage(capsys, arguments, message):
     assert main(["vehicle", *arguments]) == 2
-    assert words in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_mission_that_does_not_load_is_an_invalid_file(capsys, tmp_path):

@@ -38,7 +38,7 @@ def test_the_world_goes_no_farther_than_a_little_beyond_the_slowest():
     assert pace.limit(5.2, 0.1) == Limit(7.0 + PACE_ALLOWANCE_S)
 
 
-def test_it_goes_slowly_until_all_who_are_expected_have_told_how_far_they_are():
+def test_it_goes_slowly_until_all_who_are_expected_have_reported_how_far_they_are():
     pace = Pace(2)
     pace.joined("team")
     pace.joined("titan")
@@ -49,7 +49,7 @@ def test_it_goes_slowly_until_all_who_are_expected_have_told_how_far_they_are():
     assert pace.limit(1.0, 0.0) == Limit(1.0 + PACE_ALLOWANCE_S)
 
 
-def test_one_that_is_killed_is_waited_for_no_more_also_before_it_said_anything():
+def test_one_that_is_killed_is_waited_for_no_more_also_before_it_reported_anything():
     pace = make_pace(team=7.0, titan=5.0)
     pace.left("titan")
     assert pace.limit(5.2, 0.0) == Limit(7.0 + PACE_ALLOWANCE_S)
@@ -75,16 +75,16 @@ def test_one_that_is_stopped_holds_the_world_for_some_seconds_then_it_is_real_ti
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.5, 1.0])
 def test_what_a_link_loses_holds_nothing(loss):
     """Ten positions a second to a process that answers each at once; a minute at five times."""
-    rng, pace, heard_s = random.Random(1), make_pace(titan=0.0), 0.0
+    rng, pace, received_s = random.Random(1), make_pace(titan=0.0), 0.0
     time_s = wall_s = 0.0
     while time_s < 60.0:
-        limit = pace.limit(time_s, wall_s, heard_s)
+        limit = pace.limit(time_s, wall_s, received_s)
         wall_s += STEP_S / min(limit.most_speed, 5.0)
         if time_s >= limit.until_s:
-            continue  # it is stopped, and says nothing
+            continue  # it is stopped, and sends nothing
         stamp_s, time_s = time_s, round(time_s + STEP_S, 2)
         if round(stamp_s * 100) % 10 == 0 and rng.random() >= loss:
-            heard_s = stamp_s
+            received_s = stamp_s
             pace.reached("titan", "titan", stamp_s, wall_s)
     assert wall_s == pytest.approx(60.0 / 5.0, rel=0.02)
     assert pace.as_json(5.0)["processes"]["titan"]["lost_s"] is None
@@ -97,7 +97,7 @@ def test_one_that_has_more_to_work_through_is_waited_for_whatever_was_lost():
     assert pace.limit(5.3, 0.1, received_s=5.1) == Limit()
 
 
-def test_one_that_says_the_same_again_and_again_holds_no_longer_and_is_told():
+def test_one_that_reports_the_same_again_and_again_holds_no_longer_and_is_reported_lost():
     pace = make_pace(titan=5.0)
     for tenth in range(21):
         assert pace.limit(5.2, tenth / 10) == Limit(5.0 + PACE_ALLOWANCE_S)
@@ -106,16 +106,16 @@ def test_one_that_says_the_same_again_and_again_holds_no_longer_and_is_told():
     assert pace.as_json(5.0)["processes"]["titan"]["lost_s"] == 5.2
 
 
-def test_the_rate_that_was_kept_and_who_was_behind_are_told():
+def test_the_rate_that_was_kept_and_who_was_behind_are_reported():
     pace = make_pace(team=5.0, titan=5.0)
     pace.limit(5.0, 100.0)
     pace.reached("team", "team", 5.2, 100.02)
     pace.limit(5.2, 100.02)
     pace.reached("titan", "titan", 5.1, 101.02)
     pace.limit(25.0, 105.0)
-    told = pace.as_json(10.0)
-    assert (told["asked"], told["kept"]) == (10.0, 4.0)
-    assert told["processes"] == {
+    report = pace.as_json(10.0)
+    assert (report["asked"], report["kept"]) == (10.0, 4.0)
+    assert report["processes"] == {
         "team": {"behind_s": 0.0, "waited_s": 0.0, "lost_s": None},
         "titan": {"behind_s": pytest.approx(0.1), "waited_s": 1.0, "lost_s": None},
     }
@@ -174,22 +174,22 @@ def test_a_vehicle_stands_still_for_a_process_that_works_and_flies_on_when_it_is
         assert time_s(process) < reached_s + PACE_ALLOWANCE_S + STEP_S
     client.close()
     run_until(process, lambda: time_s(process) > 10.0)
-    told = process.pace()
-    assert told["asked"] == FAST
-    assert 0 < told["kept"] <= FAST
-    assert told["processes"]["titan"]["waited_s"] > 0
+    report = process.pace()
+    assert report["asked"] == FAST
+    assert 0 < report["kept"] <= FAST
+    assert report["processes"]["titan"]["waited_s"] > 0
 
 
 def test_a_vehicle_that_cannot_keep_to_its_speed_listens(make_vehicle, monkeypatch):
-    heard, step = [], MavlinkVehicle.step
+    received, step = [], MavlinkVehicle.step
     monkeypatch.setattr(MavlinkVehicle, "step", lambda it: (time.sleep(2 * STEP_S), step(it)))
-    monkeypatch.setattr(MavlinkVehicle, "receive", lambda _, _link, data: heard.append(data))
+    monkeypatch.setattr(MavlinkVehicle, "receive", lambda _, _link, data: received.append(data))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as partner:
         partner.bind(("127.0.0.1", 0))
         process = make_vehicle(None, speed=1.0, partner=partner.getsockname())
         partner.sendto(b"an order", ("127.0.0.1", process.port(process.vehicle.onboard)))
-        run_until(process, lambda: heard or time_s(process) > 20 * STEP_S)
-    assert heard == [b"an order"]
+        run_until(process, lambda: received or time_s(process) > 20 * STEP_S)
+    assert received == [b"an order"]
 
 
 @pytest.mark.usefixtures("patient")
@@ -216,13 +216,13 @@ def test_two_vehicles_keep_together(make_vehicle):
 
 
 @pytest.mark.parametrize(
-    "said",
+    "data",
     [b"GET / HTTP/1.1\r\n\r\n", line({"reached_s": 1}), b'{"name": "x", "reached_s": NaN}\n'],
 )
-def test_an_intruder_is_hung_up_on_and_no_program_waits_for_it(said):
+def test_an_intruder_is_hung_up_on_and_no_program_waits_for_it(data):
     with PaceServer(("127.0.0.1", 0), 0) as server:
         intruder = socket.create_connection(("127.0.0.1", server.port))
-        intruder.sendall(said)
+        intruder.sendall(data)
         while len(server.sockets) < 2:
             server.attend(server.sockets)
         while len(server.sockets) > 1:
@@ -232,7 +232,7 @@ def test_an_intruder_is_hung_up_on_and_no_program_waits_for_it(said):
         assert server.limit(100.0, 0.0) == Limit()
 
 
-def test_without_a_world_to_tell_and_after_it_has_ended_nothing_happens():
+def test_without_a_world_to_report_to_and_after_it_has_ended_nothing_happens():
     PaceClient(None, "titan").reached(1.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
         client = PaceClient(PaceSource("127.0.0.1", server.getsockname()[1]), "titan")
@@ -261,8 +261,8 @@ def test_a_companion_is_waited_for_from_arming_to_the_end():
                 client.received(LinkSilent(time_s, 3.0))
                 client.received(telemetry(time_s, armed=armed))
         connection, _ = server.accept()
-        with connection, connection.makefile() as said:
-            assert [json.loads(text)["reached_s"] for text in said] == [2.0, 3.0, 4.0]
+        with connection, connection.makefile() as lines:
+            assert [json.loads(text)["reached_s"] for text in lines] == [2.0, 3.0, 4.0]
 
 
 def telemetry(time_s, *, armed):

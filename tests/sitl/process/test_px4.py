@@ -30,7 +30,7 @@ HOME = StartPosition(40.4406, -79.9959, 280.0)
 LISTING = "image ls --format {{.Tag}} px4io/px4-sitl"
 LIMIT_S = 60
 
-# Says on the gimbal's port what PX4 says: first that it cannot arm yet, then that it can.
+# Sends on the gimbal's port what PX4 sends: first that it cannot arm yet, then that it can.
 STAND_IN = """\
 #!{python}
 import json, os, socket, sys, time
@@ -39,8 +39,8 @@ instance = int(sys.argv[sys.argv.index("-i") + 1])
 with open({seen!r}, "w") as seen:
     known = {{n: v for n, v in os.environ.items() if n.startswith("PX4_")}}
     first = os.environ["PATH"].partition(os.pathsep)[0]
-    told = {{"variables": known, "first": first, "process": os.getpid()}}
-    json.dump({{"arguments": sys.argv[1:], **told}}, seen)
+    started = {{"variables": known, "first": first, "process": os.getpid()}}
+    json.dump({{"arguments": sys.argv[1:], **started}}, seen)
 print("hello from the stand-in", flush=True)
 if {fails}:
     sys.exit(7)
@@ -153,26 +153,26 @@ class TestFinding:
 
     def test_a_container_of_a_version(self, tmp_path):
         environment = self.runtime(tmp_path, "docker", "v1.18.0", "latest", "v1.17.0")
-        for asked, tag in (("docker", "latest"), ("docker:v1.17.0", "v1.17.0")):
-            assert find_px4(asked, environment).image == f"px4io/px4-sitl:{tag}"
+        for wanted, tag in (("docker", "latest"), ("docker:v1.17.0", "v1.17.0")):
+            assert find_px4(wanted, environment).image == f"px4io/px4-sitl:{tag}"
         with pytest.raises(NoPx4Error, match=r"px4-sitl:v1.16.0; it has v1.18.0, latest, v1.17.0"):
             find_px4("docker:v1.16.0", environment)
 
     def test_a_container_runtime_without_the_image(self, tmp_path):
         environment = self.runtime(tmp_path, "docker")
-        for asked in (None, "docker"):
+        for wanted in (None, "docker"):
             with pytest.raises(NoPx4Error, match=r"docker has no image px4io/px4-sitl"):
-                find_px4(asked, environment)
+                find_px4(wanted, environment)
 
     def test_a_container_runtime_that_may_not_be_used(self, tmp_path):
         (tmp_path / "docker").symlink_to("/bin/false")
         with pytest.raises(NoPx4Error, match=r"docker lists no images \(no message\)"):
             find_px4("docker", {"PATH": str(tmp_path)})
 
-    @pytest.mark.parametrize("asked", [None, "docker", "/no/such/place"])
-    def test_none_says_what_to_install(self, asked, tmp_path):
+    @pytest.mark.parametrize("wanted", [None, "docker", "/no/such/place"])
+    def test_none_reports_what_to_install(self, wanted, tmp_path):
         with pytest.raises(NoPx4Error, match="docker pull px4io/px4-sitl") as raised:
-            find_px4(asked, {"PATH": str(tmp_path)})
+            find_px4(wanted, {"PATH": str(tmp_path)})
         assert "PX4-Autopilot/releases" in str(raised.value)
         assert raised.value.exit_code == 4
 
@@ -219,7 +219,7 @@ class TestProcess:
             "param set SIM_BAT_DRAIN 1350.5",
         ]
 
-    def test_one_that_ends_says_why(self, build, free_instance):
+    def test_one_that_ends_reports_why(self, build, free_instance):
         settings = Px4Settings(HOME, instance=free_instance)
         with (
             Px4Process(find_px4(str(build(fails=True)), {}), settings) as process,
@@ -256,10 +256,10 @@ class TestProcess:
                 Px4Process(find_px4(str(build()), {}), Px4Settings(HOME, instance=free_instance))
 
     def test_a_taken_instance_that_conversations_were_to_have(self, build, free_instance, capsys):
-        words = "conform", "--px4", str(build()), "--instance", str(free_instance)
+        command = "conform", "--px4", str(build()), "--instance", str(free_instance)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             other.bind(("127.0.0.1", 18570 + free_instance))
-            assert cli.main([*words, "same-plan-again"]) == 4
+            assert cli.main([*command, "same-plan-again"]) == 4
         assert f"instance {free_instance} runs already" in capsys.readouterr().err
 
     def test_a_parameter_that_would_be_shell(self):
@@ -298,7 +298,7 @@ class TestCommand:
             process.wait(LIMIT_S)
             assert gone(ready["process_id"])
 
-    def test_a_px4_that_dies_is_told(self, build, free_instance):
+    def test_a_px4_that_dies_is_reported(self, build, free_instance):
         with self.start(build, free_instance) as process:
             ready = json.loads(process.stdout.readline())
             os.kill(ready["process_id"], signal.SIGKILL)
@@ -325,8 +325,8 @@ class TestRealPx4:
     def test_it_holds_to_the_recorded_conversations(self, real_px4, capsys):
         names = ("arm-twice", "mission-upload-and-download", "goto-into-a-zone", "landing")
         code = cli.main(["conform", *names, "--px4", "--speed", "5", "--json"])
-        said = capsys.readouterr()
-        assert code == 0, said.err
-        held = {row["name"]: row["held"] for row in json.loads(said.out)}
+        printed = capsys.readouterr()
+        assert code == 0, printed.err
+        held = {row["name"]: row["held"] for row in json.loads(printed.out)}
         assert set(names) <= set(held)
         assert all(held.values())

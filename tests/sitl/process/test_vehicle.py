@@ -23,7 +23,7 @@ def test_the_first_talker_becomes_the_partner_for_good():
         for client in (first, second):
             client.sendto(b"hello", ("127.0.0.1", link.port))
             assert select.select([link], [], [], LIMIT_S)[0]
-            assert link.receive() == [b"hello"]  # every sender is heard
+            assert link.receive() == [b"hello"]  # every sender is received
             link.send([b"two"])
             assert first.recv(100) == b"two"  # one is answered
         link.close()

@@ -136,11 +136,11 @@ def test_new_connections_work_at_once_when_the_link_is_back(server):
         relay.set_link("io", "titan", up=True)
         with dial(endpoint) as late:
             late.sendall(b"later")
-            heard = set()
+            received = set()
             for _ in range(2):
                 with server.accept() as node:
-                    heard.add(receive(node, 5))
-            assert heard == {b"early", b"later"}
+                    received.add(receive(node, 5))
+            assert received == {b"early", b"later"}
 
 
 def test_a_node_that_does_not_listen_is_a_refused_connection():
@@ -170,8 +170,8 @@ def test_a_cut_separates_one_pair_only(server):
         ):
             relay.set_link("titan", "io", up=False)
             to_titan.sendall(b"lost")
-            to_europa.sendall(b"heard")
-            assert receive(europa, 5) == b"heard"
+            to_europa.sendall(b"received")
+            assert receive(europa, 5) == b"received"
             assert silent(titan)
 
 

@@ -41,7 +41,7 @@ def test_every_ordered_pair_of_a_team_is_relayed_where_the_client_dials(team):
     assert pair.served == ("127.0.0.4", 24402)
 
 
-def test_when_nothing_is_free_it_says_so(team, tmp_path, monkeypatch):
+def test_when_nothing_is_free_it_is_reported(team, tmp_path, monkeypatch):
     monkeypatch.setattr("sitl.team.derived_team.is_free", lambda *_: False)
     with pytest.raises(NoFreePortsError, match=r"127\.0\.0\.0/8"):
         derive_team(team, tmp_path)

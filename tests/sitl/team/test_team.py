@@ -56,7 +56,7 @@ def test_a_port_that_is_taken_ends_it_with_advice(option, tmp_path, capsys):
             taken.listen()
         urls = {"--truth": "udp://127.0.0.1:0", "--camera": "tcp://127.0.0.1:0"}
         urls[option] = f"{scheme}://127.0.0.1:{taken.getsockname()[1]}"
-        places = [word for pair in urls.items() for word in pair]
+        places = [part for pair in urls.items() for part in pair]
         assert run_team(str(MISSION), *places, "--free-ports", str(tmp_path)) == 1
     out, err = capsys.readouterr()
     assert out == ""
@@ -79,7 +79,7 @@ def test_a_wrong_world_file_ends_it_with_code_3(world, problem, tmp_path, capsys
     assert problem in capsys.readouterr().err
 
 
-def test_a_missing_mission_and_a_team_without_ground_robots_are_told(tmp_path, capsys):
+def test_a_missing_mission_and_a_team_without_ground_robots_are_reported(tmp_path, capsys):
     assert run_team(str(tmp_path / "none.yaml")) == 3
     assert "none.yaml" in capsys.readouterr().err
     team = tmp_path / "team.yaml"
@@ -94,11 +94,11 @@ def test_a_missing_mission_and_a_team_without_ground_robots_are_told(tmp_path, c
 def test_a_program_plays_no_robot_that_does_not_drive(tmp_path, capsys):
     ports = ("--free-ports", str(tmp_path))
     assert run_team(str(MISSION), *ports, "--rover", f"titan=ipc://{tmp_path}/titan") == 3
-    said = capsys.readouterr().err
-    assert "that drives on the ground is called 'titan'; use one of callisto, europa, io" in said
+    printed = capsys.readouterr().err
+    assert "that drives on the ground is called 'titan'; use one of callisto, europa, io" in printed
 
 
-def test_a_place_that_is_no_url_is_told(tmp_path, capsys):
+def test_a_place_that_is_no_url_is_reported(tmp_path, capsys):
     ports = ("--free-ports", str(tmp_path))
     assert run_team(str(MISSION), *ports, "--truth", "127.0.0.1:19410") == 1
     assert "write udp://HOST:PORT" in capsys.readouterr().err
@@ -112,7 +112,7 @@ def simulation(tmp_path, mission):
         yield simulation
 
 
-def test_without_a_vehicle_it_waits_and_says_so(simulation, monkeypatch, caplog):
+def test_without_a_vehicle_it_waits_and_reports_it(simulation, monkeypatch, caplog):
     monkeypatch.setattr("sitl.team.team._SILENCE_NOTE_S", 0.0)
     stop = threading.Event()
     runner = threading.Thread(target=simulation.run, args=(stop.is_set,))
@@ -135,7 +135,7 @@ def test_a_vehicle_somewhere_else_is_noticed(simulation, caplog):
     assert simulation.report()["robots"]["io"]["contacts"]["titan"]["count"] == 0
 
 
-def test_a_robot_that_a_program_plays_is_where_it_says_and_says_nothing_else(tmp_path, mission):
+def test_a_robot_that_a_program_plays_is_where_it_reports_and_no_more(tmp_path, mission):
     team = derive_team(Team.load(mission.team), tmp_path)
     plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
     endpoint = f"ipc://{tmp_path}/io"
@@ -162,7 +162,7 @@ def test_a_robot_that_a_program_plays_is_where_it_says_and_says_nothing_else(tmp
             assert follow() == pytest.approx(there, abs=1e-3)
 
 
-def test_exploring_robots_hear_over_their_nodes_what_others_say(tmp_path):
+def test_exploring_robots_receive_over_their_nodes_what_others_publish(tmp_path):
     mission = load_mission(ROOT / "missions" / "explorers" / "mission.yaml")
     team = derive_team(Team.load(mission.team), tmp_path)
     plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)

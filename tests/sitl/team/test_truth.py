@@ -46,7 +46,7 @@ def test_the_parser_survives_whatever_comes():
     assert state.time_s == 4.0
 
 
-def test_px4_tells_its_time_in_another_message():
+def test_px4_sends_its_time_in_another_message():
     parser = TruthParser()
     vehicle = mavlink.MAVLink(None)
     time = vehicle.hil_actuator_controls_encode(7_250_000, [0.0] * 16, 0, 0).pack(vehicle)

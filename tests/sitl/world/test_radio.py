@@ -23,17 +23,17 @@ def power_dbm(radio, one, other, time_s=0.0, names=("io", "titan", 0)) -> float:
     return powers.rssi_dbm(*pair, away_m, low, time_s)[0]
 
 
-def test_the_default_radio_reaches_as_far_as_the_world_file_says():
+def test_the_default_radio_reaches_as_far_as_documented():
     radio = RadioModel()
     slant_m = radio.range_m(radio.sensitivity_dbm)
     assert 60 < math.sqrt(slant_m**2 - 39.5**2) < 70
     assert 33 < radio.range_m(radio.sensitivity_dbm + radio.ground_to_ground_loss_db) < 37
 
 
-@pytest.mark.parametrize(("east_m", "heard"), [(0.0, True), (60.0, True), (75.0, False)])
-def test_the_vehicle_hears_robots_within_its_horizontal_range(east_m, heard):
+@pytest.mark.parametrize(("east_m", "received"), [(0.0, True), (60.0, True), (75.0, False)])
+def test_the_vehicle_receives_robots_within_its_horizontal_range(east_m, received):
     radio = RadioModel()
-    assert (power_dbm(radio, UAV, ugv(east_m)) >= radio.sensitivity_dbm) == heard
+    assert (power_dbm(radio, UAV, ugv(east_m)) >= radio.sensitivity_dbm) == received
 
 
 def test_robots_on_the_ground_pay_an_extra_loss():
@@ -62,7 +62,7 @@ def test_shadowing_is_symmetric_repeatable_bounded_and_slow(time_s, step_s, east
     assert abs(later - value) < 2.0
 
 
-def test_shadowing_has_the_deviation_asked_for_and_differs_between_pairs_and_seeds():
+def test_shadowing_has_the_deviation_that_is_set_and_differs_between_pairs_and_seeds():
     radio, plain_dbm = RadioModel(shadowing_db=3.0), power_dbm(RadioModel(), UAV, UAV)
 
     def loss_db(time_s, other="b", seed=0):
@@ -93,7 +93,7 @@ def test_many_pairs_at_once_have_the_powers_of_each(shadowing_db):
         assert powers.rssi_dbm(a, b, away_m, low, time_s).tolist() == own
 
 
-def test_no_robot_hears_beyond_the_longest_range():
+def test_no_robot_receives_beyond_the_longest_range():
     radio = RadioModel(shadowing_db=2.0)
     reach_m = radio.longest_range_m
     beyond = [power_dbm(radio, UAV, (reach_m + 0.1, 0.0, 40.0), float(t)) for t in range(1000)]

@@ -51,7 +51,7 @@ def test_the_path_names_the_next_points_and_ends_at_the_destination():
     assert robot.path == (SQUARE[2], SQUARE[3], SQUARE[0])
 
 
-def test_a_robot_starts_where_it_is_told_to():
+def test_a_robot_starts_where_its_plan_begins():
     robot = PatrolRobot("io", PatrolPlan(Patrol(SQUARE), start_m=110.0))
     assert robot.position == pytest.approx((10, 100))
     assert robot.driven_m == 0

@@ -34,8 +34,8 @@ def make_world(air=None, vehicles=("titan",), **topics) -> World:
     }
     plan = WorldPlan(RadioModel(air=air), Camera(), land_cover, patrols)
     raster = Raster.draw(LandCover(), (WEST, EAST), 1.0, 50.0)
-    speech = {name: topics.get(name, ALL_TOPICS) for name in patrols}
-    return World(plan, FRAME, vehicles, raster, speech)
+    published_topics = {name: topics.get(name, ALL_TOPICS) for name in patrols}
+    return World(plan, FRAME, vehicles, raster, published_topics)
 
 
 def truth(time_s: float, position: Point, height_m: float = 40.0) -> Truth:
@@ -115,7 +115,7 @@ def test_above_the_roofs_the_link_may_be_the_measured_one():
     assert reading.rssi_dbm == round(20 - MeasuredLink(2.4, 0).loss_db(air, ground)[0, 0], 1)
 
 
-def test_radios_say_who_is_heard_and_who_is_not():
+def test_radios_report_who_is_received_and_who_is_not():
     steps = drive(make_world(), 2, WEST)
     readings = {(r.robot, r.peer): r.rssi_dbm for r in steps[0].readings}
     assert len(readings) == 6
@@ -128,20 +128,20 @@ def test_radios_say_who_is_heard_and_who_is_not():
 
 def test_robots_publish_at_their_intervals_and_stamp_with_the_simulations_clock():
     steps = drive(make_world(), 20, WEST)
-    said = [p for step in steps for p in step.publications if p.robot == "io"]
-    poses = [PoseMessage.decode(p.data) for p in said if p.topic == "/pose"]
+    published = [p for step in steps for p in step.publications if p.robot == "io"]
+    poses = [PoseMessage.decode(p.data) for p in published if p.topic == "/pose"]
     assert len(poses) == 21
     assert poses[10].stamp_s == pytest.approx(UNIX_S + 10, abs=0.01)
     assert poses[10].heading_deg == pytest.approx(0)
     here = FRAME.to_local(poses[10].latitude_deg, poses[10].longitude_deg)
     assert here == pytest.approx((-200, 10), abs=0.01)
-    sightings = [SightingsMessage.decode(p.data) for p in said if p.topic == "/sightings"]
+    sightings = [SightingsMessage.decode(p.data) for p in published if p.topic == "/sightings"]
     assert len(sightings) == 5
     assert len(sightings[0].objects) == 1
     assert sightings[0].objects[0].kind == "vehicle"
 
 
-def test_a_robot_tells_its_path_when_it_changes_and_every_ten_seconds():
+def test_a_robot_publishes_its_path_when_it_changes_and_every_ten_seconds():
     steps = drive(make_world(), 65, WEST)
     paths = [
         PathMessage.decode(p.data)
@@ -169,13 +169,13 @@ def test_the_camera_looks_once_a_second_while_the_vehicle_is_up():
 
 
 def test_a_vehicle_on_the_ground_has_a_low_antenna():
-    def heard(height_m: float) -> bool:
+    def received(height_m: float) -> bool:
         world = make_world()
         at(world, 0.0, Point(-160, 0), height_m)
         return world.contact("titan", "io").up
 
-    assert heard(10.0)
-    assert not heard(0.0)
+    assert received(10.0)
+    assert not received(0.0)
 
 
 def test_the_world_acts_at_most_every_tenth_of_a_second():
@@ -207,7 +207,7 @@ def test_intervals_do_not_drift_and_missed_turns_are_not_made_up():
     assert every.due(501.0)
 
 
-def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below_it():
+def test_two_vehicles_receive_each_other_and_the_robots_and_each_sees_what_is_below_it():
     world = make_world(vehicles=("titan", "atlas"))
     apart = world.step({"titan": truth(0.0, WEST), "atlas": truth(0.0, EAST)})
     up = {(change.a, change.b) for change in apart.links}
@@ -217,7 +217,7 @@ def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below
     assert ("titan", "atlas", True) in {(c.a, c.b, c.up) for c in near.links}
 
 
-def test_a_vehicle_that_was_not_heard_of_yet_is_not_heard():
+def test_a_vehicle_without_a_position_yet_is_not_received():
     world = make_world(vehicles=("titan", "atlas"))
     step = at(world, 0.0, WEST)
     assert {name for r in step.readings for name in (r.robot, r.peer)} == {"titan", "io", "europa"}
@@ -252,19 +252,19 @@ def exploring_world() -> World:
     return World(plan, URBAN.frame, ("titan",), URBAN.raster, topics)
 
 
-def test_exploring_robots_set_off_and_speak_from_the_take_off_on():
+def test_exploring_robots_set_off_and_publish_from_the_take_off_on():
     world = exploring_world()
     before = [at(world, count * STEP_S, EAST, height_m=0.1) for count in range(20)]
-    said = {(p.robot, p.topic) for step in before for p in step.publications}
-    assert {robot for robot, _ in said} == {"oi"}
+    published = {(p.robot, p.topic) for step in before for p in step.publications}
+    assert {robot for robot, _ in published} == {"oi"}
     after = drive(world, 10, EAST, start_s=2.0)
     poses = [p for step in after for p in step.publications if p.robot == "io"]
-    assert {p.topic for p in poses} == {"/pose"}  # it sees ground, and its kind says nothing of it
+    assert {p.topic for p in poses} == {"/pose"}  # it sees ground; its kind does not publish it
     stamps_s = [PoseMessage.decode(p.data).stamp_s - UNIX_S for p in poses]
     assert stamps_s == pytest.approx([2.1 + second for second in range(10)])
 
 
-def test_exploring_robots_go_to_goals_that_they_hear_of_and_what_they_find_counts():
+def test_exploring_robots_go_to_goals_that_they_receive_and_what_they_find_counts():
     world = exploring_world()
     drive(world, 1, EAST)
     whole = SemanticGrid(
@@ -291,7 +291,7 @@ def test_a_goal_counts_for_the_robot_that_reached_it_first():
     assert first_visits(explorers) == [Visit("v1", 5.0, "io"), Visit("v2", 8.0, "europa")]
 
 
-def test_an_exploring_robot_that_a_program_plays_stands_where_it_says_and_is_silent():
+def test_an_exploring_robot_that_a_program_plays_stands_where_it_reports_and_is_silent():
     world = exploring_world()
     world.stand("io", EAST)
     steps = drive(world, 5, WEST)

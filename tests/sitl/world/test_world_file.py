@@ -48,7 +48,7 @@ def problems_of(tmp_path, mission, text) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["pennovation", "urban"])
-def test_in_an_hour_of_patrol_no_two_robots_hear_each_other_but_the_vehicle_can(name, request):
+def test_in_an_hour_of_patrol_no_two_robots_receive_each_other_but_the_vehicle_can(name, request):
     mission = request.getfixturevalue(name)
     plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
     assert set(plan.patrols) == set(ROBOTS)
@@ -206,14 +206,14 @@ def test_robots_without_a_patrol_explore_the_town_that_the_file_names(tmp_path, 
     assert load(tmp_path, urban, text, seed=2).land_cover.vehicles != plan.land_cover.vehicles
 
 
-def test_a_town_elsewhere_or_drawn_twice_is_told(tmp_path, urban, pennovation):
+def test_a_town_elsewhere_or_drawn_twice_is_reported(tmp_path, urban, pennovation):
     (elsewhere,) = problems_of(tmp_path, pennovation, EXPLORE)
     assert "1:17: the town's frame.origin is 38.5, -98.5, and the mission's 39.94" in elsewhere
     twice = problems_of(tmp_path, urban, EXPLORE + "terrain: {roads: [], margin_m: 20}\n")
     assert twice == ["2:18: 'roads' stand in the town's file; remove them here, or 'explore'"]
 
 
-def test_all_problems_of_a_file_are_told_at_once_with_their_places(tmp_path, urban):
+def test_all_problems_of_a_file_are_reported_at_once_with_their_places(tmp_path, urban):
     text = """\
 coordinates: local
 terrain:

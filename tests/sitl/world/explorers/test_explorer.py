@@ -69,13 +69,13 @@ def sightings(*places):
 def drive(robots, until_s, since_s=0.0, *, deliver=True, check=None):
     """All robots side by side; with `deliver` each gets every message of every other at once."""
     now_s = since_s
-    said = []
+    sent = []
     while now_s <= until_s:
         for robot in robots:
             robot.step(now_s)
         for robot in robots:
             for topic, data in robot.outbox():
-                said.append((now_s, robot.name, topic, data))
+                sent.append((now_s, robot.name, topic, data))
                 if deliver:
                     for other in robots:
                         if other is not robot:
@@ -83,7 +83,7 @@ def drive(robots, until_s, since_s=0.0, *, deliver=True, check=None):
         if check is not None:
             check()
         now_s += 1.0
-    return said
+    return sent
 
 
 def explorer(settings=QUICK, map_=MAP):
@@ -103,18 +103,18 @@ def claims_message(stamp_s, *goals):
     return ClaimedGoalsMessage(stamp_s=stamp_s, goals=tuple(claimed)).encode()
 
 
-def test_without_news_a_robot_waits_where_it_is():
+def test_without_messages_a_robot_waits_where_it_is():
     robot = GroundRobot("io", URBAN, 1, START, NEAR_SIGHTED)
-    said = drive([robot], 20.0)
+    sent = drive([robot], 20.0)
     assert robot.position == START
     assert robot.visited == []
-    assert [topic for _, _, topic, _ in said].count(POSE_TOPIC) == 21
-    pose = PoseMessage.decode(next(data for _, _, topic, data in said if topic == POSE_TOPIC))
+    assert [topic for _, _, topic, _ in sent].count(POSE_TOPIC) == 21
+    pose = PoseMessage.decode(next(data for _, _, topic, data in sent if topic == POSE_TOPIC))
     there = URBAN.frame.to_local(pose.latitude_deg, pose.longitude_deg)
     assert math.dist(there, START) < 1e-3
 
 
-def test_it_sees_seven_metres_of_ground_and_says_so():
+def test_it_sees_seven_metres_of_ground_and_publishes_it():
     robot = GroundRobot("io", URBAN, 1, START, QUICK)
     robot.step(0.0)
     known = np.flatnonzero(robot.knowledge.cells)
@@ -135,15 +135,15 @@ def five():
     places = []
     for robot in robots:
         robot.take("titan", MAP_TOPIC, MAP, 0.0)
-    said = drive(robots, 650.0, check=lambda: places.append([r.position for r in robots]))
-    return robots, said, np.array(places)
+    sent = drive(robots, 650.0, check=lambda: places.append([r.position for r in robots]))
+    return robots, sent, np.array(places)
 
 
 def test_robots_with_a_map_visit_every_vehicle_once(five):
-    robots, said, _ = five
+    robots, sent, _ = five
     visits = [visit for robot in robots for visit in robot.visited]
     assert sorted(visit.goal for visit in visits) == sorted(goal.id for goal in URBAN.goals)
-    last = [data for _, name, topic, data in said if topic == CLAIMS_TOPIC and name == "r0"][-1]
+    last = [data for _, name, topic, data in sent if topic == CLAIMS_TOPIC and name == "r0"][-1]
     _, claims = read_claims(last, URBAN.frame)
     assert [claim.status for claim in claims] == ["visited"] * len(robots[0].visited)
 
@@ -163,9 +163,9 @@ def test_with_nothing_left_to_do_they_return(five):
 
 
 def test_the_ways_they_announce_lead_through_no_house(five):
-    _, said, _ = five
+    _, sent, _ = five
     raster = URBAN.raster
-    ways = [PathMessage.decode(data).points for _, _, topic, data in said if topic == PATH_TOPIC]
+    ways = [PathMessage.decode(data).points for _, _, topic, data in sent if topic == PATH_TOPIC]
     assert len(ways) >= 15
     for way in ways:
         points = [URBAN.frame.to_local(*point) for point in way]
@@ -186,7 +186,7 @@ def test_the_ways_they_announce_lead_through_no_house(five):
 )
 def test_of_two_that_claim_a_goal_the_first_by_name_keeps_it(other, status, keeps):
     robot = explorer()
-    said = drive([robot], 10.0)
+    sent = drive([robot], 10.0)
     goal = robot.book.current
     assert goal is not None
     beside = Point(goal.east_m + 10.0, goal.north_m - 10.0)
@@ -195,10 +195,10 @@ def test_of_two_that_claim_a_goal_the_first_by_name_keeps_it(other, status, keep
     robot.step(11.0)
     assert robot.book.current is not None
     assert (robot.book.current == goal) == keeps
-    said += [(11.0, "io", topic, data) for topic, data in robot.outbox()]
-    last = [data for _, _, topic, data in said if topic == CLAIMS_TOPIC][-1]
-    told = read_claims(last, URBAN.frame)[1]
-    assert math.dist(told[-1].place, robot.book.current) < 1e-3
+    sent += [(11.0, "io", topic, data) for topic, data in robot.outbox()]
+    last = [data for _, _, topic, data in sent if topic == CLAIMS_TOPIC][-1]
+    claimed = read_claims(last, URBAN.frame)[1]
+    assert math.dist(claimed[-1].place, robot.book.current) < 1e-3
 
 
 def test_a_goal_that_cannot_be_reached_in_time_is_given_up_and_tried_again_at_home():
@@ -207,8 +207,8 @@ def test_a_goal_that_cannot_be_reached_in_time_is_given_up_and_tried_again_at_ho
     settings_ = NEAR_SIGHTED.model_copy(update={"patience_s_m": 0.5})
     robot = explorer(settings_, map_of(URBAN, cells))
     robot.take("europa", OBJECTS_TOPIC, sightings(Point(-10, -15)), 0.0)
-    said = drive([robot], 400.0)
-    claims = [read_claims(data, URBAN.frame) for _, _, topic, data in said if topic == CLAIMS_TOPIC]
+    sent = drive([robot], 400.0)
+    claims = [read_claims(data, URBAN.frame) for _, _, topic, data in sent if topic == CLAIMS_TOPIC]
     lengths = [len(claimed) for _, claimed in claims]
     assert lengths[:4] == [1, 0, 1, 0]
     assert claims[2][0] - claims[1][0] > 10.0
@@ -272,22 +272,22 @@ def test_a_robot_that_is_not_where_it_believes_to_be_misses_vehicles():
 def test_published_errors_are_drawn_by_the_seed_within_their_ranges():
     given = ExplorerSettings(recall=0.3, localisation_m=1.0)
     assert with_published_errors(given, 1) == given
-    asked = given.model_copy(update={"errors": "published"})
-    drawn = [with_published_errors(asked, seed) for seed in range(200)]
-    assert drawn == [with_published_errors(asked, seed) for seed in range(200)]
+    settings = given.model_copy(update={"errors": "published"})
+    drawn = [with_published_errors(settings, seed) for seed in range(200)]
+    assert drawn == [with_published_errors(settings, seed) for seed in range(200)]
     for name, (low, high) in (("recall", RECALL), ("localisation_m", LOCALISATION_M)):
         values = [getattr(each, name) for each in drawn]
         assert low <= min(values) < low + 0.1 * (high - low)
         assert high - 0.1 * (high - low) < max(values) <= high
     rest = {"recall", "localisation_m"}
-    assert all(each.model_dump(exclude=rest) == asked.model_dump(exclude=rest) for each in drawn)
+    assert all(each.model_dump(exclude=rest) == settings.model_dump(exclude=rest) for each in drawn)
 
 
 def test_a_team_with_published_errors_has_one_draw_and_vehicles_that_no_map_shows():
-    asked = ExplorerSettings(errors="published")
-    exploration = Exploration(URBAN, ("io", "europa"), 3, asked, drawn_starts=False)
+    settings = ExplorerSettings(errors="published")
+    exploration = Exploration(URBAN, ("io", "europa"), 3, settings, drawn_starts=False)
     robots = list(exploration.robots().values())
-    assert robots[0].settings == robots[1].settings == with_published_errors(asked, 3)
+    assert robots[0].settings == robots[1].settings == with_published_errors(settings, 3)
     teams = (replace(exploration, seed=seed).robots() for seed in range(20))
     unmapped = sum(len(team["io"].unmapped) for team in teams) / (20 * len(URBAN.goals))
     assert 1 - RECALL[1] < unmapped < 1 - RECALL[0]
@@ -337,7 +337,7 @@ def test_an_explorer_finds_vehicles_without_any_map():
     assert sorted(visit.goal for visit in robot.visited) == ["v1", "v2", "v3", "v4"]
 
 
-def test_sightings_say_where_vehicles_are():
+def test_sightings_have_the_places_of_vehicles():
     robot = GroundRobot("io", URBAN, 1, Point(24.0, -1.0), QUICK)
     robot.step(0.0)
     seen = read_sightings(dict(robot.outbox())[OBJECTS_TOPIC], URBAN.frame)
@@ -379,29 +379,29 @@ def do(book, deed):
     known=st.lists(st.lists(PLACES, max_size=6), min_size=3, max_size=3),
     deeds=st.lists(DEEDS, max_size=30),
 )
-def test_claims_converge_however_news_travel(known, deeds):
-    """Once every robot has heard the others, no goal is in progress twice, or visited and open."""
+def test_claims_converge_however_messages_travel(known, deeds):
+    """Once all robots have all claims, no goal is in progress twice, or visited and open."""
     books = {name: GoalBook(name) for name in NAMES}
-    told = {}
+    newest = {}
 
-    def tell(book):
-        stamp_s, _ = told.get(book.name, (0.0, []))
-        told[book.name] = stamp_s + 1.0, list(book.claims)
+    def publish(book):
+        stamp_s, _ = newest.get(book.name, (0.0, []))
+        newest[book.name] = stamp_s + 1.0, list(book.claims)
 
     def deliver(book, name):
-        if book.on_claims(name, *told[name]):
+        if book.on_claims(name, *newest[name]):
             book.give_up(failed=False)
-            tell(book)
+            publish(book)
 
     for book, places in zip(books.values(), known, strict=True):
         book.learn(places)
-        tell(book)
+        publish(book)
     for name, deed in deeds:
         if deed in NAMES:
             deliver(books[name], deed)
         else:
             do(books[name], deed)
-        tell(books[name])
+        publish(books[name])
     for _ in range(2):
         for book in books.values():
             for name in NAMES:

@@ -30,7 +30,7 @@ HERE = __name__
 
 
 class Stays:
-    """Where it is when it is asked first."""
+    """Where it is when it is called first."""
 
     place = None
 
@@ -137,24 +137,24 @@ def test_a_view_has_the_newest_message_of_each_robot_and_topic():
 
 
 class Joins:
-    """Goes where another robot says it is."""
+    """Goes where another robot reports to be."""
 
     def choose(self, view):
-        if (said := view.received.get(("ugv02", POSE_TOPIC))) is None:
+        if (pose_message := view.received.get(("ugv02", POSE_TOPIC))) is None:
             return None
-        pose = PoseMessage.decode(said.data)
+        pose = PoseMessage.decode(pose_message.data)
         return Drive(view.frame.to_local(pose.latitude_deg, pose.longitude_deg))
 
 
-def test_a_robot_can_go_where_another_one_says_it_is():
+def test_a_robot_can_go_where_another_one_reports_to_be():
     found = robots("Joins")
     one, other = found["ugv01"], found["ugv02"]
     other.step(0.0)
     other.step(1.0)
-    said = dict(other.outbox())[POSE_TOPIC]
+    published = dict(other.outbox())[POSE_TOPIC]
     assert math.dist(one.position, other.position) > 2 * REACHED_M
     one.step(0.0)
-    one.take("ugv02", POSE_TOPIC, said, 0.0)
+    one.take("ugv02", POSE_TOPIC, published, 0.0)
     for now_s in range(1, 2000):
         one.step(float(now_s))
     assert math.dist(one.position, other.position) <= 2 * REACHED_M
@@ -176,11 +176,11 @@ class PublishesTooMuch:
 
 def test_the_message_of_a_policy_is_published_when_it_has_changed():
     robot = robots("Publishes")["ugv01"]
-    said = []
+    published = []
     for now_s in range(60):
         robot.step(float(now_s))
-        said += [data for topic, data in robot.outbox() if topic == POLICY_TOPIC]
-    assert said == [b"at 0", b"at 1", b"at 2"]
+        published += [data for topic, data in robot.outbox() if topic == POLICY_TOPIC]
+    assert published == [b"at 0", b"at 1", b"at 2"]
 
 
 def test_a_policy_whose_message_is_too_long_is_at_fault():
@@ -246,7 +246,7 @@ class Nowhere:
         return Drive(Point(float("nan"), 0.0))
 
 
-class Words:
+class Text:
     def choose(self, view):
         return "home"
 
@@ -256,11 +256,11 @@ class Words:
     [
         (Restless, "another object chooses otherwise"),
         (Nowhere, "no finite Point"),
-        (Words, "not a Drive or None"),
+        (Text, "not a Drive or None"),
         (object, "has no choose"),
     ],
 )
-def test_what_breaks_the_contract_is_said(policy, why):
+def test_what_breaks_the_contract_is_reported(policy, why):
     with pytest.raises(AssertionError, match=why):
         check(policy)
 

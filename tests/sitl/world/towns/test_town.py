@@ -146,12 +146,12 @@ def test_the_written_town_is_the_same_town(urban, tmp_path):
         ("width_m: 8", "wide_m: 8", (7, "unknown-key")),
     ],
 )
-def test_what_is_wrong_with_a_file_is_told_with_its_line(tmp_path, old, new, problem):
+def test_what_is_wrong_with_a_file_is_reported_with_its_line(tmp_path, old, new, problem):
     path = small(tmp_path, old, new)
     assert problem in codes(path)
 
 
-def test_a_start_behind_a_wall_is_told(tmp_path):
+def test_a_start_behind_a_wall_is_reported(tmp_path):
     wall = "buildings:\n  - [[20, -20], [24, -20], [24, 20], [20, 20]]"
     text = SMALL.replace("buildings:", wall, 1).replace("[4, 0]", "[34, 0]")
     text = text.replace(
